@@ -49,14 +49,14 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 
 **From a clearance to its force**
 
-1. `simulation/run/simulate.py`: `simulate` hands the scene to a compiled program, which splits the
-   scene's arrays into scalars (`unpack` in `math/vectors.py`).
-2. `dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
-3. `dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
-4. `model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap, with
+1. `_simulation/run/simulate.py`: `simulate` hands the scene to a compiled program, which splits the
+   scene's arrays into scalars (`unpack` in `_math/vectors.py`).
+2. `_dynamics/system.py`: `System.dynamics`, called in every stage of a step, needs contact forces.
+3. `_dynamics/contact_forces.py`: `contact_forces` asks each contact for its gap and its force.
+4. `_model/clearance_joints/clearance.py`: `ClearanceJoint.contacts` finds the gap, with
    the penetration: the eccentricity less the clearance.
-5. `model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
-   depends on the clearance too (`RavnStiffness` in `model/contact/laws.py`).
+5. `_model/contact/laws.py`: `contact_normal_force` evaluates the law at that gap. The stiffness
+   depends on the clearance too (`RavnStiffness` in `_model/contact/laws.py`).
 
 **Examples** in docstrings assume these lines, and `cj.configure()` after the imports:
 
@@ -78,7 +78,7 @@ from importlib import import_module as _import_module
 from types import ModuleType as _ModuleType
 
 # First of all, so that the source files are noted before any other module is read from them.
-from .compilation import remember_contents as _remember_contents
+from ._compilation import remember_contents as _remember_contents
 
 # isort: split
 from . import extend as extend
@@ -90,140 +90,140 @@ from . import presets as presets
 from . import profiles as profiles
 from . import quantities as quantities
 from . import results as results
-from .durability.wear import cycles_to_depth as cycles_to_depth
-from .durability.wear import life_derivatives as life_derivatives
-from .durability.wear import open_wear as open_wear
-from .durability.wear import wear as wear
-from .durability.wear import worn as worn
-from .durability.wear_rates import WearRates as WearRates
-from .dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
-from .dynamics.assembly import assemble as assemble
-from .dynamics.constraint_report import constraint_report as constraint_report
-from .dynamics.formulation import Baumgarte as Baumgarte
-from .dynamics.formulation import Projection as Projection
-from .dynamics.formulation import Unstabilised as Unstabilised
-from .dynamics.joint_coordinates.coordinates import JointCoordinates as JointCoordinates
-from .fields.cautions import LawRangeWarning as LawRangeWarning
-from .fields.cautions import LeftBearingWarning as LeftBearingWarning
-from .fields.cautions import LooseBodyWarning as LooseBodyWarning
-from .fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
-from .fields.cautions import PoorFitWarning as PoorFitWarning
-from .fields.cautions import UnusualValueWarning as UnusualValueWarning
-from .fields.objects import without_modules as _without_modules
-from .identification.identify import FitInterrupted as FitInterrupted
-from .identification.identify import identify as identify
-from .identification.identify import identify_many as identify_many
-from .identification.minimise import minimise as minimise
-from .identification.posterior.posterior import posterior as posterior
-from .identification.screening.screening import Screening as Screening
-from .identification.starts import Starts as Starts
-from .information.analysis import Sensor as Sensor
-from .information.analysis import identifiability as identifiability
-from .information.horizon import fit_horizon as fit_horizon
-from .measurements.readers import Channel as Channel
-from .measurements.readers import from_xarray as from_xarray
-from .measurements.readers import function_from_csv as function_from_csv
-from .measurements.readers import read_csv as read_csv
-from .measurements.series import Measurements as Measurements
-from .measurements.series import Series as Series
-from .model import densities as densities
-from .model.bodies import GROUND as GROUND
-from .model.bodies import Body as Body
-from .model.bodies import BodyState as BodyState
-from .model.bodies import State as State
-from .model.bodies import body_state as body_state
-from .model.bodies import rotation as rotation
-from .model.clearance_joints.backlash import Backlash as Backlash
-from .model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
-from .model.clearance_joints.between_walls import PinInSlot as PinInSlot
-from .model.clearance_joints.between_walls import SliderInGuide as SliderInGuide
-from .model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
-from .model.clearance_joints.clearance import EndPlay as EndPlay
-from .model.clearance_joints.clearance import FixedAxially as FixedAxially
-from .model.clearance_joints.clearance import FreeAxially as FreeAxially
-from .model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
-from .model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
-from .model.clearance_joints.lubricated import carried_journal as carried_journal
-from .model.clearance_joints.massless_link import MasslessLink as MasslessLink
-from .model.drives.drivers import DriveTorque as DriveTorque
-from .model.drives.drivers import Motor as Motor
-from .model.drives.drivers import PrescribedAngle as PrescribedAngle
-from .model.drives.drivers import PrescribedRotation as PrescribedRotation
-from .model.drives.drivers import PrescribedTranslation as PrescribedTranslation
-from .model.drives.functions_of_time import PiecewiseConstant as PiecewiseConstant
-from .model.drives.functions_of_time import PiecewiseLinear as PiecewiseLinear
-from .model.drives.functions_of_time import Polynomial as Polynomial
-from .model.drives.functions_of_time import Spline as Spline
-from .model.forces import AppliedLoad as AppliedLoad
-from .model.forces import Bushing as Bushing
-from .model.forces import SpringDamper as SpringDamper
-from .model.forces import TorsionalSpring as TorsionalSpring
-from .model.joints.couplings import GearJoint as GearJoint
-from .model.joints.couplings import ScrewJoint as ScrewJoint
-from .model.joints.couplings import UniversalJoint as UniversalJoint
-from .model.joints.ideal import CylindricalJoint as CylindricalJoint
-from .model.joints.ideal import DistanceJoint as DistanceJoint
-from .model.joints.ideal import FixedJoint as FixedJoint
-from .model.joints.ideal import InlineJoint as InlineJoint
-from .model.joints.ideal import LineInPlaneJoint as LineInPlaneJoint
-from .model.joints.ideal import PlanarJoint as PlanarJoint
-from .model.joints.ideal import PointInPlaneJoint as PointInPlaneJoint
-from .model.joints.ideal import PrismaticJoint as PrismaticJoint
-from .model.joints.ideal import RevoluteJoint as RevoluteJoint
-from .model.joints.ideal import SphericalJoint as SphericalJoint
-from .model.joints.joint_friction import JointFriction as JointFriction
-from .model.scene import Scene as Scene
-from .parametrisation.parameter import Bounded as Bounded
-from .parametrisation.parameter import Linear as Linear
-from .parametrisation.parameter import Log as Log
-from .parametrisation.parameter import Parameter as Parameter
-from .parametrisation.paths import parameters as parameters
-from .parametrisation.paths import set_value as set_value
+from ._durability.wear import cycles_to_depth as cycles_to_depth
+from ._durability.wear import life_derivatives as life_derivatives
+from ._durability.wear import open_wear as open_wear
+from ._durability.wear import wear as wear
+from ._durability.wear import worn as worn
+from ._durability.wear_rates import WearRates as WearRates
+from ._dynamics.absolute_coordinates import AbsoluteCoordinates as AbsoluteCoordinates
+from ._dynamics.assembly import assemble as assemble
+from ._dynamics.constraint_report import constraint_report as constraint_report
+from ._dynamics.formulation import Baumgarte as Baumgarte
+from ._dynamics.formulation import Projection as Projection
+from ._dynamics.formulation import Unstabilised as Unstabilised
+from ._dynamics.joint_coordinates.coordinates import JointCoordinates as JointCoordinates
+from ._fields.cautions import LawRangeWarning as LawRangeWarning
+from ._fields.cautions import LeftBearingWarning as LeftBearingWarning
+from ._fields.cautions import LooseBodyWarning as LooseBodyWarning
+from ._fields.cautions import NotCarriedOverWarning as NotCarriedOverWarning
+from ._fields.cautions import PoorFitWarning as PoorFitWarning
+from ._fields.cautions import UnusualValueWarning as UnusualValueWarning
+from ._fields.objects import without_modules as _without_modules
+from ._identification.identify import FitInterrupted as FitInterrupted
+from ._identification.identify import identify as identify
+from ._identification.identify import identify_many as identify_many
+from ._identification.minimise import minimise as minimise
+from ._identification.posterior.posterior import posterior as posterior
+from ._identification.screening.screening import Screening as Screening
+from ._identification.starts import Starts as Starts
+from ._information.analysis import Sensor as Sensor
+from ._information.analysis import identifiability as identifiability
+from ._information.horizon import fit_horizon as fit_horizon
+from ._measurements.readers import Channel as Channel
+from ._measurements.readers import from_xarray as from_xarray
+from ._measurements.readers import function_from_csv as function_from_csv
+from ._measurements.readers import read_csv as read_csv
+from ._measurements.series import Measurements as Measurements
+from ._measurements.series import Series as Series
+from ._model import densities as densities
+from ._model.bodies import GROUND as GROUND
+from ._model.bodies import Body as Body
+from ._model.bodies import BodyState as BodyState
+from ._model.bodies import State as State
+from ._model.bodies import body_state as body_state
+from ._model.bodies import rotation as rotation
+from ._model.clearance_joints.backlash import Backlash as Backlash
+from ._model.clearance_joints.ball_in_socket import BallInSocket as BallInSocket
+from ._model.clearance_joints.between_walls import PinInSlot as PinInSlot
+from ._model.clearance_joints.between_walls import SliderInGuide as SliderInGuide
+from ._model.clearance_joints.clearance import ClearanceJoint as ClearanceJoint
+from ._model.clearance_joints.clearance import EndPlay as EndPlay
+from ._model.clearance_joints.clearance import FixedAxially as FixedAxially
+from ._model.clearance_joints.clearance import FreeAxially as FreeAxially
+from ._model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
+from ._model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
+from ._model.clearance_joints.lubricated import carried_journal as carried_journal
+from ._model.clearance_joints.massless_link import MasslessLink as MasslessLink
+from ._model.drives.drivers import DriveTorque as DriveTorque
+from ._model.drives.drivers import Motor as Motor
+from ._model.drives.drivers import PrescribedAngle as PrescribedAngle
+from ._model.drives.drivers import PrescribedRotation as PrescribedRotation
+from ._model.drives.drivers import PrescribedTranslation as PrescribedTranslation
+from ._model.drives.functions_of_time import PiecewiseConstant as PiecewiseConstant
+from ._model.drives.functions_of_time import PiecewiseLinear as PiecewiseLinear
+from ._model.drives.functions_of_time import Polynomial as Polynomial
+from ._model.drives.functions_of_time import Spline as Spline
+from ._model.forces import AppliedLoad as AppliedLoad
+from ._model.forces import Bushing as Bushing
+from ._model.forces import SpringDamper as SpringDamper
+from ._model.forces import TorsionalSpring as TorsionalSpring
+from ._model.joints.couplings import GearJoint as GearJoint
+from ._model.joints.couplings import ScrewJoint as ScrewJoint
+from ._model.joints.couplings import UniversalJoint as UniversalJoint
+from ._model.joints.ideal import CylindricalJoint as CylindricalJoint
+from ._model.joints.ideal import DistanceJoint as DistanceJoint
+from ._model.joints.ideal import FixedJoint as FixedJoint
+from ._model.joints.ideal import InlineJoint as InlineJoint
+from ._model.joints.ideal import LineInPlaneJoint as LineInPlaneJoint
+from ._model.joints.ideal import PlanarJoint as PlanarJoint
+from ._model.joints.ideal import PointInPlaneJoint as PointInPlaneJoint
+from ._model.joints.ideal import PrismaticJoint as PrismaticJoint
+from ._model.joints.ideal import RevoluteJoint as RevoluteJoint
+from ._model.joints.ideal import SphericalJoint as SphericalJoint
+from ._model.joints.joint_friction import JointFriction as JointFriction
+from ._model.scene import Scene as Scene
+from ._parametrisation.parameter import Bounded as Bounded
+from ._parametrisation.parameter import Linear as Linear
+from ._parametrisation.parameter import Log as Log
+from ._parametrisation.parameter import Parameter as Parameter
+from ._parametrisation.paths import parameters as parameters
+from ._parametrisation.paths import set_value as set_value
+from ._result_codes import RESULTS as RESULTS
+from ._runtime import XLA_FLAGS as XLA_FLAGS
+from ._runtime import configure as configure
+from ._scene_files.files import load as load
+from ._scene_files.files import save as save
+from ._scene_files.schema import scene_schema as scene_schema
+from ._scene_files.urdf import load_urdf as load_urdf
+from ._scene_files.urdf import urdf_limits as urdf_limits
+from ._scene_files.urdf import urdf_links as urdf_links
+from ._simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
+from ._simulation.reductions.joints import ArchardWear as ArchardWear
+from ._simulation.reductions.joints import DissipatedEnergy as DissipatedEnergy
+from ._simulation.reductions.joints import ImpactCount as ImpactCount
+from ._simulation.reductions.joints import MeanPowerLost as MeanPowerLost
+from ._simulation.reductions.quantities import Peak as Peak
+from ._simulation.reductions.quantities import Quantiles as Quantiles
+from ._simulation.reductions.quantities import Statistics as Statistics
+from ._simulation.results.impact_table import beyond_law_ranges as beyond_law_ranges
+from ._simulation.results.observe import observe as observe
+from ._simulation.results.solution import SimulationError as SimulationError
+from ._simulation.run.saving import Saving as Saving
+from ._simulation.run.sections import Section as Section
+from ._simulation.run.sensitivities import sensitivities as sensitivities
+from ._simulation.run.settle import Settling as Settling
+from ._simulation.run.settle import settle as settle
+from ._simulation.run.simulate import simulate as simulate
+from ._simulation.run.terminal import RunInterrupted as RunInterrupted
+from ._simulation.run.wall_impact import free_impact as free_impact
+from ._simulation.step.settings import Settings as Settings
+from ._statistics.derivatives import statistics_derivatives as statistics_derivatives
+from ._statistics.ensemble import ensemble as ensemble
+from ._statistics.global_sensitivity import sobol_indices as sobol_indices
+from ._statistics.uncertain import Uncertain as Uncertain
+from ._statistics.uncertain import design as design
+from ._sweeps.axes import Axis as Axis
+from ._sweeps.executors import ChunkError as ChunkError
+from ._sweeps.largest import largest_feasible as largest_feasible
+from ._sweeps.outputs import ImpactTable as ImpactTable
+from ._sweeps.outputs import Saved as Saved
+from ._sweeps.store.store import open_sweep as open_sweep
+from ._sweeps.sweep import sweep as sweep
+from ._views.viewing import View as View
+from ._views.viewing import view as view
 from .quantities.accelerometer import Accelerometer as Accelerometer
 from .quantities.accelerometer import accelerometer as accelerometer
-from .result_codes import RESULTS as RESULTS
-from .runtime import XLA_FLAGS as XLA_FLAGS
-from .runtime import configure as configure
-from .scene_files.files import load as load
-from .scene_files.files import save as save
-from .scene_files.schema import scene_schema as scene_schema
-from .scene_files.urdf import load_urdf as load_urdf
-from .scene_files.urdf import urdf_limits as urdf_limits
-from .scene_files.urdf import urdf_links as urdf_links
-from .simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
-from .simulation.reductions.joints import ArchardWear as ArchardWear
-from .simulation.reductions.joints import DissipatedEnergy as DissipatedEnergy
-from .simulation.reductions.joints import ImpactCount as ImpactCount
-from .simulation.reductions.joints import MeanPowerLost as MeanPowerLost
-from .simulation.reductions.quantities import Peak as Peak
-from .simulation.reductions.quantities import Quantiles as Quantiles
-from .simulation.reductions.quantities import Statistics as Statistics
-from .simulation.results.impact_table import beyond_law_ranges as beyond_law_ranges
-from .simulation.results.observe import observe as observe
-from .simulation.results.solution import SimulationError as SimulationError
-from .simulation.run.saving import Saving as Saving
-from .simulation.run.sections import Section as Section
-from .simulation.run.sensitivities import sensitivities as sensitivities
-from .simulation.run.settle import Settling as Settling
-from .simulation.run.settle import settle as settle
-from .simulation.run.simulate import simulate as simulate
-from .simulation.run.terminal import RunInterrupted as RunInterrupted
-from .simulation.run.wall_impact import free_impact as free_impact
-from .simulation.step.settings import Settings as Settings
-from .statistics.derivatives import statistics_derivatives as statistics_derivatives
-from .statistics.ensemble import ensemble as ensemble
-from .statistics.global_sensitivity import sobol_indices as sobol_indices
-from .statistics.uncertain import Uncertain as Uncertain
-from .statistics.uncertain import design as design
-from .sweeps.axes import Axis as Axis
-from .sweeps.executors import ChunkError as ChunkError
-from .sweeps.largest import largest_feasible as largest_feasible
-from .sweeps.outputs import ImpactTable as ImpactTable
-from .sweeps.outputs import Saved as Saved
-from .sweeps.store.store import open_sweep as open_sweep
-from .sweeps.sweep import sweep as sweep
-from .views.viewing import View as View
-from .views.viewing import view as view
 
 
 def __getattr__(name: str) -> _ModuleType:

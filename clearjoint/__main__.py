@@ -1,6 +1,6 @@
 """Run the command-line program `clearjoint` by ``python -m clearjoint``."""
 
-from .command_line.program import main
+from ._command_line.program import main
 
 if __name__ == "__main__":
     main()

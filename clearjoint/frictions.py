@@ -5,13 +5,13 @@ Surfaces stick only with the laws `Dahl`, `LuGre` and `ElastoPlastic`, which hav
 deflections of the surfaces.
 """
 
-from .model.contact.friction import Ambrosio as Ambrosio
-from .model.contact.friction import BengisuAkay as BengisuAkay
-from .model.contact.friction import BrownMcPhee as BrownMcPhee
-from .model.contact.friction import Dahl as Dahl
-from .model.contact.friction import ElastoPlastic as ElastoPlastic
-from .model.contact.friction import LinearCoulomb as LinearCoulomb
-from .model.contact.friction import LuGre as LuGre
-from .model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
-from .model.contact.friction import Stribeck as Stribeck
-from .model.contact.friction import Threlfall as Threlfall
+from ._model.contact.friction import Ambrosio as Ambrosio
+from ._model.contact.friction import BengisuAkay as BengisuAkay
+from ._model.contact.friction import BrownMcPhee as BrownMcPhee
+from ._model.contact.friction import Dahl as Dahl
+from ._model.contact.friction import ElastoPlastic as ElastoPlastic
+from ._model.contact.friction import LinearCoulomb as LinearCoulomb
+from ._model.contact.friction import LuGre as LuGre
+from ._model.contact.friction import RegularisedCoulomb as RegularisedCoulomb
+from ._model.contact.friction import Stribeck as Stribeck
+from ._model.contact.friction import Threlfall as Threlfall

@@ -23,7 +23,7 @@ from tests.support.shapes import check_shapes  # noqa: E402
 check_shapes()
 
 import clearjoint as cj  # noqa: E402
-from clearjoint.compilation import keep_programs  # noqa: E402
+from clearjoint._compilation import keep_programs  # noqa: E402
 
 cj.configure()
 keep_programs(False)

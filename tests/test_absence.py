@@ -23,20 +23,20 @@ from clearjoint import (
     State,
     body_state,
 )
-from clearjoint.dynamics import system as dynamics
-from clearjoint.dynamics.bristles import initial_bristles
-from clearjoint.dynamics.contact_events import uses_entry_speed
-from clearjoint.dynamics.formulation import Formulation, Unstabilised
-from clearjoint.dynamics.system import System
+from clearjoint._dynamics import system as dynamics
+from clearjoint._dynamics.bristles import initial_bristles
+from clearjoint._dynamics.contact_events import uses_entry_speed
+from clearjoint._dynamics.formulation import Formulation, Unstabilised
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import unpack
+from clearjoint._simulation.run.host_run import begin
+from clearjoint._simulation.step.discontinuities import may_have_undeclared_jump
+from clearjoint._simulation.step.landing import Landing
+from clearjoint._simulation.step.method import Scheme
+from clearjoint._simulation.step.step_state import Method, Variables
+from clearjoint._simulation.step.stepping import attempt, start
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
-from clearjoint.math.vectors import unpack
-from clearjoint.simulation.run.host_run import begin
-from clearjoint.simulation.step.discontinuities import may_have_undeclared_jump
-from clearjoint.simulation.step.landing import Landing
-from clearjoint.simulation.step.method import Scheme
-from clearjoint.simulation.step.step_state import Method, Variables
-from clearjoint.simulation.step.stepping import attempt, start
 from tests.support.programs import primitives
 
 ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)

@@ -11,7 +11,7 @@ from collections import Counter
 import pytest
 
 import clearjoint
-from clearjoint.simulation.step import presets as inner
+from clearjoint._simulation.step import presets as inner
 from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
 
 HIGHEST_FLOOR = 9
@@ -270,12 +270,12 @@ def test_presets_are_a_module_too():
 
 def test_an_import_from_inside_is_seen():
     hidden = (
-        "from clearjoint.simulation.step.stepping import attempt\n"
-        "from clearjoint import result_codes\n"
+        "from clearjoint._simulation.step.stepping import attempt\n"
+        "from clearjoint import _result_codes\n"
     )
     assert imported_from_outside(hidden) == {
-        "clearjoint.simulation.step.stepping",
-        "clearjoint.result_codes",
+        "clearjoint._simulation.step.stepping",
+        "clearjoint._result_codes",
     }
 
 

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
+from clearjoint._fields.objects import optional_quantity, quantity
+from clearjoint._model.contact.laws import WeightedLaw
+from clearjoint._model.joints.base import Row
 from clearjoint.extend import AbstractDampedLaw, AbstractHertzianLaw
-from clearjoint.fields.objects import optional_quantity, quantity
-from clearjoint.model.contact.laws import WeightedLaw
-from clearjoint.model.joints.base import Row
 from clearjoint.testing import (
     check_bristles,
     check_constraint,

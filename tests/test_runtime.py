@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from clearjoint import runtime
+from clearjoint import _runtime as runtime
 
 
 def python(code, **variables):
@@ -101,13 +101,13 @@ def test_adopted_settings_replace_those_of_the_process(sent, monkeypatch):
 
 CONFIGURE = """
 import jax, clearjoint
-from clearjoint.compilation import keeps_programs
+from clearjoint._compilation import keeps_programs
 before = jax.numpy.arange(3.0)
 clearjoint.configure(threads=3, cache="FOLDER")
-print(before.dtype, jax.numpy.zeros(1).dtype, clearjoint.runtime.threads_of_sweeps())
+print(before.dtype, jax.numpy.zeros(1).dtype, clearjoint._runtime.threads_of_sweeps())
 print(jax.config.jax_compilation_cache_dir, keeps_programs())
 clearjoint.configure(cache="FOLDER")
-print(clearjoint.runtime.threads_of_sweeps())
+print(clearjoint._runtime.threads_of_sweeps())
 scene, state = clearjoint.mechanisms.double_pendulum()
 print(clearjoint.simulate(scene, state, 1e-4).final.bodies["arm 2"].position.dtype)
 """

@@ -57,7 +57,7 @@ and `x`:
 >>> limits = cj.fit_horizon(scene, state, unknown, probe, uncertainty={"stiffness": np.log(1.5)})
 """
 
-from ..fields.objects import without_modules as _without_modules
+from .._fields.objects import without_modules as _without_modules
 from . import style as style
 from .animation import animate_journal as animate_journal
 from .animation import journal_frames as journal_frames

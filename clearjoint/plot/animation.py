@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
-from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observe import Observation
+from .._model.clearance_joints.journal_bases import BASES
+from .._simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 

@@ -15,12 +15,12 @@ import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from ..fields.checks import require
-from ..fields.drawn_text import shown
-from ..information.analysis import Identifiability
-from ..information.error_growth import DISTURBANCE
-from ..information.horizon import FitHorizon
-from ..measurements.series import Measurements
+from .._fields.checks import require
+from .._fields.drawn_text import shown
+from .._information.analysis import Identifiability
+from .._information.error_growth import DISTURBANCE
+from .._information.horizon import FitHorizon
+from .._measurements.series import Measurements
 from .style import (
     BLUE,
     DARK,

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ..fields.checks import require, require_count
-from ..fields.drawn_text import shown
-from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import ContactObservation, Observation
+from .._fields.checks import require, require_count
+from .._fields.drawn_text import shown
+from .._model.clearance_joints.journal_bases import BASES
+from .._simulation.results.impact_table import Impacts
+from .._simulation.results.observe import ContactObservation, Observation
 from . import observed
 from .style import (
     BLUE,

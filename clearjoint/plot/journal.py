@@ -12,11 +12,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from ..fields.checks import require
-from ..fields.drawn_text import shown
-from ..fields.types import ArrayLike
-from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observe import Observation
+from .._fields.checks import require
+from .._fields.drawn_text import shown
+from .._fields.types import ArrayLike
+from .._model.clearance_joints.journal_bases import BASES
+from .._simulation.results.observe import Observation
 from .observed import contact, contacts, without_twins
 from .style import (
     BLUE,

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MultipleLocator
 
-from ..fields.checks import require
-from ..fields.drawn_text import shown
-from ..simulation.results.observe import Observation
-from ..simulation.results.solution import Trajectory
+from .._fields.checks import require
+from .._fields.drawn_text import shown
+from .._simulation.results.observe import Observation
+from .._simulation.results.solution import Trajectory
 from .observed import named
 from .style import (
     TimeSpan,

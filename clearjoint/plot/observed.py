@@ -8,9 +8,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..fields.checks import nearest, require
-from ..fields.drawn_text import shown
-from ..simulation.results.observe import ContactObservation, Observation
+from .._fields.checks import nearest, require
+from .._fields.drawn_text import shown
+from .._simulation.results.observe import ContactObservation, Observation
 
 T = TypeVar("T")
 

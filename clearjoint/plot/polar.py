@@ -14,10 +14,10 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 from scipy.stats import binned_statistic
 
-from ..fields.checks import require, require_count
-from ..fields.drawn_text import shown
-from ..model.clearance_joints.journal_bases import BASES
-from ..simulation.results.observe import Observation
+from .._fields.checks import require, require_count
+from .._fields.drawn_text import shown
+from .._model.clearance_joints.journal_bases import BASES
+from .._simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors, observed_clearance
 from .observed import contact, without_twins
 from .style import BLUE, DARK, LIGHT, VERMILLION, fitting_unit, legend_above, polar_or_new

@@ -17,19 +17,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.transforms import ScaledTranslation
 
-from ..fields.checks import require, require_type
-from ..fields.drawn_text import literal, shown
-from ..model.clearance_joints.clearance import ClearanceJoint
-from ..model.clearance_joints.journal_bases import HasJournal
-from ..model.clearance_joints.lubricated import LubricatedJoint
-from ..model.contact.laws import whole_law
-from ..model.joints.base import AbstractContactJoint
-from ..model.scene import Scene
+from .._fields.checks import require, require_type
+from .._fields.drawn_text import literal, shown
+from .._model.clearance_joints.clearance import ClearanceJoint
+from .._model.clearance_joints.journal_bases import HasJournal
+from .._model.clearance_joints.lubricated import LubricatedJoint
+from .._model.contact.laws import whole_law
+from .._model.joints.base import AbstractContactJoint
+from .._model.scene import Scene
+from .._result_codes import RESULTS
+from .._simulation.results.impact_table import Impacts
+from .._simulation.results.observe import Observation, observe
+from .._simulation.results.solution import Solution, Trajectory
 from ..quantities.base import Quantity
-from ..result_codes import RESULTS
-from ..simulation.results.impact_table import Impacts
-from ..simulation.results.observe import Observation, observe
-from ..simulation.results.solution import Solution, Trajectory
 from .forces import contact_forces, joint_forces, motion_timeline
 from .journal import journal_orbit
 from .polar import contact_rose

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.ticker import MaxNLocator
 
-from ..fields.checks import require
-from ..fields.drawn_text import shown
-from ..simulation.results.solution import Crossings
-from ..simulation.run.sections import Section
+from .._fields.checks import require
+from .._fields.drawn_text import shown
+from .._simulation.results.solution import Crossings
+from .._simulation.run.sections import Section
 from .journal import clearance_circle
 from .style import (
     BLUE,

@@ -18,9 +18,9 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 from matplotlib.transforms import Bbox
 
-from ..fields.checks import as_shown, require, require_type
-from ..fields.drawn_text import broken, shown
-from ..fields.types import ArrayLike
+from .._fields.checks import as_shown, require, require_type
+from .._fields.drawn_text import broken, shown
+from .._fields.types import ArrayLike
 
 BLUE, VERMILLION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 SKY, ORANGE = "#56B4E9", "#E69F00"

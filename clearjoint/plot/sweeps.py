@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from ..fields.checks import require
+from .._fields.checks import require
 from .style import (
     VERMILLION,
     axes_or_new,

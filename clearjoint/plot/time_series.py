@@ -17,11 +17,11 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from scipy import signal
 
-from ..fields.checks import require
-from ..model.scene import Scene
+from .._fields.checks import require
+from .._model.scene import Scene
+from .._simulation.results.observe import Observation, values_along
+from .._simulation.results.solution import Solution, Trajectory
 from ..quantities.base import AbstractQuantity, Quantity
-from ..simulation.results.observe import Observation, values_along
-from ..simulation.results.solution import Solution, Trajectory
 from .style import (
     BLUE,
     DARK,

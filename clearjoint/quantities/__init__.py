@@ -22,7 +22,7 @@ compiled again for an equal quantity.
 | other | a function of an `Instant`, with an explicit unit |
 """
 
-from ..fields.objects import without_modules as _without_modules
+from .._fields.objects import without_modules as _without_modules
 from .accelerometer import AccelerometerReading as AccelerometerReading
 from .base import AbstractQuantity as AbstractQuantity
 from .base import Component as Component

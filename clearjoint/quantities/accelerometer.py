@@ -9,8 +9,8 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import numpy as np
 
-from ..fields.cautions import quiet
-from ..fields.checks import (
+from .._fields.cautions import quiet
+from .._fields.checks import (
     as_number,
     nearest,
     require,
@@ -18,13 +18,13 @@ from ..fields.checks import (
     require_point,
     require_positive,
 )
-from ..fields.types import TripleLike
-from ..math.rotations import unit
-from ..math.vectors import Scalar
-from ..model.bodies import Body, BodyState, State, body_state
-from ..model.forces import SpringDamper
-from ..model.joints.ideal import PrismaticJoint
-from ..model.scene import Scene
+from .._fields.types import TripleLike
+from .._math.rotations import unit
+from .._math.vectors import Scalar
+from .._model.bodies import Body, BodyState, State, body_state
+from .._model.forces import SpringDamper
+from .._model.joints.ideal import PrismaticJoint
+from .._model.scene import Scene
 from .base import AbstractQuantity, Instant, require_known
 
 ARM = 1e-2

@@ -14,19 +14,19 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from ..dynamics.absolute_coordinates import AbsoluteCoordinates
-from ..dynamics.contact_events import ContactGaps, contact_gaps
-from ..dynamics.contact_forces import NO_BRISTLES, Bristles, EntrySpeeds, LoadedContact
-from ..dynamics.coordinates import Motions
-from ..dynamics.energy import bristle_energy
-from ..dynamics.equations_of_motion import Dynamics
-from ..dynamics.system import System
-from ..fields.checks import as_number, errors_about, nearest, require
-from ..fields.types import ArrayLike
-from ..math.smoothing import norm_and_direction
-from ..math.vectors import Scalar, Vector
-from ..model.bodies import BodyState
-from ..model.scene import Scene
+from .._dynamics.absolute_coordinates import AbsoluteCoordinates
+from .._dynamics.contact_events import ContactGaps, contact_gaps
+from .._dynamics.contact_forces import NO_BRISTLES, Bristles, EntrySpeeds, LoadedContact
+from .._dynamics.coordinates import Motions
+from .._dynamics.energy import bristle_energy
+from .._dynamics.equations_of_motion import Dynamics
+from .._dynamics.system import System
+from .._fields.checks import as_number, errors_about, nearest, require
+from .._fields.types import ArrayLike
+from .._math.smoothing import norm_and_direction
+from .._math.vectors import Scalar, Vector
+from .._model.bodies import BodyState
+from .._model.scene import Scene
 
 
 class Instant:

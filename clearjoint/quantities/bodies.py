@@ -7,12 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..fields.checks import require, require_axis, require_point
-from ..math.rotations import transverse_axes, unit
-from ..math.smoothing import norm_and_direction
-from ..math.vectors import Scalar, Vector
-from ..model.bodies import GROUND
-from ..model.scene import Scene
+from .._fields.checks import require, require_axis, require_point
+from .._math.rotations import transverse_axes, unit
+from .._math.smoothing import norm_and_direction
+from .._math.vectors import Scalar, Vector
+from .._model.bodies import GROUND
+from .._model.scene import Scene
 from .base import (
     AbstractQuantity,
     AbstractVectorQuantity,

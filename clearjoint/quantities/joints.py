@@ -16,15 +16,15 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
 
-from ..dynamics.equations_of_motion import Dynamics
-from ..dynamics.multipliers import row_rate
-from ..fields.checks import require
-from ..math.smoothing import norm_and_direction
-from ..math.vectors import ZERO, Scalar, Vector, add
-from ..model.bodies import GROUND, NO_WRENCH, Wrench
-from ..model.clearance_joints.journal_bases import BASES, HasJournal
-from ..model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
-from ..model.scene import Scene
+from .._dynamics.equations_of_motion import Dynamics
+from .._dynamics.multipliers import row_rate
+from .._fields.checks import require
+from .._math.smoothing import norm_and_direction
+from .._math.vectors import ZERO, Scalar, Vector, add
+from .._model.bodies import GROUND, NO_WRENCH, Wrench
+from .._model.clearance_joints.journal_bases import BASES, HasJournal
+from .._model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
+from .._model.scene import Scene
 from .base import (
     AbstractQuantity,
     AbstractVectorQuantity,

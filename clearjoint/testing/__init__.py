@@ -5,7 +5,7 @@ motions of bodies for these checks. `native_seconds` returns the processor time 
 native programs of this process has taken.
 """
 
-from ..fields.objects import without_modules as _without_modules
+from .._fields.objects import without_modules as _without_modules
 from .conformance import check_bristles as check_bristles
 from .conformance import check_constraint as check_constraint
 from .conformance import check_friction as check_friction

@@ -14,11 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from ..dynamics.contact_forces import LoadedContact, contact_force
-from ..math.rotations import rotation_matrix, turned
-from ..math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
-from ..model.bodies import GROUND, GROUND_MOTION, Motion
-from ..model.joints.base import AbstractContactJoint, ByLabel, Motions
+from .._dynamics.contact_forces import LoadedContact, contact_force
+from .._math.rotations import rotation_matrix, turned
+from .._math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
+from .._model.bodies import GROUND, GROUND_MOTION, Motion
+from .._model.joints.base import AbstractContactJoint, ByLabel, Motions
 from .conformance import ensure
 from .continuity import at_rest
 

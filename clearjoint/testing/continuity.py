@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from ..math.rotations import normalised, rotation_matrix
-from ..math.vectors import EulerParameters, Vector
-from ..model.bodies import Motion
+from .._math.rotations import normalised, rotation_matrix
+from .._math.vectors import EulerParameters, Vector
+from .._model.bodies import Motion
 
 PIECES = 64
 """Number of pieces into which each interval is divided."""

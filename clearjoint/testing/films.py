@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..math.vectors import UNIT_Z, Vector
-from ..model.films import AbstractFilm, FilmGap
+from .._math.vectors import UNIT_Z, Vector
+from .._model.films import AbstractFilm, FilmGap
 from .continuity import jumps
 
 RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)

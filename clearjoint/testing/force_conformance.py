@@ -6,10 +6,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..fields.objects import on_device
-from ..math.vectors import Scalar, Vector, pack, unpack
-from ..model.bodies import Motion, Wrench
-from ..model.joints.base import AbstractForce
+from .._fields.objects import on_device
+from .._math.vectors import Scalar, Vector, pack, unpack
+from .._model.bodies import Motion, Wrench
+from .._model.joints.base import AbstractForce
 from .conformance import ensure
 from .continuity import at_rest, moved
 

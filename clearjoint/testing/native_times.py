@@ -5,7 +5,7 @@ Native programs are machine code that is generated from JAX programs by way of L
 
 import gc
 
-from ..native.machine_code import Code
+from .._native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:

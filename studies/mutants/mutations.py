@@ -79,13 +79,17 @@ class Mutant:
 
     @property
     def room(self) -> str:
-        """The folder in the package, such as "dynamics"."""
-        return Path(self.file).parts[1]
+        """The folder in the package without underscore, such as "dynamics"."""
+        return Path(self.file).parts[1].removeprefix("_")
 
     @property
     def identity(self) -> str:
-        """Text that no other mutant has; it does not depend on the code outside of the function."""
-        return f"{self.file} {self.function} {self.offset} {self.old} {self.new}"
+        """Text that no other mutant has; it does not depend on the code outside of the function.
+
+        Underscores of rooms are left out, so that the order of mutants is that of before the rooms
+        had them.
+        """
+        return f"{self.file.replace('/_', '/')} {self.function} {self.offset} {self.old} {self.new}"
 
     def applied(self, text: str) -> str:
         """Return the file's text with the change."""
@@ -102,7 +106,7 @@ def in_random_order(root: Path, rooms: Sequence[str], seed: int) -> list[Mutant]
     They are sorted by digests, so that a change of a function leaves the order of the mutants of
     all other functions as it was.
     """
-    files = [file for room in rooms for file in (root / "clearjoint" / room).rglob("*.py")]
+    files = [file for room in rooms for file in (root / "clearjoint" / f"_{room}").rglob("*.py")]
     found = [mutant for file in files for mutant in mutants_of(root, file)]
 
     def digest(mutant: Mutant) -> bytes:

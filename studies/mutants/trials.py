@@ -241,6 +241,8 @@ def _test(folder: Path, cache: Path, tests: list[str], seconds: float, seed: int
 
 def _record(folder: Path, cache: Path, rooms: list[str], tests: list[str]) -> None:
     _enter(folder, cache)
-    recorder = Recorder([folder / "clearjoint" / room for room in rooms], folder / ".coverage")
+    recorder = Recorder(
+        [folder / "clearjoint" / f"_{room}" for room in rooms], folder / ".coverage"
+    )
     pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *tests], plugins=[recorder])
     recorder.recording(folder).write(Path("recording.json"))

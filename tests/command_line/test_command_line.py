@@ -15,17 +15,17 @@ import xarray as xr
 from click.testing import CliRunner
 
 import clearjoint as cj
-from clearjoint.command_line import fitting, folders, reports, running, wearing
-from clearjoint.command_line.endings import understandable
-from clearjoint.command_line.folders import read_run
-from clearjoint.command_line.program import clearjoint
-from clearjoint.command_line.reports import lane_table
-from clearjoint.command_line.study import find_path, read_study, study_schema
-from clearjoint.command_line.sweeping import sweep_axes
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.export.datasets import describe, setting_notes
-from clearjoint.scene_files.documents import FileLocation, keys_of, written
-from clearjoint.simulation.run import host_run, terminal
+from clearjoint._command_line import fitting, folders, reports, running, wearing
+from clearjoint._command_line.endings import understandable
+from clearjoint._command_line.folders import read_run
+from clearjoint._command_line.program import clearjoint
+from clearjoint._command_line.reports import lane_table
+from clearjoint._command_line.study import find_path, read_study, study_schema
+from clearjoint._command_line.sweeping import sweep_axes
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._export.datasets import describe, setting_notes
+from clearjoint._scene_files.documents import FileLocation, keys_of, written
+from clearjoint._simulation.run import host_run, terminal
 from tests.support.dropped_rod import dropped_rod
 from tests.support.repetitions import repetitions
 
@@ -789,7 +789,7 @@ def test_ctrl_c_during_the_import_ends_the_program():
 
 
 ROOT = Path(__file__).parents[2]
-LAUNCHER = ROOT / "clearjoint" / "command_line" / "launcher"
+LAUNCHER = ROOT / "clearjoint" / "_command_line" / "launcher"
 IMPORTED = """
 import atexit, sys
 import clearjoint_command

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clearjoint.compilation.program_store import ProgramStore, is_private, prepare_folder
+from clearjoint._compilation.program_store import ProgramStore, is_private, prepare_folder
 
 
 def test_a_folder_is_made_for_its_owner_alone(tmp_path):

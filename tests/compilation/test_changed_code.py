@@ -23,7 +23,7 @@ import sys
 import warnings
 import clearjoint as cj
 from clearjoint import extend
-from clearjoint.native import Native
+from clearjoint._native import Native
 
 cj.configure(threads=2, cache="cache")
 warnings.simplefilter("ignore")
@@ -162,7 +162,7 @@ import json
 from pathlib import Path
 
 if "edit" in sys.argv:
-    file = Path(cj.__file__).parent / "model" / "contact" / "laws.py"
+    file = Path(cj.__file__).parent / "_model" / "contact" / "laws.py"
     text = file.read_text()
     old = "return law.force(gap, entry_speed)"
     new = text.replace(old, old.replace("law", "2.0 * law"))

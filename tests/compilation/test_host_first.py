@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation import HostFirst
-from clearjoint.dynamics import constraint_report, journals
-from clearjoint.math.smoothing import cosine, polar_angle, sine, where
-from clearjoint.simulation.run import run_checks
-from clearjoint.simulation.run.run_checks import check_structure
+from clearjoint._compilation import HostFirst
+from clearjoint._dynamics import constraint_report, journals
+from clearjoint._math.smoothing import cosine, polar_angle, sine, where
+from clearjoint._simulation.run import run_checks
+from clearjoint._simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
 
 CHECKS = (

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation import keep_programs, package_code, plain_values
-from clearjoint.compilation.program_store import ProgramStore
-from clearjoint.dynamics.joint_coordinates.trees import topology
-from clearjoint.native import Native, NativeFunction
-from clearjoint.native.machine_code import RecentPrograms
-from clearjoint.simulation.lanes import scheduler
-from clearjoint.simulation.run import run_checks
+from clearjoint._compilation import keep_programs, package_code, plain_values
+from clearjoint._compilation.program_store import ProgramStore
+from clearjoint._dynamics.joint_coordinates.trees import topology
+from clearjoint._native import Native, NativeFunction
+from clearjoint._native.machine_code import RecentPrograms
+from clearjoint._simulation.lanes import scheduler
+from clearjoint._simulation.run import run_checks
 from studies.benchmark.chain import chain
 
 

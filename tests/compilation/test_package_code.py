@@ -3,8 +3,8 @@
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation import package_code
-from clearjoint.simulation.step import step_length, stepping
+from clearjoint._compilation import package_code
+from clearjoint._simulation.step import step_length, stepping
 
 
 @pytest.fixture

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation.plain_values import NotPlainError, digest_of
-from clearjoint.simulation.results.observe import MotionMode
+from clearjoint._compilation.plain_values import NotPlainError, digest_of
+from clearjoint._simulation.results.observe import MotionMode
 
 
 def test_data_differ_by_type_and_value():

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from clearjoint.compilation.xla import is_tracing
+from clearjoint._compilation.xla import is_tracing
 
 TRANSFORMED = {
     "jit": lambda f: jax.jit(f)(1.0),

@@ -13,14 +13,14 @@ import xarray as xr
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint.durability import wear as wear_module
-from clearjoint.durability.wear_depths import (
+from clearjoint._durability import wear as wear_module
+from clearjoint._durability.wear_depths import (
     SIGNALS,
     depths_from_signals,
     quadrature_times,
     wear_depths,
 )
-from clearjoint.durability.wear_derivatives import MovingSpline
+from clearjoint._durability.wear_derivatives import MovingSpline
 from clearjoint.laws import ElastoGap
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.1e-3, 20e-3, 1e8

@@ -9,11 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.dynamics.constraint_report import start_rows
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import Vector, unpack
-from clearjoint.simulation.run.run_checks import BY_NUMPY, flat_start, starts
+from clearjoint._dynamics.constraint_report import start_rows
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import Vector, unpack
+from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
 
 
 def euler_parameters(rotation):
@@ -273,7 +273,7 @@ def test_assembly_needs_no_jacobian_of_all_rows(monkeypatch):
     def refuse(*_):
         raise AssertionError
 
-    monkeypatch.setattr("clearjoint.dynamics.constraint_report.dependent", refuse)
+    monkeypatch.setattr("clearjoint._dynamics.constraint_report.dependent", refuse)
     found = cj.assemble(scene, guess, centred=True)
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(one, other)

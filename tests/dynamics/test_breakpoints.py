@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.breakpoints import (
+from clearjoint._dynamics.breakpoints import (
     FEW,
     next_breakpoint,
     one_sided_time,

@@ -19,14 +19,14 @@ from clearjoint import (
     SphericalJoint,
     body_state,
 )
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.multipliers import ConstraintEquations, row_weights
-from clearjoint.dynamics.system import System
-from clearjoint.math.block_matrices import BlockMatrix, gram_matrix
-from clearjoint.math.linear_solvers import Exact, LeastNorm, ScalarMatrix
-from clearjoint.math.vectors import unpack
-from clearjoint.native.functions import NativeProgram
-from clearjoint.native.lowering import count_equations
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.multipliers import ConstraintEquations, row_weights
+from clearjoint._dynamics.system import System
+from clearjoint._math.block_matrices import BlockMatrix, gram_matrix
+from clearjoint._math.linear_solvers import Exact, LeastNorm, ScalarMatrix
+from clearjoint._math.vectors import unpack
+from clearjoint._native.functions import NativeProgram
+from clearjoint._native.lowering import count_equations
 
 COORDINATES = {"absolute": AbsoluteCoordinates(), "joint": JointCoordinates()}
 

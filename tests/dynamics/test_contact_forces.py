@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_forces import contact_force
-from clearjoint.math.vectors import ZERO, Vector
-from clearjoint.model.joints.base import Contact
+from clearjoint._dynamics.contact_forces import contact_force
+from clearjoint._math.vectors import ZERO, Vector
+from clearjoint._model.joints.base import Contact
 from tests.support.planes import Plane
 
 DEPTH, RATE = 3e-14, -0.06

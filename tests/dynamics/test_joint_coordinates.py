@@ -10,16 +10,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint.dynamics import system as dynamics
-from clearjoint.dynamics.constraint_report import constraint_report
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
-from clearjoint.fields.objects import quantity
-from clearjoint.math.rotations import conjugate, rotation_matrix, unit
-from clearjoint.math.vectors import EulerParameters, fold_constants, pack, unpack
+from clearjoint._dynamics import system as dynamics
+from clearjoint._dynamics.constraint_report import constraint_report
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._fields.objects import quantity
+from clearjoint._math.rotations import conjugate, rotation_matrix, unit
+from clearjoint._math.vectors import EulerParameters, fold_constants, pack, unpack
+from clearjoint._model.bodies import GROUND
+from clearjoint._model.joints.motion_subspaces import Slider
 from clearjoint.mechanisms import bricard, double_four_bar
-from clearjoint.model.bodies import GROUND
-from clearjoint.model.joints.motion_subspaces import Slider
 from tests.support.reference import CASES
 
 RANDOM = np.random.default_rng(11)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.journals import depths, slid_out, warn_of_journals_outside
-from clearjoint.fields.checks import as_number
-from clearjoint.simulation.run.host_run import segment_compiled
-from clearjoint.simulation.run.run_checks import check_structure
-from clearjoint.sweeps.axes import lanes_of
+from clearjoint._dynamics.journals import depths, slid_out, warn_of_journals_outside
+from clearjoint._fields.checks import as_number
+from clearjoint._simulation.run.host_run import segment_compiled
+from clearjoint._simulation.run.run_checks import check_structure
+from clearjoint._sweeps.axes import lanes_of
 
 CLEARANCE, HALF = 0.5e-3, 0.25
 ROD = cj.Body(1.0, (1e-3, 2e-2, 2e-2))

@@ -11,17 +11,17 @@ import pytest
 from jax.interpreters import partial_eval
 
 import clearjoint as cj
-from clearjoint.compilation import program_of
-from clearjoint.compilation.xla import CALLS
-from clearjoint.dynamics.equations_of_motion import constraint_rows, flattened
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.joint_coordinates import inertia
-from clearjoint.dynamics.joint_coordinates.coordinates import JointMechanics
-from clearjoint.dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, forest
-from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import EulerParameters, Vector, fold_constants, pack, unpack
-from clearjoint.model.bodies import GROUND, GROUND_MOTION, BodyState, Wrench
-from clearjoint.model.joints.motion_subspaces import JointState
+from clearjoint._compilation import program_of
+from clearjoint._compilation.xla import CALLS
+from clearjoint._dynamics.equations_of_motion import constraint_rows, flattened
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.joint_coordinates import inertia
+from clearjoint._dynamics.joint_coordinates.coordinates import JointMechanics
+from clearjoint._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, forest
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import EulerParameters, Vector, fold_constants, pack, unpack
+from clearjoint._model.bodies import GROUND, GROUND_MOTION, BodyState, Wrench
+from clearjoint._model.joints.motion_subspaces import JointState
 from studies.benchmark.chain import LENGTH, chain
 
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.caching import KEPT, cached_by_numbers
+from clearjoint._fields.caching import KEPT, cached_by_numbers
 
 
 @pytest.fixture

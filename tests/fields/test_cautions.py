@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import recheck
+from clearjoint._fields.checks import recheck
+from clearjoint._sweeps.axes import lanes_of
 from clearjoint.mechanisms import bricard, double_four_bar
-from clearjoint.sweeps.axes import lanes_of
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 ROD = cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.cautions import quiet
-from clearjoint.fields.checks import conditions_of, recheck
-from clearjoint.simulation.run.run_checks import check_numbers
+from clearjoint._fields.cautions import quiet
+from clearjoint._fields.checks import conditions_of, recheck
+from clearjoint._simulation.run.run_checks import check_numbers
 from tests.scene_files.test_round_trips import BODIES, ELEMENTS, STATE, example
 
 VALUES = (np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1e6)

@@ -6,9 +6,9 @@ import jax
 import pytest
 
 import clearjoint as cj
+from clearjoint._fields.checks import recheck
+from clearjoint._fields.objects import AbstractConverting
 from clearjoint.extend import optional_quantity, quantity, require_axis
-from clearjoint.fields.checks import recheck
-from clearjoint.fields.objects import AbstractConverting
 
 
 class Part(AbstractConverting):

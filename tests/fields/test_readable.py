@@ -12,8 +12,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import extend
-from clearjoint.fields.checks import as_number, as_shown
-from clearjoint.result_codes import RESULTS
+from clearjoint._fields.checks import as_number, as_shown
+from clearjoint._result_codes import RESULTS
 from tests.support.public_names import MODULES
 from tests.support.rooms import DOORS
 

@@ -8,9 +8,9 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.simulation.run.sections import Section
-from clearjoint.simulation.step.settings import checked_times
-from clearjoint.sweeps.outputs import Layout, Saved, Variable
+from clearjoint._simulation.run.sections import Section
+from clearjoint._simulation.step.settings import checked_times
+from clearjoint._sweeps.outputs import Layout, Saved, Variable
 
 SCENE, STATE = cj.mechanisms.double_pendulum()
 PLACE = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [4e-4, 5e-4])

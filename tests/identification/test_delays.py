@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.identification.comparison import Comparison
-from clearjoint.identification.residuals import experiment, run_misfit, samples
+from clearjoint._identification.comparison import Comparison
+from clearjoint._identification.residuals import experiment, run_misfit, samples
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 1e-3
 LATE = 0.013

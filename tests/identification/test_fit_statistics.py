@@ -12,11 +12,11 @@ from scipy import signal, stats
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.identification import goodness_of_fit as statistics
-from clearjoint.identification.identify import _warn
-from clearjoint.identification.levenberg_marquardt import Iteration, Search, WindowSearch
-from clearjoint.identification.residuals import UNREACHED, RunMisfit
-from clearjoint.information import fisher_information as information
+from clearjoint._identification import goodness_of_fit as statistics
+from clearjoint._identification.identify import _warn
+from clearjoint._identification.levenberg_marquardt import Iteration, Search, WindowSearch
+from clearjoint._identification.residuals import UNREACHED, RunMisfit
+from clearjoint._information import fisher_information as information
 
 COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)

@@ -13,14 +13,14 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from clearjoint.identification.identify import _with_prior
-from clearjoint.identification.residuals import (
+from clearjoint._identification.identify import _with_prior
+from clearjoint._identification.residuals import (
     UNREACHED,
     experiment,
     run_misfit,
     samples,
 )
-from clearjoint.parametrisation.parameter import coordinates_of
+from clearjoint._parametrisation.parameter import coordinates_of
 
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clearjoint.identification.screening.level_sets import (
+from clearjoint._identification.screening.level_sets import (
     drawn_among,
     far_apart,
     finite_level,

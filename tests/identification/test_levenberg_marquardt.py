@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from clearjoint.identification.levenberg_marquardt import decrement, search_with_damping
-from clearjoint.identification.residuals import UNREACHED, RunMisfit
+from clearjoint._identification.levenberg_marquardt import decrement, search_with_damping
+from clearjoint._identification.residuals import UNREACHED, RunMisfit
 
 TIMES = np.linspace(0.0, 3.0, 31)
 FREE = np.full(2, np.inf)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.identification import checking
-from clearjoint.identification.checking import RISE
-from clearjoint.identification.residuals import RunMisfit
+from clearjoint._identification import checking
+from clearjoint._identification.checking import RISE
+from clearjoint._identification.residuals import RunMisfit
 
 NOWHERE = np.array([np.inf, np.inf])
 RIPPLE, WAVES = 1.6, 7.0

@@ -13,8 +13,8 @@ import pytest
 from scipy.stats import kstest, norm
 
 import clearjoint as cj
-from clearjoint.identification.posterior.posterior import modes
-from clearjoint.identification.posterior.tempering import (
+from clearjoint._identification.posterior.posterior import modes
+from clearjoint._identification.posterior.tempering import (
     Mixture,
     Target,
     draw,
@@ -145,7 +145,7 @@ def test_a_cloud_of_one_point_is_impossible(monkeypatch):
     def singular(*_):
         raise np.linalg.LinAlgError("Matrix is not positive definite")
 
-    monkeypatch.setattr("clearjoint.identification.posterior.posterior.draw", singular)
+    monkeypatch.setattr("clearjoint._identification.posterior.posterior.draw", singular)
     with pytest.raises(ValueError, match="Almost all points are impossible: .*`log_prior`"):
         found(number=64)
 

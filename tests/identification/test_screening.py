@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.export.tables import duration
-from clearjoint.identification import checking
-from clearjoint.identification.comparison import Comparison
-from clearjoint.identification.identify import _Problem
-from clearjoint.identification.residuals import UNREACHED, experiment, samples
+from clearjoint._export.tables import duration
+from clearjoint._identification import checking
+from clearjoint._identification.comparison import Comparison
+from clearjoint._identification.identify import _Problem
+from clearjoint._identification.residuals import UNREACHED, experiment, samples
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 0.01
 TIMES = np.linspace(0.1, 20.0, 200)
@@ -241,7 +241,7 @@ def raising(error):
 
 def test_a_singular_cloud_has_no_posterior(rough, monkeypatch):
     singular = np.linalg.LinAlgError("Matrix is not positive definite")
-    monkeypatch.setattr("clearjoint.identification.posterior.posterior.draw", raising(singular))
+    monkeypatch.setattr("clearjoint._identification.posterior.posterior.draw", raising(singular))
     with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
         fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
     assert fit.posterior is None and fit.check is not None

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.identification.comparison import Comparison
-from clearjoint.identification.residuals import experiment, run_misfit, samples
+from clearjoint._identification.comparison import Comparison
+from clearjoint._identification.residuals import experiment, run_misfit, samples
 from tests.identification.test_delays import MASS, SCENE, START, STATE, STIFF, V, X
 
 NOISE, STIFFNESS = 1e-3, 50.0

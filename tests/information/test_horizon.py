@@ -10,10 +10,10 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.fields.checks import conditions_of
-from clearjoint.information import error_growth as growth
-from clearjoint.information.horizon import PATH_POINTS, blocked_records, offsets
-from clearjoint.math.smoothing import wrapped
+from clearjoint._fields.checks import conditions_of
+from clearjoint._information import error_growth as growth
+from clearjoint._information.horizon import PATH_POINTS, blocked_records, offsets
+from clearjoint._math.smoothing import wrapped
 from clearjoint.quantities import Angle, JournalOffset
 from tests.support.dropped_rod import dropped_rod
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.export.tables import percent
-from clearjoint.information import fisher_information as information
+from clearjoint._export.tables import percent
+from clearjoint._information import fisher_information as information
 from clearjoint.quantities import ContactForce, Position, Velocity
 from studies.identifiability import instruments as study
 

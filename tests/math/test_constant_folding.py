@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import (
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import (
     EulerParameters,
     Matrix,
     Vector,

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from clearjoint.math.interpolation import (
+from clearjoint._math.interpolation import (
     Bend,
     Parabola,
     Point,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from clearjoint.math.block_matrices import BlockMatrix
-from clearjoint.math.linear_solvers import (
+from clearjoint._math.block_matrices import BlockMatrix
+from clearjoint._math.linear_solvers import (
     Exact,
     LeastNorm,
     OrderedFactorisation,
@@ -15,7 +15,7 @@ from clearjoint.math.linear_solvers import (
     UnrolledFactorisation,
     inner,
 )
-from clearjoint.math.rotations import (
+from clearjoint._math.rotations import (
     euler_parameter_rates,
     normalised,
     rotation_matrix,
@@ -23,7 +23,7 @@ from clearjoint.math.rotations import (
     turned,
     unit,
 )
-from clearjoint.math.vectors import (
+from clearjoint._math.vectors import (
     IDENTITY,
     UNIT_X,
     UNIT_Y,
@@ -38,7 +38,7 @@ from clearjoint.math.vectors import (
     subtract,
     unpack,
 )
-from clearjoint.model.bodies import GROUND_MOTION, Motion
+from clearjoint._model.bodies import GROUND_MOTION, Motion
 
 RANDOM = np.random.default_rng(1)
 N = 40

@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.measurements.series import to_si
+from clearjoint._measurements.series import to_si
 
 PROBE = q.JournalOffset("shoulder", "x")
 ANGLE = q.JointAngle("elbow")

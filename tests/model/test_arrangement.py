@@ -3,7 +3,7 @@
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.model.arrangement import arranged_state
+from clearjoint._model.arrangement import arranged_state
 
 Z = (0.0, 0.0, 1.0)
 

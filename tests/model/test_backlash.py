@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_forces import contact_wrenches
-from clearjoint.math.rotations import rotation_matrix
-from clearjoint.math.vectors import EulerParameters, Vector, unpack
-from clearjoint.model.bodies import Motion
-from clearjoint.model.contact.laws import Gap
-from clearjoint.model.joints.base import AbstractContactJoint
+from clearjoint._dynamics.contact_forces import contact_wrenches
+from clearjoint._math.rotations import rotation_matrix
+from clearjoint._math.vectors import EulerParameters, Vector, unpack
+from clearjoint._model.bodies import Motion
+from clearjoint._model.contact.laws import Gap
+from clearjoint._model.joints.base import AbstractContactJoint
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 from clearjoint.testing.contact_joints import _positions
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.math.rotations import rotation_vector
-from clearjoint.math.vectors import Matrix, Vector, pack, unpack
+from clearjoint._math.rotations import rotation_vector
+from clearjoint._math.vectors import Matrix, Vector, pack, unpack
 from clearjoint.testing import moving
 
 EULER = (0.8, 0.1, -0.3, 0.5)

@@ -20,14 +20,14 @@ from clearjoint import (
     body_state,
     observe,
 )
-from clearjoint.dynamics.absolute_coordinates import AbsoluteCoordinates
-from clearjoint.dynamics.contact_forces import contact_forces
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
+from clearjoint._dynamics.absolute_coordinates import AbsoluteCoordinates
+from clearjoint._dynamics.contact_forces import contact_forces
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import EulerParameters, Vector, pack, unpack
+from clearjoint._model.bodies import GROUND, GROUND_MOTION, BodyState
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
-from clearjoint.math.vectors import EulerParameters, Vector, pack, unpack
-from clearjoint.model.bodies import GROUND, GROUND_MOTION, BodyState
 from clearjoint.results import MotionMode, Trajectory
 from clearjoint.testing import moving
 

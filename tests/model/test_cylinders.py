@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import brentq
 
 import clearjoint as cj
-from clearjoint.model.contact.cylinders import inverse_of_load
+from clearjoint._model.contact.cylinders import inverse_of_load
 
 STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
 RADIUS, CLEARANCE, LENGTH = 10e-3, 0.5e-3, 20e-3

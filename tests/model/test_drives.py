@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.breakpoints import drivers_are_smooth
-from clearjoint.fields.objects import quantity
+from clearjoint._dynamics.breakpoints import drivers_are_smooth
+from clearjoint._fields.objects import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

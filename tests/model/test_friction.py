@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from clearjoint._math.vectors import Vector, pack
+from clearjoint._model.contact.laws import slip_velocity
 from clearjoint.frictions import Ambrosio, RegularisedCoulomb
-from clearjoint.math.vectors import Vector, pack
-from clearjoint.model.contact.laws import slip_velocity
 
 MU, LOAD = 0.3, 1500.0
 LAWS = (

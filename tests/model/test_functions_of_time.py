@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.breakpoints import (
+from clearjoint._dynamics.breakpoints import (
     next_breakpoint,
     one_sided_time,
     since_breakpoints,
 )
+from clearjoint._math.vectors import fold_constants, unpack
+from clearjoint._model.bodies import GROUND_MOTION
+from clearjoint._simulation.step.discontinuities import require_declared
 from clearjoint.extend import UNIT_X, ZERO
-from clearjoint.math.vectors import fold_constants, unpack
-from clearjoint.model.bodies import GROUND_MOTION
-from clearjoint.simulation.step.discontinuities import require_declared
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

@@ -10,8 +10,8 @@ from scipy.linalg import eigh
 from scipy.special import beta
 
 import clearjoint as cj
-from clearjoint.math.vectors import IDENTITY, unpack
-from clearjoint.model.bodies import GROUND_MOTION
+from clearjoint._math.vectors import IDENTITY, unpack
+from clearjoint._model.bodies import GROUND_MOTION
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 
 TIGHT = cj.Settings(rtol=1e-10, atol=1e-13)

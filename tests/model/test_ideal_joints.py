@@ -25,15 +25,15 @@ from clearjoint import (
     SphericalJoint,
     body_state,
 )
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math import block_matrices
+from clearjoint._math.rotations import transverse_axes
+from clearjoint._math.vectors import Matrix, Vector, pack, unpack
+from clearjoint._model.bodies import GROUND_MOTION, Motion
+from clearjoint._model.joints.base import Row
+from clearjoint._model.joints.constraint_rows import perpendicular, point_in_plane, row_following
 from clearjoint.extend import rows_from_residual
-from clearjoint.math import block_matrices
-from clearjoint.math.rotations import transverse_axes
-from clearjoint.math.vectors import Matrix, Vector, pack, unpack
-from clearjoint.model.bodies import GROUND_MOTION, Motion
-from clearjoint.model.joints.base import Row
-from clearjoint.model.joints.constraint_rows import perpendicular, point_in_plane, row_following
 
 RANDOM = np.random.default_rng(6)
 N = 12

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import quantities as Q  # noqa: N812
-from clearjoint.dynamics.multipliers import row_rate
-from clearjoint.math.vectors import unpack
+from clearjoint._dynamics.multipliers import row_rate
+from clearjoint._math.vectors import unpack
 from clearjoint.testing import moving
 from studies.catalogue.machines import (
     CART,

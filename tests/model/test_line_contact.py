@@ -13,10 +13,10 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_forces import contact_forces, contact_wrenches
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.math.vectors import unpack
-from clearjoint.model.bodies import GROUND, GROUND_MOTION
+from clearjoint._dynamics.contact_forces import contact_forces, contact_wrenches
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._math.vectors import unpack
+from clearjoint._model.bodies import GROUND, GROUND_MOTION
 from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
 from clearjoint.testing import moving

@@ -10,10 +10,10 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.dynamics.journals import contact_depths
-from clearjoint.dynamics.multipliers import row_rate
-from clearjoint.math.vectors import unpack
-from clearjoint.model.mechanisms.four_bars import LENGTHS, MASSES, PINS
+from clearjoint._dynamics.journals import contact_depths
+from clearjoint._dynamics.multipliers import row_rate
+from clearjoint._math.vectors import unpack
+from clearjoint._model.mechanisms.four_bars import LENGTHS, MASSES, PINS
 from clearjoint.testing import moving
 from tests.support.andrews_equations import PUBLISHED, START, angles
 

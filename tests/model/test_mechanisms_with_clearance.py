@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import brentq
 
 import clearjoint as cj
-from clearjoint.dynamics.journals import depths
-from clearjoint.fields.cautions import quiet
+from clearjoint._dynamics.journals import depths
+from clearjoint._fields.cautions import quiet
 
 FINE = cj.Settings(rtol=1e-10, atol=1e-12)
 

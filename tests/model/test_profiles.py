@@ -9,12 +9,12 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from clearjoint._math.vectors import pack, unpack
+from clearjoint._model.bodies import GROUND, GROUND_MOTION
+from clearjoint._model.profiles import PlanarAxes, closest_approach
 from clearjoint.extend import AbstractProfile, Deviation
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
-from clearjoint.math.vectors import pack, unpack
-from clearjoint.model.bodies import GROUND, GROUND_MOTION
-from clearjoint.model.profiles import PlanarAxes, closest_approach
 from clearjoint.profiles import Harmonics, PeriodicSpline
 from clearjoint.testing import check_contact_joint, moving
 

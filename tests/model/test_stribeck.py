@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from clearjoint._math.vectors import Vector, pack
 from clearjoint.frictions import (
     BengisuAkay,
     BrownMcPhee,
@@ -11,7 +12,6 @@ from clearjoint.frictions import (
     Stribeck,
     Threlfall,
 )
-from clearjoint.math.vectors import Vector, pack
 
 SLOW, FAST = 0.25, 0.15
 FALLING = (

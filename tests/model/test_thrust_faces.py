@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_forces import contact_forces, contact_wrenches
-from clearjoint.math.vectors import unpack
-from clearjoint.model.bodies import GROUND, GROUND_MOTION
+from clearjoint._dynamics.contact_forces import contact_forces, contact_wrenches
+from clearjoint._math.vectors import unpack
+from clearjoint._model.bodies import GROUND, GROUND_MOTION
 from clearjoint.testing import moving
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0

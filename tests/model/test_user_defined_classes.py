@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.objects import AbstractConverting, with_arrays
-from clearjoint.simulation.run.host_run import segment_compiled
+from clearjoint._fields.objects import AbstractConverting, with_arrays
+from clearjoint._simulation.run.host_run import segment_compiled
 
 ABSTRACT = {
     name: getattr(owner, name)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.native import NativeFallbackWarning
-from clearjoint.native.compiled import SWITCH
+from clearjoint._native import NativeFallbackWarning
+from clearjoint._native.compiled import SWITCH
 from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
 
 SCENES = catalogue_scenes()

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.native import Native, NativeFunction, machine_code, over_rows
-from clearjoint.native.llvm_text import LONGEST_BLOCK
-from clearjoint.native.machine_code import FOR_FEW_RUNS, FOR_LOOPS, _key
-from clearjoint.simulation.results import observe
-from clearjoint.simulation.run import host_run, simulate
+from clearjoint._native import Native, NativeFunction, machine_code, over_rows
+from clearjoint._native.llvm_text import LONGEST_BLOCK
+from clearjoint._native.machine_code import FOR_FEW_RUNS, FOR_LOOPS, _key
+from clearjoint._simulation.results import observe
+from clearjoint._simulation.run import host_run, simulate
 from studies.benchmark.backlash_chain import chain
 from studies.benchmark.chain import ideal_chain
 from studies.benchmark.first_calls import four_bar

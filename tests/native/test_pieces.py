@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from jax import lax
 
-from clearjoint.compilation.xla import elementwise
-from clearjoint.math.stacked import FEWEST, Stacked, stacked, unstacked
-from clearjoint.native import UnsupportedPrimitiveError, llvm_text, lowering, pieces
-from clearjoint.native.functions import NativeProgram
+from clearjoint._compilation.xla import elementwise
+from clearjoint._math.stacked import FEWEST, Stacked, stacked, unstacked
+from clearjoint._native import UnsupportedPrimitiveError, llvm_text, lowering, pieces
+from clearjoint._native.functions import NativeProgram
 from tests.native.test_repeated_calls import START, derivatives, run
 from tests.support.random_programs import RandomProgram
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from jax import lax
 
-from clearjoint.native import NativeFunction, UnsupportedPrimitiveError
-from clearjoint.native.cells import Cells
-from clearjoint.native.functions import NativeProgram
-from clearjoint.native.lanes import WIDTH, LaneLoop
-from clearjoint.native.lowering import LARGEST_UNROLLED
+from clearjoint._native import NativeFunction, UnsupportedPrimitiveError
+from clearjoint._native.cells import Cells
+from clearjoint._native.functions import NativeProgram
+from clearjoint._native.lanes import WIDTH, LaneLoop
+from clearjoint._native.lowering import LARGEST_UNROLLED
 
 # No subnormal numbers, which XLA takes for zero.
 SPECIAL = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 1e-30, 1e300, -1e-300, 0.5, 2.5, -3.5]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from jax.extend.core import jaxpr_as_fun
 
-from clearjoint.native import UnsupportedPrimitiveError
-from clearjoint.native.functions import NativeProgram
+from clearjoint._native import UnsupportedPrimitiveError
+from clearjoint._native.functions import NativeProgram
 from tests.support.random_programs import RandomProgram
 
 OPTIONS: dict[str, str | bool] = {

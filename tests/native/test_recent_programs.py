@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from jax import lax
 
-from clearjoint.compilation import HostFirst, program_store
-from clearjoint.native import Native, NativeFunction, machine_code
-from clearjoint.native.functions import FlatArguments
+from clearjoint._compilation import HostFirst, program_store
+from clearjoint._native import Native, NativeFunction, machine_code
+from clearjoint._native.functions import FlatArguments
 
 
 def scaled(x, factor):

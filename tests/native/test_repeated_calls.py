@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from jax import lax
 
-from clearjoint.compilation.xla import SHARED
-from clearjoint.native import lowering
-from clearjoint.native.cells import Cells
-from clearjoint.native.functions import NativeProgram
-from clearjoint.native.lanes import WIDTH, LaneLoop
+from clearjoint._compilation.xla import SHARED
+from clearjoint._native import lowering
+from clearjoint._native.cells import Cells
+from clearjoint._native.functions import NativeProgram
+from clearjoint._native.lanes import WIDTH, LaneLoop
 
 RNG = np.random.default_rng(5)
 TABLE = jnp.asarray(RNG.normal(size=100))

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import extend, native
-from clearjoint.compilation import Compiled
-from clearjoint.native import NativeFallbackWarning
-from clearjoint.native.compiled import SWITCH, _reported
+from clearjoint import _native as native
+from clearjoint import extend
+from clearjoint._compilation import Compiled
+from clearjoint._native import NativeFallbackWarning
+from clearjoint._native.compiled import SWITCH, _reported
 
 SPRING = cj.SpringDamper("ground", "mass", (0, 0, 0), (0, 0, 0), stiffness=100.0)
 SPEED = cj.quantities.Velocity("mass", "x")

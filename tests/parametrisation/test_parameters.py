@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.checks import recheck, recheck_changes
-from clearjoint.fields.objects import quantity
-from clearjoint.parametrisation.paths import unit_at, value_at
+from clearjoint._fields.checks import recheck, recheck_changes
+from clearjoint._fields.objects import quantity
+from clearjoint._parametrisation.paths import unit_at, value_at
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from matplotlib.text import Annotation
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.fields.drawn_text import LONGEST_NAME, shown
+from clearjoint._fields.drawn_text import LONGEST_NAME, shown
 from tests.support.tumbling_bearing import TIMES, solution_of
 
 JOINTS = ("_$x^$ \\frac{1 50% Größe", "$x^$ long\n" * 20)

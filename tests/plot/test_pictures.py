@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgba
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint.export.datasets import setting_notes
+from clearjoint._export.datasets import setting_notes
 from clearjoint.plot.report_page import joint_rows
 from tests.support.dropped_rod import dropped_rod
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of

@@ -9,8 +9,8 @@ from scipy import signal
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.dynamics.constraint_report import constraint_report
-from clearjoint.parametrisation.paths import value_at
+from clearjoint._dynamics.constraint_report import constraint_report
+from clearjoint._parametrisation.paths import value_at
 
 FREQUENCY, GRAVITY = 120.0, 9.81
 TURN = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))

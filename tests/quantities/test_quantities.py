@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import fold_constants, unpack
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import fold_constants, unpack
 from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
 from clearjoint.quantities.base import Instant
 

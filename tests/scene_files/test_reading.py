@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.scene_files.documents import FileLocation
-from clearjoint.scene_files.reading import number_of_text
+from clearjoint._scene_files.documents import FileLocation
+from clearjoint._scene_files.reading import number_of_text
 
 PIN = """
 [bodies.arm]
@@ -172,7 +172,7 @@ def test_mistakes_in_json_and_suffixes(read):
 def test_a_file_imports_nothing(read, tmp_path, monkeypatch):
     (tmp_path / "my_laws.py").write_text("raise SystemExit('imported')")
     monkeypatch.syspath_prepend(tmp_path)
-    for name in ("my_laws:Quadratic", "os:system", "clearjoint.model.contact.laws:Hertz"):
+    for name in ("my_laws:Quadratic", "os:system", "clearjoint._model.contact.laws:Hertz"):
         with pytest.raises(ValueError, match=r"none: import it and pass classes=\["):
             read(PIN, ("LankaraniNikravesh", name))
     assert "my_laws" not in sys.modules

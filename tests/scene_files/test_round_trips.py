@@ -17,10 +17,10 @@ import pytest
 from jaxtyping import Float
 
 import clearjoint as cj
-from clearjoint.model.contact.laws import AbstractElasticity
-from clearjoint.scene_files.classes import REQUIRED, Expectation, arguments, is_abstract
-from clearjoint.scene_files.documents import FileLocation
-from clearjoint.scene_files.files import first_difference
+from clearjoint._model.contact.laws import AbstractElasticity
+from clearjoint._scene_files.classes import REQUIRED, Expectation, arguments, is_abstract
+from clearjoint._scene_files.documents import FileLocation
+from clearjoint._scene_files.files import first_difference
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}
@@ -28,7 +28,7 @@ STATE = cj.State({"a": cj.body_state((0.1, 0.2, 0.3)), "b": cj.body_state((1e-30
 FAMILIES = tuple(
     kind
     for name, kind in vars(cj.extend).items()
-    if name.startswith("Abstract") and kind.__module__.startswith("clearjoint.model")
+    if name.startswith("Abstract") and kind.__module__.startswith("clearjoint._model")
 )
 PUBLIC = (cj, cj.laws, cj.frictions, cj.films, cj.profiles)
 ELEMENTS = {

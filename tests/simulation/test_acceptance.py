@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.simulation.step import acceptance
+from clearjoint._simulation.step import acceptance
 
 ULP = np.spacing(1.0)
 

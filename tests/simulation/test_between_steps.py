@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.simulation.results.solution import instants_of_smooth_curves, states_between
+from clearjoint._simulation.results.solution import instants_of_smooth_curves, states_between
 
 CUBIC = np.array([[0.3, -0.2, 0.1], [1.0, 2.0, -1.0], [0.5, -4.9, 0.2], [-2.0, 0.7, 1.1]])
 """Coefficients of the powers 0 to 3 of time, for each component of a position."""

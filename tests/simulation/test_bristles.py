@@ -10,14 +10,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint.dynamics.bristles import updated_bristles
-from clearjoint.dynamics.contact_events import ContactGap
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import Vector, unpack
-from clearjoint.simulation.step.step_state import Variables
-from clearjoint.simulation.step.stepping import _initial_ledger
-from clearjoint.simulation.step.trial_step import rates_of
+from clearjoint._dynamics.bristles import updated_bristles
+from clearjoint._dynamics.contact_events import ContactGap
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import Vector, unpack
+from clearjoint._simulation.step.step_state import Variables
+from clearjoint._simulation.step.stepping import _initial_ledger
+from clearjoint._simulation.step.trial_step import rates_of
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities

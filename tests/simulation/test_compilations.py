@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.objects import on_device, with_arrays
-from clearjoint.simulation.run import run_checks
-from clearjoint.simulation.run.host_run import segment_compiled
-from clearjoint.simulation.run.run_checks import BY_NUMPY, flat_start, starts
-from clearjoint.simulation.run.sampling import sampled_compiled
-from clearjoint.simulation.run.simulate import begin_compiled
+from clearjoint._fields.objects import on_device, with_arrays
+from clearjoint._simulation.run import run_checks
+from clearjoint._simulation.run.host_run import segment_compiled
+from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
+from clearjoint._simulation.run.sampling import sampled_compiled
+from clearjoint._simulation.run.simulate import begin_compiled
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3

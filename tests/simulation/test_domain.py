@@ -10,7 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import extend
-from clearjoint.fields.checks import conditions_of, recheck
+from clearjoint._fields.checks import conditions_of, recheck
 from tests.simulation.test_gradients import rod
 
 END = 2e-3

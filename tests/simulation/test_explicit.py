@@ -7,14 +7,14 @@ import numpy as np
 import optimistix
 import pytest
 
-from clearjoint.simulation.step.solvers import (
+from clearjoint._simulation.step.solvers import (
     UnrolledExplicit,
     dense_weights,
     largest_component,
     ready_solver,
     unrolled,
 )
-from clearjoint.simulation.step.time_map import FromOnset, WithinContact
+from clearjoint._simulation.step.time_map import FromOnset, WithinContact
 
 METHODS = [diffrax.Heun, diffrax.Bosh3, diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8]
 Y0 = {"a": jnp.asarray(0.7), "b": jnp.asarray(-0.4)}

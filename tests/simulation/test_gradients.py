@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.formulation import Formulation
-from clearjoint.dynamics.system import System
-from clearjoint.math.vectors import Vector, fold_constants, unpack
+from clearjoint._dynamics.formulation import Formulation
+from clearjoint._dynamics.system import System
+from clearjoint._math.vectors import Vector, fold_constants, unpack
+from clearjoint._model.contact.laws import Gap, contact_normal_force
+from clearjoint._simulation.run.host_run import begin, segment
+from clearjoint._simulation.step.loops import PLAIN, Loops, loops_for
+from clearjoint._simulation.step.method import Scheme
 from clearjoint.mechanisms import STEEL
-from clearjoint.model.contact.laws import Gap, contact_normal_force
-from clearjoint.simulation.run.host_run import begin, segment
-from clearjoint.simulation.step.loops import PLAIN, Loops, loops_for
-from clearjoint.simulation.step.method import Scheme
 
 REVERSE = diffrax.RecursiveCheckpointAdjoint()
 GRAVITY, CLEARANCE, RESTITUTION = 9.81, 5e-4, 0.9

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.dynamics.contact_events import ContactGap, initial_entry_speeds
-from clearjoint.model.contact.laws import UNKNOWN_ENTRY_SPEED
-from clearjoint.simulation.step.landing import Landing
+from clearjoint._dynamics.contact_events import ContactGap, initial_entry_speeds
+from clearjoint._model.contact.laws import UNKNOWN_ENTRY_SPEED
+from clearjoint._simulation.step.landing import Landing
 
 LANDING = Landing(1e-12)
 

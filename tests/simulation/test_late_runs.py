@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint._simulation.run.sampling import sampled_compiled
 from clearjoint.extend import UNIT_X, ZERO
-from clearjoint.simulation.run.sampling import sampled_compiled
 from tests.support.recorded_rod import recorded_rod
 
 LATE = (2.0**14, 2.0**20)

@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.vectors import fold_constants
-from clearjoint.parametrisation.parameter import coordinates_of
-from clearjoint.parametrisation.parametrised_scene import parametrised
-from clearjoint.simulation.run.host_run import begin
-from clearjoint.simulation.run.run_checks import derivative_scheme
-from clearjoint.simulation.run.sampling import start_with_tangents
-from clearjoint.simulation.step import stepping
-from clearjoint.simulation.step.method import SystemFamily
-from clearjoint.simulation.step.stepping import MANY_OPERATIONS, shapes_of
+from clearjoint._math.vectors import fold_constants
+from clearjoint._parametrisation.parameter import coordinates_of
+from clearjoint._parametrisation.parametrised_scene import parametrised
+from clearjoint._simulation.run.host_run import begin
+from clearjoint._simulation.run.run_checks import derivative_scheme
+from clearjoint._simulation.run.sampling import start_with_tangents
+from clearjoint._simulation.step import stepping
+from clearjoint._simulation.step.method import SystemFamily
+from clearjoint._simulation.step.stepping import MANY_OPERATIONS, shapes_of
 
 SPAN = (0.0, 1.0, 1e-6)
 

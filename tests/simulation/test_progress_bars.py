@@ -8,11 +8,11 @@ import pytest
 from tqdm.std import TqdmDefaultWriteLock
 
 import clearjoint as cj
-from clearjoint.compilation import Compiled, seconds_of_compiling
-from clearjoint.simulation.lanes.scheduler import Running
-from clearjoint.simulation.run import host_run, sampling, terminal
-from clearjoint.simulation.run.terminal import compiling_bar
-from clearjoint.sweeps.computing import lane_progress, show_running
+from clearjoint._compilation import Compiled, seconds_of_compiling
+from clearjoint._simulation.lanes.scheduler import Running
+from clearjoint._simulation.run import host_run, sampling, terminal
+from clearjoint._simulation.run.terminal import compiling_bar
+from clearjoint._sweeps.computing import lane_progress, show_running
 
 LONG, TICK = 0.25, 0.02
 

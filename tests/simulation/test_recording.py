@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.simulation.run import host_run
-from clearjoint.simulation.run import sampling as module
-from clearjoint.simulation.run.impact_recorder import (
+from clearjoint._simulation.run import host_run
+from clearjoint._simulation.run import sampling as module
+from clearjoint._simulation.run.impact_recorder import (
     ContactInstant,
     ContactRecord,
     ContactSoFar,
@@ -21,7 +21,7 @@ from clearjoint.simulation.run.impact_recorder import (
     most,
     peak_in_step,
 )
-from clearjoint.simulation.run.recorders import RowBuffer
+from clearjoint._simulation.run.recorders import RowBuffer
 from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 

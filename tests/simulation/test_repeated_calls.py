@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.compilation import HostFirst
-from clearjoint.dynamics.joint_coordinates import trees
-from clearjoint.fields.objects import with_arrays
-from clearjoint.math.vectors import unpack
-from clearjoint.native import NativeFunction
-from clearjoint.native.functions import FlatArguments, folded
-from clearjoint.simulation.run.run_checks import check_structure
+from clearjoint._compilation import HostFirst
+from clearjoint._dynamics.joint_coordinates import trees
+from clearjoint._fields.objects import with_arrays
+from clearjoint._math.vectors import unpack
+from clearjoint._native import NativeFunction
+from clearjoint._native.functions import FlatArguments, folded
+from clearjoint._simulation.run.run_checks import check_structure
 from studies.benchmark.backlash_chain import chain
 
 Z, ORIGIN = (0, 0, 1), (0, 0, 0)

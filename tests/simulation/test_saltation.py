@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.fields.objects import quantity
-from clearjoint.math.vectors import ZERO, Vector
-from clearjoint.model.bodies import Wrench
-from clearjoint.model.joints.base import Contact
-from clearjoint.simulation.step.discontinuities import compares_time
-from clearjoint.simulation.step.saltation import _mean_force
+from clearjoint._fields.objects import quantity
+from clearjoint._math.vectors import ZERO, Vector
+from clearjoint._model.bodies import Wrench
+from clearjoint._model.joints.base import Contact
+from clearjoint._simulation.step.discontinuities import compares_time
+from clearjoint._simulation.step.saltation import _mean_force
 from tests.support.planes import Plane
 
 Q = cj.quantities

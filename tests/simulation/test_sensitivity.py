@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.parametrisation.parameter import coordinates_of
-from clearjoint.parametrisation.parametrised_scene import parametrised
-from clearjoint.simulation.run.run_checks import derivative_scheme
-from clearjoint.simulation.run.sampling import sampled
-from clearjoint.simulation.run.sensitivities import _growth_of_derivatives
+from clearjoint._parametrisation.parameter import coordinates_of
+from clearjoint._parametrisation.parametrised_scene import parametrised
+from clearjoint._simulation.run.run_checks import derivative_scheme
+from clearjoint._simulation.run.sampling import sampled
+from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.interpolation import Parabola
-from clearjoint.simulation.reductions.base import TimeSpan
+from clearjoint._math.interpolation import Parabola
+from clearjoint._simulation.reductions.base import TimeSpan
 from tests.support.dropped_rod import dropped_rod
 from tests.support.programs import primitives
 

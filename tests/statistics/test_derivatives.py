@@ -6,8 +6,8 @@ import pytest
 from scipy.stats import norm, t
 
 import clearjoint as cj
-from clearjoint.statistics.derivatives import estimate
-from clearjoint.statistics.uncertain import unit_cube
+from clearjoint._statistics.derivatives import estimate
+from clearjoint._statistics.uncertain import unit_cube
 
 
 class Polynomial(cj.extend.AbstractReduction):

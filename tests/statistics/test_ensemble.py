@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.statistics.ensemble import _quantile_errors
+from clearjoint._statistics.ensemble import _quantile_errors
 
 GRAVITY, LENGTH = 9.81, 0.5
 SPRING, MASS = 100.0, 1.0

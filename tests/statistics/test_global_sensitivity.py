@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 import clearjoint as cj
-from clearjoint.statistics.global_sensitivity import _groups, _indices
+from clearjoint._statistics.global_sensitivity import _groups, _indices
 
 A, B = 7.0, 0.1
 

@@ -6,12 +6,12 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from clearjoint.math.vectors import fold_constants
-from clearjoint.simulation.run.run_checks import check_start
-from clearjoint.simulation.run.run_loop import begin_run
-from clearjoint.simulation.step.method import Scheme
-from clearjoint.simulation.step.stepping import attempt
-from clearjoint.simulation.step.trial_step import rates_of
+from clearjoint._math.vectors import fold_constants
+from clearjoint._simulation.run.run_checks import check_start
+from clearjoint._simulation.run.run_loop import begin_run
+from clearjoint._simulation.step.method import Scheme
+from clearjoint._simulation.step.stepping import attempt
+from clearjoint._simulation.step.trial_step import rates_of
 from studies.cost import coordinates, features
 from tests.support.replaced_code import FEATURES, without
 

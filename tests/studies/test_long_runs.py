@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.rotations import kept_unit, rotation_matrix, within_two_turns
-from clearjoint.math.vectors import EulerParameters, pack, unpack
-from clearjoint.model.bodies import BodyState
-from clearjoint.simulation.run.host_run import _first_rows
-from clearjoint.simulation.step.method import Scheme
-from clearjoint.simulation.step.step_state import Variables
-from clearjoint.simulation.step.stepping import attempt, start
+from clearjoint._math.rotations import kept_unit, rotation_matrix, within_two_turns
+from clearjoint._math.vectors import EulerParameters, pack, unpack
+from clearjoint._model.bodies import BodyState
+from clearjoint._simulation.run.host_run import _first_rows
+from clearjoint._simulation.step.method import Scheme
+from clearjoint._simulation.step.step_state import Variables
+from clearjoint._simulation.step.stepping import attempt, start
 from studies.cost import long_runs
 
 

@@ -59,7 +59,7 @@ def in_order():
 
 
 def source_file(folder, text):
-    file = folder / "clearjoint" / "model" / "law.py"
+    file = folder / "clearjoint" / "_model" / "law.py"
     file.parent.mkdir(parents=True)
     file.write_text(text)
     return file

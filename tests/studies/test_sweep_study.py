@@ -62,7 +62,7 @@ def test_a_finished_sweep_is_read_and_not_computed(output, swept, capsys, monkey
     def refuse(*arguments, **settings):
         raise AssertionError("computed again")
 
-    monkeypatch.setattr("clearjoint.sweeps.work.Work.run", refuse)
+    monkeypatch.setattr("clearjoint._sweeps.work.Work.run", refuse)
     findings = clearance_sweep.sweep(output)
     assert "has 16 of 16 lanes" in capsys.readouterr().out
     assert "0 of 16 lanes failed" in findings

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from clearjoint.sweeps.outputs import Coordinate, Layout, Variable
-from clearjoint.sweeps.store.program import RUN, Identity, row_digests
-from clearjoint.sweeps.store.store import SweepMemory, SweepStore
+from clearjoint._sweeps.outputs import Coordinate, Layout, Variable
+from clearjoint._sweeps.store.program import RUN, Identity, row_digests
+from clearjoint._sweeps.store.store import SweepMemory, SweepStore
 
 COMPONENTS = ("x", "y", "z")
 RESULT = Variable(

@@ -6,9 +6,9 @@ import equinox as eqx
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.math.vectors import Scalar, Vector
-from clearjoint.model.contact.laws import slip_velocity
-from clearjoint.model.joints.base import Contact, Motions
+from clearjoint._math.vectors import Scalar, Vector
+from clearjoint._model.contact.laws import slip_velocity
+from clearjoint._model.joints.base import Contact, Motions
 
 
 class Plane(cj.extend.AbstractContactJoint):

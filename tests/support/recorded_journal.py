@@ -3,7 +3,7 @@
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.simulation.results.observe import ContactObservation
+from clearjoint._simulation.results.observe import ContactObservation
 
 CLEARANCE, RADIUS, COUNT = 0.5e-3, 10e-3, 40
 FORCE = 200.0

@@ -1,6 +1,7 @@
 """The rooms of the package, who imports whom, and their floors: `python -m tests.support.rooms`.
 
-A room is a package in `clearjoint/` or a module that lies beside them. Its floor is one above the
+A room is a package in `clearjoint/` or a module that lies beside them; an underscore marks those
+that users do not open. Its floor is one above the
 highest room that it imports from.
 """
 
@@ -51,8 +52,8 @@ def imports(module: str) -> list[str]:
 
 
 def room_of(module: str) -> str:
-    """The room that a module, by its dotted name in the package, lies in."""
-    return module.split(".")[0]
+    """The room that a module, by its dotted name in the package, lies in, without underscore."""
+    return module.split(".")[0].removeprefix("_")
 
 
 @cache

@@ -11,10 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.fields.checks import require_positive
-from clearjoint.fields.objects import quantity
-from clearjoint.math.vectors import ZERO, Vector
-from clearjoint.model.bodies import Wrench
+from clearjoint._fields.checks import require_positive
+from clearjoint._fields.objects import quantity
+from clearjoint._math.vectors import ZERO, Vector
+from clearjoint._model.bodies import Wrench
 
 INERTIA, SPEED, END, AFTER = 0.1, 0.5, 1.0, 0.3
 TIMES = np.linspace(0.0, END, 401)

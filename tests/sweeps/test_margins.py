@@ -6,8 +6,7 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.quantities import ContactForce, Eccentricity
-from clearjoint.sweeps.largest import (
+from clearjoint._sweeps.largest import (
     LaneMargins,
     _Search,
     as_reduction,
@@ -15,6 +14,7 @@ from clearjoint.sweeps.largest import (
     lane_margins,
     limit_margins,
 )
+from clearjoint.quantities import ContactForce, Eccentricity
 
 MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
 LARGEST = {"eccentricity": 0.5e-3, "force": 150.0}

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 import clearjoint as cj
-from clearjoint.sweeps.axes import lanes_of
+from clearjoint._sweeps.axes import lanes_of
 
 
 def test_a_change_that_makes_the_scene_anew_varies_only_what_differs():

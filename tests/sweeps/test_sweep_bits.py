@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import clearjoint as cj
-from clearjoint.sweeps.store.store import SweepStore
+from clearjoint._sweeps.store.store import SweepStore
 from tests.support.rotor import LARGEST, OUTPUTS, SPEED, TIMES, swept
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*lanes failed")

@@ -23,14 +23,14 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.fields.objects import quantity
-from clearjoint.native import is_native
-from clearjoint.runtime import threads_of_sweeps
-from clearjoint.sweeps import computing, executors
-from clearjoint.sweeps.computing import lane_progress
-from clearjoint.sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
-from clearjoint.sweeps.outputs import Coordinate
-from clearjoint.sweeps.store.store import SweepMemory, open_sweep
+from clearjoint._fields.objects import quantity
+from clearjoint._native import is_native
+from clearjoint._runtime import threads_of_sweeps
+from clearjoint._sweeps import computing, executors
+from clearjoint._sweeps.computing import lane_progress
+from clearjoint._sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
+from clearjoint._sweeps.outputs import Coordinate
+from clearjoint._sweeps.store.store import SweepMemory, open_sweep
 from tests.support.fake_sweep import complete, layout, opened, results
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -166,7 +166,7 @@ def test_broken_pool_is_reported_and_another_one_resumes(store, tmp_path, proces
 UNGUARDED = """
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
-from clearjoint.sweeps.executors import ChunkError, run_chunks
+from clearjoint._sweeps.executors import ChunkError, run_chunks
 
 with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
     try:
@@ -220,7 +220,7 @@ import os, sys, threading, time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 sys.path.insert(0, ".")
-from clearjoint.sweeps.executors import run_chunks
+from clearjoint._sweeps.executors import run_chunks
 
 def task(chunk):
     print(os.getpid(), flush=True)
@@ -449,7 +449,7 @@ def test_what_is_no_executor_is_refused():
 
 STARTED_OTHERWISE = """
 import jax
-from clearjoint.runtime import adopt, in_force
+from clearjoint._runtime import adopt, in_force
 jax.numpy.zeros(1)
 adopt(in_force() | {"jax_enable_x64": True, "CLEARJOINT_NATIVE": "0"})
 print(jax.numpy.zeros(1).dtype, in_force()["CLEARJOINT_NATIVE"])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from clearjoint.sweeps.store.program import fingerprints
+from clearjoint._sweeps.store.program import fingerprints
 
 X = jnp.linspace(0.0, 1.0, 3)
 

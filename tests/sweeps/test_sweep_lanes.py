@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.simulation.lanes import scheduler, xla_lanes
-from clearjoint.sweeps.work import Work
+from clearjoint._simulation.lanes import scheduler, xla_lanes
+from clearjoint._sweeps.work import Work
 from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
 
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.math.vectors import fold_constants
-from clearjoint.simulation.lanes.lane import Plan
-from clearjoint.simulation.run import impact_recorder
-from clearjoint.simulation.run.impact_recorder import ImpactRecorder
-from clearjoint.simulation.step.method import Scheme
-from clearjoint.sweeps.store.program import RUN, programs
-from clearjoint.sweeps.work import Chunks
+from clearjoint._math.vectors import fold_constants
+from clearjoint._simulation.lanes.lane import Plan
+from clearjoint._simulation.run import impact_recorder
+from clearjoint._simulation.run.impact_recorder import ImpactRecorder
+from clearjoint._simulation.step.method import Scheme
+from clearjoint._sweeps.store.program import RUN, programs
+from clearjoint._sweeps.work import Chunks
 from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin
 
 USUAL = cj.Settings(atol=1e-9)

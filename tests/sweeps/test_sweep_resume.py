@@ -17,12 +17,12 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint.model.bodies import Wrench
-from clearjoint.sweeps import computing
-from clearjoint.sweeps import sweep as sweeping
-from clearjoint.sweeps.computing import lane_progress
-from clearjoint.sweeps.store.store import SweepStore
-from clearjoint.sweeps.work import Work
+from clearjoint._model.bodies import Wrench
+from clearjoint._sweeps import computing
+from clearjoint._sweeps import sweep as sweeping
+from clearjoint._sweeps.computing import lane_progress
+from clearjoint._sweeps.store.store import SweepStore
+from clearjoint._sweeps.work import Work
 from tests.support.fake_sweep import layout
 from tests.support.rotor import (
     END,
@@ -196,7 +196,7 @@ sys.path.insert(0, ".")
 import clearjoint as cj, numpy as np
 from tests.support import rotor
 cj.configure()
-from clearjoint.sweeps.store.store import SweepStore
+from clearjoint._sweeps.store.store import SweepStore
 write = SweepStore.write
 def slowly(store, parts):
     for chunk in parts:
@@ -291,7 +291,7 @@ import sys, time
 sys.path.insert(0, ".")
 import tests.conftest
 from tests.sweeps.test_sweep_resume import long_lanes
-from clearjoint.sweeps import computing
+from clearjoint._sweeps import computing
 add = computing._Writer.add
 def report(writer, lanes, results):
     for lane in lanes:

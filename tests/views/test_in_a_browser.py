@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.views.meshes import CLEAR
+from clearjoint._views.meshes import CLEAR
 from tests.support import recorded_journal as recorded
 from tests.support.browser import FOUND, MISSING, OPTIONS, Browser
 

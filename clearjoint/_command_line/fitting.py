@@ -1,0 +1,154 @@
+"""`clearjoint fit`: estimate parameters from measurements."""
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from .._export.datasets import Labelled, labelled_dataset
+from .._identification.fit import Fit
+from .._identification.identify import FitInterrupted, identify
+from .._identification.levenberg_marquardt import Ending, Iteration
+from .._measurements.readers import Channel, read_csv
+from .._measurements.series import Measurements, Series
+from .._parametrisation.parameter import Parameter
+from .._scene_files.documents import FileLocation
+from .._scene_files.reading import number_of_text
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .folders import remove_old, write_scene, write_summary, write_table
+from .study import FitPart, Study, find_path
+
+REPORT = "report.txt"
+"""File of the report."""
+SERIES = "series "
+"""Prefix of the names of the tables of the fitted series."""
+
+
+def fit(study: Study, folder: Path) -> CommandResult:
+    """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
+    the fitted scene and series, a report and an HTML page.
+
+    After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
+
+    **Raises:** `ValueError` for a study without a section [fit], for wrong entries in this section,
+    and for a missing or invalid file of measurements.
+    """
+    part = study.parts.fit
+    location = study.location.at("fit")
+    if part is None:
+        location.refuse(None, "a section [fit]", "add [fit.parameters.<name>]")
+    measured = _measured(study, part, location)
+    parameters, guess = fit_parameters(study, part)
+    measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
+    interrupted = False
+    try:
+        found = identify(
+            study.scene,
+            study.state,
+            measured,
+            parameters,
+            study.settings("fit"),
+            start_time=part.start,
+            guess=guess or None,
+            starts=part.starts,
+            grow=part.grow,
+            max_iterations=part.max_iterations,
+            progress=partial(_say_iteration, parameters, part.max_iterations),
+        )
+    except FitInterrupted as stopped:
+        if not stopped.fits:
+            line = "interrupted before the first run ended"
+            return CommandResult(INTERRUPTED, line, wrote=False)
+        # `stopped.fits` contains the finished fits, if there were several starts, and, last, the
+        # best result so far of the fit that was interrupted.
+        interrupted, found = True, stopped.fits[-1]
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import write_fit_report
+
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_old(folder, [f"{SERIES}*"])
+    _write(found, folder)
+    summary = {
+        "ended": "interrupted" if interrupted else found.ending.value,
+        "samples": found.samples,
+        "chi_squared": found.chi_squared,
+        "degrees_of_freedom": found.degrees_of_freedom,
+    }
+    # The page shows the summary and the tables, so it is written after them.
+    write_summary(folder, "fit", study, summary)
+    write_fit_report(folder, found)
+    if interrupted:
+        line = f"interrupted; the best fit so far is in {folder / REPORT}"
+        return CommandResult(INTERRUPTED, line)
+    converged = found.ending is Ending.CONVERGED
+    if not converged:
+        say(f"error: the fit did not converge: {found.ending.value}")
+    estimates = [f"{name} {found.estimates[name]:.5g}" for name in found.parameters]
+    line = f"{found.ending.value}, chi squared {found.chi_squared:.4g}, {', '.join(estimates)}"
+    return CommandResult(WELL if converged else FAILED, line)
+
+
+def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
+    """Return the measurements in the CSV file that the study names, in SI units."""
+    path = study.path.parent / part.measurements
+    if not path.exists():
+        remedy = f"there is no {path}"
+        location.at("measurements").refuse(part.measurements, "a CSV file", remedy)
+    # A noise given as a text, such as "2 um", is converted below, when the unit of its series is
+    # known. Until then, 1.0 stands for it.
+    texts = {name: c.noise for name, c in part.columns.items() if isinstance(c.noise, str)}
+    channels = {
+        name: Channel(column.quantity, 1.0 if name in texts else column.noise, column.unit)
+        for name, column in part.columns.items()
+    }
+    # `read_csv` has its own default for `comment`, so None is not passed on.
+    options = {} if part.comment is None else {"comment": part.comment}
+    time = {"time": part.time, "time_unit": part.time_unit}
+    read = read_csv(path, channels, missing=part.missing, **time, **options).series
+    for name, text in texts.items():
+        one = read[name]
+        noise = number_of_text(text, one.unit, location.at("columns", name, "noise"))
+        read[name] = Series(one.channel, one.times, one.values, noise, one.unit, one.name)
+    return Measurements(read)
+
+
+def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
+    """Return the parameters of the fit and their first guesses, in SI units, by name."""
+    parameters, guess = {}, {}
+    for name, one in part.parameters.items():
+        part_location = study.location.at("fit", "parameters", name)
+        found = find_path(one.path, study.scene, study.state, part_location.at("path"))
+        make = Parameter.initial if found.in_state else Parameter
+        parameters[name] = make(found.path, one.scale, unit=found.unit)
+        if one.guess is not None:
+            guess[name] = found.number(one.guess, part_location.at("guess"))
+    return parameters, guess
+
+
+def _say_iteration(
+    parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
+) -> None:
+    pairs = zip(parameters.items(), iteration.coordinates, strict=True)
+    values = [f"{name} {float(one.scale.value(x)):.6g}" for (name, one), x in pairs]
+    rejected = "" if iteration.accepted else " (rejected)"
+    say(
+        f"iteration {iteration.number} of at most {max_iterations}: "
+        f"chi squared {iteration.chi_squared:.6g}, {', '.join(values)}{rejected}"
+    )
+
+
+def _write(found: Fit, folder: Path) -> None:
+    write_scene(folder, found.scene, found.state, "fitted.toml")
+    write_table(folder, "estimates", found.to_xarray())
+    (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")
+    rows = ("time",)
+    for name, series in found.measurements.series.items():
+        columns = {
+            "measured": Labelled(rows, series.values, series.unit, "measured"),
+            "noise": Labelled(rows, series.noise, series.unit, "one standard deviation"),
+            "fitted": Labelled(rows, found.predictions[name], series.unit, "fitted"),
+            "residual": Labelled(rows, found.residuals[name], "1", "(fitted - measured) / noise"),
+        }
+        times = {"time": Labelled(rows, np.asarray(series.times), "s", "time")}
+        write_table(folder, f"{SERIES}{name}", labelled_dataset(f"fit of {name}", columns, times))

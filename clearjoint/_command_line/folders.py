@@ -1,0 +1,266 @@
+"""Write and read the files in a folder of results."""
+
+import json
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import fields, replace
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+import xarray as xr
+
+from .._dynamics.absolute_coordinates import AbsoluteCoordinates
+from .._dynamics.formulation import Baumgarte, Formulation, Projection, Unstabilised
+from .._dynamics.joint_coordinates.coordinates import JointCoordinates
+from .._export.datasets import describe, to_frame, write_netcdf
+from .._fields.cautions import quiet
+from .._model.bodies import BodyState, State
+from .._model.scene import Scene
+from .._result_codes import RESULTS
+from .._scene_files.documents import FileLocation, listed
+from .._scene_files.files import Writer, load, save
+from .._scene_files.reading import Reader
+from .._simulation.results.impact_table import Impacts
+from .._simulation.results.solution import (
+    BRISTLES,
+    CONTACTS,
+    STATE_PARTS,
+    Crossings,
+    Solution,
+    Trajectory,
+    contact_label,
+)
+from .study import CLASSES, Study
+
+SUMMARY = "summary.json"
+"""File of the summary: kind, title and ending of the results."""
+SCENE, REACHED = "scene.toml", "reached.toml"
+"""Files of the scene with its initial state, and with the state at the end of the run."""
+MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
+"""Names of the tables of a run, each in a netCDF and in a CSV file: the saved states; the forces,
+accelerations and energies at these states; the impacts; and the outputs of the study that are
+quantities at these states."""
+DRAWN = "drawn"
+"""Name of the netCDF file of further states of a run between the saved ones, for its figures."""
+NUMBERS = "numbers.csv"
+"""File of the outputs that are one number of the run."""
+FORMULATION = "formulation"
+"""Attribute of the table of saved states: the formulation of the equations of motion, as JSON."""
+EARLIER = {
+    "coordinates": (AbsoluteCoordinates(), JointCoordinates()),
+    "stabilisation": (Baumgarte(), Projection(), Unstabilised()),
+}
+"""Coordinates and stabilisations that are recognised by their texts, in tables without
+`FORMULATION`."""
+SECTION = "section "
+"""Prefix of the names of the tables of Poincaré sections."""
+STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
+"""Folders of the Zarr stores of a sweep and of wear."""
+FIGURES = "figures"
+"""Folder of the figures."""
+PAGE = "index.html"
+"""File of the page that shows all results."""
+
+Summary = Mapping[str, str | int | float]
+"""Entries of a summary by name."""
+
+
+def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
+    """Write the summary of results: kind, title, path of the study's file, `results`, and the time,
+    s, since that file was read."""
+    seconds = round(time.perf_counter() - study.started, 2)
+    title = study.parts.title or study.path.stem
+    head = {"kind": kind, "title": title, "file": str(study.path)}
+    text = json.dumps({**head, **results, "seconds": seconds}, indent=2, ensure_ascii=False)
+    (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+
+
+def read_summary(folder: Path) -> dict[str, str | int | float]:
+    """Return the entries of the summary; `ValueError` for a folder without results."""
+    if not (folder / SUMMARY).is_file():
+        raise ValueError(
+            f"{folder}: found no {SUMMARY}, expected a folder of results: pass the folder that "
+            "`clearjoint run`, `sweep`, `fit` or `wear` wrote (--out)."
+        )
+    return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+
+
+def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
+    """Write a scene file, or nothing if scene and state can't be saved: a failed run may have ended
+    in a state with NaN."""
+    with suppress(ValueError):
+        save(scene, state, folder / name)
+
+
+def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
+    """Remove figures, tables and files of earlier results of a command from its folder.
+
+    If they were kept, the new page would also show those that the command does not write again. A
+    folder without a summary does not contain results, so nothing is removed from it.
+
+    **Arguments:** `tables`, `files`: names; "*" in a name stands for any characters.
+    """
+    if (folder / SUMMARY).is_file():
+        both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
+        for pattern in (f"{FIGURES}/*.png", *both, *files):
+            for path in folder.glob(pattern):
+                path.unlink()
+
+
+def file_name(name: str) -> str:
+    """Return the name of the file, without suffix, for the table or figure with the given name.
+
+    Slashes are replaced, and long names shortened, because file systems allow names of at most 255
+    bytes. A name that was changed gets a checksum, so that different names give different files.
+    """
+    safe = name.replace("/", "_")
+    if len(safe.encode()) > 200:
+        safe = f"{safe[:40]}_{safe[-20:]}"
+    return safe if safe == name else f"{safe}_{crc32(name.encode()):08x}"
+
+
+def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
+    """Write a dataset to `name`.nc (netCDF) and `name`.csv, changed by `file_name` if needed."""
+    file = file_name(name)
+    # The name of the table is kept as an attribute, because the name of the file may differ.
+    write_netcdf(table.assign_attrs(table=name), folder / f"{file}.nc")
+    to_frame(table).to_csv(folder / f"{file}.csv")
+
+
+def read_table(folder: Path, name: str) -> xr.Dataset | None:
+    """Return the dataset in the file `name`.nc; ``None`` without such a file."""
+    path = folder / f"{name}.nc"
+    if not path.exists():
+        return None
+    table = xr.load_dataset(path, engine="scipy")
+    # Names that netCDF does not allow were changed when the file was written.
+    return table.rename({n: v.attrs.get("original_name", n) for n, v in table.items()})
+
+
+def read_run(folder: Path) -> tuple[Scene, Solution]:
+    """Return the scene and the solution of a run in a folder, from which the figures of the run can
+    be drawn again. The accepted steps are not stored.
+
+    **Raises:** `ValueError` for a folder without saved states or without the file of the scene, and
+    for coordinates or a stabilisation that this version does not know.
+    """
+    motion = read_table(folder, MOTION)
+    if motion is None or not (folder / SCENE).exists():
+        files = f"{MOTION}.nc and {SCENE}"
+        remedy = "run `clearjoint run` again"
+        raise ValueError(f"{folder}: found no {files}, expected both: {remedy}.")
+    # Warnings about unusual values were issued when the run was made.
+    with quiet():
+        scene, _ = load(folder / SCENE)
+    redundant = motion.attrs["redundant_constraints"]
+    names = () if redundant == "none" else tuple(redundant.split(", "))
+    # The file has the message of the result instead of its code. The message of another version may
+    # be unknown here; such a run counts as one that was not finished.
+    results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
+    impacts = read_table(folder, IMPACTS)
+    columns = {} if impacts is None else {f.name: impacts[f.name].values for f in fields(Impacts)}
+    columns |= {name: columns[name].astype(object) for name in ("joint", "contact") if columns}
+    solution = Solution(
+        time=float(motion.attrs["time_reached"]),
+        final=_state(scene, motion, "final_"),
+        result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
+        attempts=int(motion.attrs["attempts"]),
+        accepted=int(motion.attrs["accepted"]),
+        saved=Trajectory(motion["time"].values, _state(scene, motion)),
+        saved_count=motion.sizes["time"],
+        steps=None,
+        impacts=None if impacts is None else Impacts(**columns),
+        formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
+        redundant_constraints=names,
+        sections=_sections(folder),
+        settings=tuple(
+            (key, value.item() if isinstance(value, np.generic) else value)
+            for key, value in motion.attrs.items()
+            if key.startswith("setting_")
+        ),
+    )
+    return scene, solution
+
+
+def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
+    """Return a solution from `read_run` with further states between its saved ones, for figures;
+    `solution` itself for results of an earlier version, which have none."""
+    table = read_table(folder, DRAWN)
+    if table is None:
+        return solution
+    path = Trajectory(table["time"].values, _state(scene, table))
+    return replace(solution, saved=path, saved_count=len(path))
+
+
+def formulation_text(formulation: Formulation) -> str:
+    """Return the JSON text of a run's formulation, for the attribute `FORMULATION` of its table."""
+    return json.dumps(Writer().table(formulation, FileLocation(MOTION)))
+
+
+def read_formulation(notes: Mapping[str, object], location: FileLocation) -> Formulation:
+    """Return the formulation of a run from the attributes of its table.
+
+    Tables of earlier versions lack the attribute `FORMULATION`. Their formulation is found only if
+    its coordinates and stabilisation have no numbers, or the default ones.
+
+    **Arguments:** `location`: of the table, for messages.
+
+    **Raises:** `ValueError` for a formulation that is unknown to this version, or not found.
+    """
+    if FORMULATION in notes:
+        table = json.loads(str(notes[FORMULATION]))
+        return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
+    chosen = {}
+    for name in ("coordinates", "stabilisation"):
+        known = {describe(one): one for one in EARLIER[name]}
+        text = str(notes[f"setting_{name}"])
+        if text not in known:
+            remedy = "run `clearjoint run` again"
+            location.at(f"setting_{name}").refuse(text, f"one of {listed(known)}", remedy)
+        chosen[name] = known[text]
+    redundant, ledger = notes["redundant_constraints"] != "none", notes["setting_ledger"] == "True"
+    return Formulation(**chosen, redundant=redundant, ledger=ledger)
+
+
+def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
+    """Return the state, or the states at N times, in a table of states, whose arrays have names
+    with the `prefix`."""
+    bodies = {
+        name: BodyState(*(table[prefix + part].sel(body=name).values for part in STATE_PARTS))
+        for name in scene.bodies
+    }
+    ledger, work = table.get(f"{prefix}ledger"), {}
+    if ledger is not None:
+        work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}
+    entry_speeds = _by_contact(scene, table.get(f"{prefix}entry_speed"), CONTACTS)
+    bristles = _by_contact(scene, table.get(f"{prefix}bristle_deflection"), BRISTLES)
+    return State(bodies, entry_speeds, work, bristles)
+
+
+def _by_contact(
+    scene: Scene, table: xr.DataArray | None, dim: str
+) -> dict[str, dict[str, np.ndarray]]:
+    """Return the values of one state variable of the contacts along `dim`, by joint and contact;
+    contacts that are not in the table are left out."""
+    by_joint: dict[str, dict[str, np.ndarray]] = {}
+    for joint, family in ({} if table is None else scene.laws()).items():
+        for contact in family:
+            if (label := contact_label(joint, contact)) in table[dim].values:  # pyright: ignore
+                values = table.sel({dim: label}).values  # pyright: ignore
+                by_joint.setdefault(joint, {})[contact] = values
+    return by_joint
+
+
+def _sections(folder: Path) -> dict[str, Crossings]:
+    sections = {}
+    for path in sorted(folder.glob(f"{SECTION}*.nc")):
+        table = read_table(folder, path.stem)
+        assert table is not None
+        units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
+        values = {name: table[name].values for name in units}
+        # Files of earlier versions lack the name of the table.
+        name = str(table.attrs.get("table", path.stem)).removeprefix(SECTION)
+        sections[name] = Crossings(table["time"].values, values, units)
+    return sections

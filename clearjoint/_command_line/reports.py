@@ -1,0 +1,358 @@
+"""Draw the figures of results, and write the page of a folder of results."""
+
+import base64
+import re
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib import pyplot
+from matplotlib.axes import Axes
+
+from .. import plot
+from .._durability.wear import open_wear
+from .._durability.wear_derivatives import PARTS, Part
+from .._export.datasets import to_frame
+from .._identification.fit import Fit
+from .._model.clearance_joints.journal_bases import HasJournal
+from .._model.scene import Scene
+from .._simulation.results.impact_table import Impacts
+from .._simulation.results.observe import observe
+from .._simulation.results.solution import Solution
+from .._simulation.run.sections import Crossings
+from .._sweeps.store.store import open_sweep
+from .._views.viewing import view
+from ..plot.report_page import IMPACT_COLUMNS, impact_rows
+from ..plot.sections import section_points
+from ..plot.style import fitting_unit, scaled
+from .endings import say
+from .folders import (
+    FIGURES,
+    MOTION,
+    NUMBERS,
+    OUTPUTS,
+    PAGE,
+    STORE,
+    WEAR_STORE,
+    file_name,
+    read_drawn,
+    read_run,
+    read_summary,
+    read_table,
+)
+
+
+def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
+    """Draw the orbits of the journals, the forces of the joints with contacts, energies, outputs
+    and Poincaré sections of a run, and write its report on one page with `plot.report`."""
+    observed = observe(scene, solution)
+    for name, joint in scene.contact_joints().items():
+        if isinstance(joint, HasJournal):
+            clearance = float(np.asarray(joint.clearance))
+            _save(folder, f"{name} orbit", plot.journal_orbit(observed, name, clearance))
+        forces = plot.contact_forces(observed, name)
+        _mark_peaks(forces, solution.impacts, name)
+        _save(folder, f"{name} forces", forces)
+    _save(folder, "energies", plot.energy_ledger(observed)[0])
+    outputs = read_table(folder, OUTPUTS)
+    for name, values in ({} if outputs is None else outputs).items():
+        _save(folder, f"output {name}", _over_time(values))
+    for name, crossings in solution.sections.items():
+        if len(crossings):
+            _save(folder, f"section {name}", _draw_section(crossings))
+    title = str(read_summary(folder)["title"])
+    plot.report(scene, solution, folder / PDF, title=title)
+
+
+def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
+    """Return the parts that have worn, each as the name of its joint and "bearing" or "journal"."""
+    return [
+        (str(joint), part)
+        for joint in found["joint"].values
+        for part in PARTS
+        if (found[f"{part}_depth"].sel(joint=joint) > 0.0).any()
+    ]
+
+
+def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
+    """Draw one output of a sweep over the axes with the given names, unless all values are NaN or
+    infinite. For more than two axes, a note is printed instead."""
+    if not np.isfinite(dataset[name].values).any():
+        return
+    if len(axes) == 1 or dataset["result"].dims == ("lane",):
+        _save(folder, name, plot.against(dataset, name, axes[0]))
+    # A curve for each value of the second axis: there are colours for six curves.
+    elif len(axes) == 2 and dataset.sizes[axes[1]] <= 6:
+        drawn = plot.style.axes_or_new(None)
+        for value in dataset[axes[1]].values:
+            plot.against(dataset.sel({axes[1]: value}), name, axes[0], axes=drawn)
+        _save(folder, name, drawn)
+    elif len(axes) == 2:
+        _save(folder, name, plot.parameter_map(dataset, name, axes[0], axes[1]))
+    else:
+        say(f"note: no figure of {name}, since the sweep has {len(axes)} axes, more than two")
+
+
+def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
+    """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
+    states may miss them."""
+    if impacts is None or not (of_joint := impacts.joint == joint).any():
+        return
+    # The figure has chosen its units, which its labels tell.
+    peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
+    times = impacts.peak_time[of_joint] * (1e3 if forces.get_xlabel().endswith("ms") else 1.0)
+    forces.plot(times, peaks, ".", color=plot.style.DARK, markersize=3, label="peaks of impacts")
+    # 5 % of room above the highest dot.
+    forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
+    plot.style.legend_above(forces, min(len(forces.get_legend_handles_labels()[1]), 4))
+
+
+def _draw_section(crossings: Crossings) -> Axes:
+    """Draw the second channel of a Poincaré section over the first one, or a single channel over
+    time."""
+    channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
+    if len(channels) == 1:
+        channels.insert(0, ("time", crossings.times, "s"))
+    return section_points(crossings.times, channels[:2])
+
+
+def _over_time(output: xr.DataArray) -> Axes:
+    """Draw an output at the saved states over time, with dots at its extremes in the whole run,
+    which saved states may miss, if its attributes contain these."""
+    axes = plot.style.axes_or_new(None)
+    times, values = scaled(output["time"]), scaled(output)
+    axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
+    if "largest" in output.attrs:
+        for which in ("largest", "smallest"):
+            x = times.factor * output.attrs[f"{which}_time"]
+            y = values.factor * output.attrs[which]
+            axes.plot(x, y, "o", color=plot.style.DARK, markersize=4)
+    return plot.style.dress(axes, times.label, values.label)
+
+
+def _save(folder: Path, name: str, axes: Axes) -> None:
+    file = file_name(name.replace(" ", "_"))
+    (folder / FIGURES).mkdir(exist_ok=True)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.savefig(folder / FIGURES / f"{file}.png", dpi=150)
+    pyplot.close(figure)
+
+
+ROWS = 20
+"""Largest number of impacts, or of lanes of a sweep, in a table of the page."""
+STAGES, PROFILES = "stages.csv", "profiles.csv"
+"""Files of the tables of wear: depths, volumes and forces for each stage; depths around each worn
+bearing and journal at the end."""
+VIEW, PDF = "view.html", "report.pdf"
+"""Files of the page with the animation of a run, and of its report on one page."""
+STYLE = Path(__file__).parent / "templates" / "page.css"
+"""Style sheet of the page."""
+
+
+def write_report(folder: Path) -> None:
+    """Draw the figures of the results in a folder again, and write the HTML page that shows them.
+
+    For a fit, only the page is written, with the existing figures: the folder lacks some of the
+    data.
+    """
+    kind = read_summary(folder)["kind"]
+    if kind == "run":
+        write_run_report(folder)
+    elif kind == "sweep":
+        write_sweep_report(folder, open_sweep(folder / STORE).load())
+    elif kind == "wear":
+        write_wear_report(folder, open_wear(folder / WEAR_STORE))
+    else:
+        write_page(folder)
+
+
+def write_run_report(folder: Path) -> None:
+    """Write the page of a run from the files in its folder and, if the folder contains the saved
+    states, its figures, its report on one page, and the 3D animation."""
+    parts = []
+    if (folder / NUMBERS).exists():
+        numbers = pd.read_csv(folder / NUMBERS).set_index("output")
+        parts.append(_table("Outputs", numbers, len(numbers)))
+    if (folder / f"{MOTION}.nc").exists():
+        scene, saved = read_run(folder)
+        solution = read_drawn(folder, scene, saved)
+        _draw_run(folder, scene, solution)
+        _write_view(folder, scene, solution)
+        if solution.impacts is not None and len(solution.impacts):
+            rows = impact_rows(solution.impacts, len(solution.impacts))
+            frame = pd.DataFrame(rows, columns=list(IMPACT_COLUMNS), index=range(1, len(rows) + 1))
+            parts.append(_table("Hardest impacts", frame, ROWS))
+    write_page(folder, *parts)
+
+
+def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
+    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane (run
+    of the sweep).
+
+    The figures show outputs over the axes, and bifurcation diagrams. For one axis, an output is
+    drawn as a curve over it. For two axes there is a curve for each value of the second axis or, if
+    it has more than six values, a map of colours over both axes. If the axes are zipped, so that
+    they vary together, outputs are drawn over the first axis only. Bifurcation diagrams show the
+    channels of Poincaré sections over a single axis, or over the first of zipped axes.
+    """
+    frame = lane_table(dataset)
+    frame.to_csv(folder / "sweep.csv", index=False)
+    lanes = dataset["result"]
+    axes = [str(dim) for dim in lanes.dims]
+    if axes == ["lane"]:  # zipped axes, of which the first is drawn
+        axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
+    for name, variable in dataset.items():
+        # Besides the outputs, the dataset contains these four numbers of each lane, which are not
+        # drawn. Outputs with more dimensions than the lanes, such as saved motions, are not either.
+        is_output = name not in ("result", "attempts", "accepted", "time_reached")
+        if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
+            _draw_output(folder, dataset, str(name), axes)
+    # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
+    # along this dimension, such as "onset_speed" for its channel "speed". The variables of an
+    # `ImpactTable` have such names too, but a third dimension, along the contacts.
+    for name in {str(v).removesuffix("_count") for v in dataset if str(v).endswith("_count")}:
+        for variable in (str(v) for v, rows in dataset.items() if f"{name}_number" in rows.dims):
+            channel = variable.removeprefix(f"{name}_")
+            if len(axes) == 1 and channel != "time" and dataset[variable].ndim == 2:
+                drawn = plot.bifurcation(dataset, name, channel, axes[0])
+                _save(folder, f"{name} {channel}", drawn)
+    write_page(folder, _table("Lanes", frame, ROWS))
+
+
+def write_fit_report(folder: Path, found: Fit) -> None:
+    """Draw the fitted series and the correlations of a fit, and write its page."""
+    _save(folder, "fitted", plot.fitted(found)[0, 0])
+    if len(found.parameters) > 1:
+        _save(folder, "correlations", plot.correlations(found))
+    write_page(folder)
+
+
+def write_wear_report(folder: Path, found: xr.Dataset) -> None:
+    """Write the figures and the page of a result of `clearjoint.wear`, and CSV tables of its stages
+    and of the worn profiles."""
+    frame = stage_table(found)
+    frame.to_csv(folder / STAGES, index=False)
+    profiles, depths, volumes = {"angle [rad]": found["angle"].values}, {}, {}
+    for joint, part in worn_parts(found):
+        name = f"{part} of {joint}"
+        profiles[f"{name} [m]"] = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
+        depths[name] = frame[f"{name}, largest [m]"]
+        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]  # in mm^3
+        _save(folder, name, plot.worn_profile(found, joint, part))
+    pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
+    figures = (
+        ("depths", "largest depth", "m", depths),
+        ("volumes", "worn volume", "mm^3", volumes),
+        ("forces", "largest force", "N", forces),
+    )
+    for figure, quantity, unit, curves in figures:
+        values = np.array(list(curves.values()))
+        # If no part has worn, there are no depths and volumes. The forces of the last stage are
+        # NaN, so a result with a single stage has no finite force.
+        finite = values[np.isfinite(values)]
+        if finite.size == 0:
+            continue
+        factor, shown = fitting_unit(finite, unit)
+        axes = plot.style.axes_or_new(None)
+        lines = ((name, frame["cycles"], factor * values) for name, values in curves.items())
+        plot.style.draw_lines(axes, lines)
+        plot.style.dress(axes, "cycles", f"{quantity}, {shown}")
+        plot.style.legend_above(axes, min(len(curves), 2))
+        _save(folder, figure, axes)
+    write_page(folder, _table("Stages", frame, len(frame)))
+
+
+def stage_table(found: xr.Dataset) -> pd.DataFrame:
+    """Return a table with a row for each stage of a result of `clearjoint.wear`.
+
+    Its columns are the number of cycles before the stage; the largest force, N, in each joint
+    during the stage's run; and, for each bearing and journal that has worn, the largest and the
+    mean worn depth, m, and the worn volume, m^3, before the stage. The last row is the worn state
+    at the end; no run follows, so its forces are NaN.
+    """
+    columns = {"cycles": found["cycles"].values}
+    for joint in found["joint"].values:
+        columns[f"force in {joint} [N]"] = found["force"].sel(joint=joint).values
+    for joint, part in worn_parts(found):
+        depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
+        columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
+        columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
+        volumes = found[f"{part}_volume"].sel(joint=joint).values
+        columns[f"{part} of {joint}, volume [m^3]"] = volumes
+    return pd.DataFrame(columns)
+
+
+def write_page(folder: Path, *parts: str) -> None:
+    """Write the HTML page of a folder of results, which loads nothing from the network: the
+    summary, the text files, the figures, `parts`, which is HTML such as tables, and links to all
+    files."""
+    summary = read_summary(folder)
+    title = escape(str(summary.pop("title")))
+    # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
+    rows = {
+        key.replace("_", " "): re.sub(
+            r"\((\w+=None(, )?)+\)", "", f"{value:.6g}" if isinstance(value, float) else str(value)
+        )
+        for key, value in summary.items()
+        if str(value) != "None"
+    }
+    with pd.option_context("display.max_colwidth", None):  # or pandas would cut long texts
+        table = pd.Series(rows).to_frame().to_html(header=False, border=0, classes="summary")
+    texts = [
+        f"<h2>Report</h2><pre>{escape(path.read_text('utf-8'))}</pre>"
+        for path in folder.glob("*.txt")
+    ]
+    pictures = [_picture(path) for path in sorted((folder / FIGURES).glob("*.png"))]
+    names = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name != PAGE)
+    links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
+    files = f"<h2>Files</h2><ul>{links}</ul>"
+    body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])
+    style = STYLE.read_text(encoding="utf-8")
+    head = f'<meta charset="utf-8"><title>{title}</title><style>\n{style}</style>'
+    html = f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
+    (folder / PAGE).write_text(html, encoding="utf-8")
+
+
+def _picture(path: Path) -> str:
+    """Return the HTML of a figure, with the data of its PNG file, and of its caption."""
+    content = path.read_bytes()
+    data = base64.b64encode(content).decode()
+    name = escape(path.stem.replace("_", " "))
+    # The header of a PNG has its width. Pictures have more pixels than the page needs, so that they
+    # stay sharp on screens with a high resolution.
+    width = round(int.from_bytes(content[16:20], "big") * 0.55)
+    image = f'<img alt="{name}" width="{width}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{name}</figcaption></figure>"
+
+
+def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
+    """Return the HTML of the first `rows` rows of a data frame, with a note if there are more."""
+    shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
+    more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
+    return f"<h2>{escape(title)}</h2>{shown}{more}"
+
+
+def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
+    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
+    that are one number of the lane."""
+    dims = dataset["result"].dims
+    table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
+    # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the
+    # values of the axes are columns.
+    if dims != ("lane",):
+        table = table.stack(lane=dims, create_index=False)
+        labels = {dim: ("lane", table[dim].values, dataset[dim].attrs) for dim in dims}
+        table = table.drop_vars(dims).assign_coords(labels)
+    return to_frame(table, "lane")
+
+
+def _write_view(folder: Path, scene: Scene, solution: Solution) -> None:
+    try:
+        view(scene, solution).save(folder / VIEW)
+    except ImportError as error:
+        say(f"note: {VIEW} is not written. {error}")

@@ -1,0 +1,289 @@
+"""`clearjoint run`: simulate a scene and write the results to a folder.
+
+A study is a file with a scene, or the path of one, and with sections that define computations. The
+outputs that its section [run] names are quantities, which are evaluated at the saved states, and
+reductions, which are updated at every accepted step and give numbers of the whole run.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from .._dynamics.journals import depths
+from .._export.datasets import Labelled, labelled_dataset, write_netcdf
+from .._fields.cautions import quiet
+from .._fields.checks import require, require_positive
+from .._math.vectors import Scalar
+from .._model.scene import Scene
+from .._result_codes import RESULTS
+from .._simulation.reductions.base import AbstractReduction
+from .._simulation.reductions.quantities import Peak
+from .._simulation.results.observe import Observation, observe, values_along
+from .._simulation.results.solution import Solution, contact_label
+from .._simulation.run.saving import Saving
+from .._simulation.run.simulate import simulate
+from .._simulation.run.terminal import RunInterrupted
+from .._simulation.step.dense_output import require_dense
+from .._simulation.step.method import Scheme
+from .._simulation.step.settings import Settings
+from ..quantities.base import AbstractQuantity, Instant
+from . import folders
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
+from .study import RunPart, Study
+
+FRAMES = 1000
+"""Default number of equal intervals between the saved states of a run."""
+DRAWN = 10_000
+"""Least number of equal intervals for the figures of a run, between which curves are straight."""
+SHARP = "N", "N m", "m/s^2", "rad/s^2"
+"""Units of forces, moments and accelerations, which change during an impact faster than states are
+saved."""
+LARGEST, SMALLEST = " largest", " smallest"
+"""Suffixes of the names of the reductions that find the extremes of an output, after the output's
+name."""
+
+
+class Negative(AbstractQuantity):
+    """The negative of a quantity. Its largest value, which the reduction `Peak` finds, is the
+    negative of the quantity's smallest value."""
+
+    quantity: AbstractQuantity = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the value of the quantity at the instant `now`, with the opposite sign."""
+        return -self.quantity(now)
+
+    def check(self, scene: Scene) -> None:
+        """Check that the scene has the bodies and joints that the quantity names."""
+        self.quantity.check(scene)
+
+
+def run(study: Study, folder: Path) -> CommandResult:
+    """Run a study's scene, and write tables, figures and a page.
+
+    If the run fails, or if Ctrl-C interrupts it, the results so far are written.
+
+    **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
+    missing or not after the start, and for a state with which the scene can't run.
+    """
+    part, settings = study.parts.run, study.settings("run")
+    reductions = reductions_of(part, settings)
+    end, code = study.end(), WELL
+    contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
+    times, sections = saved_times(part, end), study.sections()
+    # Each interval between saved states is divided for the figures. The divided times contain the
+    # saved ones exactly.
+    parts = -(-DRAWN // (len(times) - 1))
+    fractions = np.arange(parts * (len(times) - 1) + 1) / parts
+    drawn = np.interp(fractions, np.arange(len(times)), times)
+    try:
+        solution = simulate(
+            study.scene,
+            study.state,
+            end,
+            settings,
+            Saving(drawn, impacts=contacts, sections=sections, outputs=reductions),
+            start_time=part.start,
+            throw=False,
+            progress=has_error_stream(),
+        )
+        if solution.result != RESULTS.successful:
+            code = FAILED
+    except RunInterrupted as stopped:
+        assert isinstance(stopped.solution, Solution)
+        code, solution = INTERRUPTED, stopped.solution
+    path = solution.saved
+    if path is not None:
+        saved = jax.tree.map(lambda rows: rows[::parts], path)
+        solution = replace(solution, saved=saved, saved_count=len(saved))
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import PDF, VIEW, write_run_report
+
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
+    folders.remove_old(folder, [*names, f"{folders.SECTION}*"], [folders.NUMBERS, PDF, VIEW])
+    folders.write_scene(folder, study.scene, study.state)
+    # All tables are left out if no state was saved, since most of them describe the saved states.
+    force, contact = 0.0, ""
+    if path is not None and len(path):
+        force, contact = write_results(study, solution, reductions, folder)
+        write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
+    folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
+    # Contacts that last are no finished impacts, but an `ImpactCount` counts their onsets.
+    with quiet():
+        ends = depths(study.scene, solution.final).values()
+    touching = sum(int(depth > 0.0) for family in ends for depth in family.values())
+    hardest = {"largest_contact_force_N": force, "largest_contact_force_of": contact}
+    summary = {
+        "ended": "interrupted" if code == INTERRUPTED else RESULTS[solution.result],
+        "start_time_s": part.start,
+        "time_reached_s": float(solution.time),
+        "steps_accepted": int(solution.accepted),
+        "steps_tried": int(solution.attempts),
+        **({} if solution.impacts is None else {"finished_impacts": len(solution.impacts)}),
+        **({"contacts_at_the_end": touching} if contacts else {}),
+        **(hardest if force else {}),
+        **dict(solution.settings),
+    }
+    # The page shows the summary and the tables, so it is written after them.
+    folders.write_summary(folder, "run", study, summary)
+    write_run_report(folder)
+    reached = f"t = {float(solution.time):.6g} s"
+    if code != WELL:
+        failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
+        say(failure if code == FAILED else f"interrupted at {reached}")
+        say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
+    count = "" if solution.impacts is None else f", {len(solution.impacts)} finished impacts"
+    largest = f", largest force of a contact {force:.4g} N ({contact})" if force else ""
+    return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
+
+
+def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
+    """Return the reductions that a run computes, by name: those among its outputs and, for each
+    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states.
+
+    The latter need the solver's dense output; without, they are left out, and a warning is printed.
+    """
+    chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
+    extremes: dict[str, AbstractReduction] = {}
+    for name, output in part.outputs.items():
+        if isinstance(output, AbstractQuantity) and output.unit in SHARP:
+            extremes[name + LARGEST] = Peak(output, output.unit)
+            extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
+    if extremes:
+        # Only explicit Runge-Kutta methods have dense output. `redundant` does not affect the
+        # solver, so any value serves here.
+        try:
+            require_dense(Scheme.of(settings, redundant=False).method.solver)
+        except ValueError:
+            extremes = {}
+            say(
+                "warning: the solver has no dense output: extremes of outputs between saved states "
+                "are unknown; choose an explicit solver, or save more often"
+            )
+    return chosen | extremes
+
+
+def saved_times(part: RunPart, end: float) -> np.ndarray:
+    """Return the times (N,), s, at which a run's states are saved.
+
+    If `save_every` is None, there are `FRAMES` + 1 times from the start to the end. If the duration
+    is not a multiple of it, the last time is before the end.
+
+    **Raises:** `ValueError` for a `save_every` that is not positive or exceeds the duration.
+    """
+    every = part.save_every
+    if every is None:
+        return np.linspace(part.start, end, FRAMES + 1)
+    require_positive("save_every", every, "give it in s")
+    duration = end - part.start
+    shorter = f"at most the duration, {duration:g} s"
+    require(every <= duration, "save_every", every, shorter, "save more often")
+    # Rounding errors are allowed for: by the factor, the end is among the times if the duration is
+    # a multiple of `every`; by the minimum, no time is after the end.
+    count = int(np.floor(duration / every * (1.0 + 1e-12)))
+    return np.minimum(part.start + every * np.arange(count + 1), end)
+
+
+def write_results(
+    study: Study,
+    solution: Solution,
+    reductions: Mapping[str, AbstractReduction],
+    folder: Path,
+) -> tuple[float, str]:
+    """Write the tables of a run, which must have saved states; return the largest normal force of
+    all contacts, N, and the label of its contact."""
+    observed = observe(study.scene, solution)
+    formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
+    motion = solution.to_xarray().assign_attrs(formulation)
+    tables = {folders.MOTION: motion, folders.OBSERVED: observed.to_xarray()}
+    if solution.impacts is not None:
+        tables[folders.IMPACTS] = solution.impacts.to_xarray()
+    tables |= {f"{folders.SECTION}{n}": one.to_xarray() for n, one in solution.sections.items()}
+    for name, table in tables.items():
+        folders.write_table(folder, name, table)
+    quantities = {
+        n: one for n, one in study.parts.run.outputs.items() if isinstance(one, AbstractQuantity)
+    }
+    if quantities:
+        folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
+    if reductions:
+        _write_numbers(solution, reductions, folder)
+    return _largest_force(solution, observed)
+
+
+def _outputs(
+    quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
+) -> xr.Dataset:
+    """Return the values of quantities at the saved states, with the extremes that reductions have
+    found as attributes, such as "largest" and "largest_time".
+
+    A note is printed if the saved values fall short of an extreme by more than 2 % of the
+    difference between the extremes.
+    """
+    saved, rows, found = solution.saved, ("time",), solution.outputs
+    assert saved is not None
+    variables = {}
+    for name, quantity in quantities.items():
+        values, extremes = values_along(scene, solution, quantity, saved), {}
+        if name + LARGEST in found:
+            # A reduction of the quantity `Negative` gives the negative of the smallest value.
+            largest, smallest = found[name + LARGEST], -found[name + SMALLEST]
+            extremes = {
+                "largest": largest,
+                "largest_time": found[f"{name}{LARGEST}_time"],
+                "smallest": smallest,
+                "smallest_time": found[f"{name}{SMALLEST}_time"],
+            }
+            low, high = values.min(), values.max()
+            # The user should know if an extreme lies far outside the saved samples.
+            if max(largest - high, low - smallest) > 0.02 * (largest - smallest):
+                say(
+                    f"note: the saved samples of {name} are between {low:.4g} and {high:.4g} "
+                    f"{quantity.unit}, the run between {smallest:.4g} and {largest:.4g} "
+                    f"{quantity.unit}: {folders.NUMBERS} has these extremes; a smaller save_every "
+                    "gives more samples"
+                )
+        title = type(quantity).__name__
+        variables[name] = Labelled(rows, values, quantity.unit, title, extremes)
+    times = {"time": Labelled(rows, saved.times, "s", "time")}
+    return labelled_dataset("outputs of a run", variables, times)
+
+
+def _write_numbers(
+    solution: Solution, reductions: Mapping[str, AbstractReduction], folder: Path
+) -> None:
+    rows = []
+    for name, reduction in reductions.items():
+        # The peak of a `Negative` is the negative of the smallest value. Its other numbers, such as
+        # the time of the peak, keep their signs.
+        sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
+        for part, unit in reduction.units().items():
+            output = f"{name}_{part}" if part else name
+            value = solution.outputs[output]
+            rows.append((output, value if part else sign * value, unit))
+    frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
+    frame.to_csv(folder / folders.NUMBERS, index=False)
+
+
+def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
+    """Return the largest normal force, N, of all finished impacts and saved states, and the label
+    of its contact; zero and an empty label without contacts."""
+    # Both are needed: saved states miss the peaks of most impacts, and the table of impacts lacks
+    # contacts that have not ended in the run.
+    forces = [
+        (float(values.normal_force.max()), contact_label(joint, contact))
+        for joint, family in observed.contacts.items()
+        for contact, values in family.items()
+    ]
+    if (impacts := solution.impacts) is not None and len(impacts):
+        k = int(np.argmax(impacts.peak_force))
+        label = contact_label(impacts.joint[k], impacts.contact[k])
+        forces.append((float(impacts.peak_force[k]), label))
+    return max(forces, default=(0.0, ""))

@@ -1,0 +1,577 @@
+"""Study files and scene files: their sections, the numbers that they name, and how they are read.
+
+The fields of `StudyParts` are the keys of a study file besides "scene", and the fields of the
+dataclasses `RunPart`, `SweepPart` and so on are the keys of its tables. `Annotated[float, "s"]`
+declares the unit of a number, which may be written as a text with another unit, such as "2 ms". A
+path is a text such as "joints.pin.clearance" that names a number of the scene or, as in
+"state.bodies.crank.position[0]", of the initial state.
+"""
+
+import inspect
+import time
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Literal, TypeAlias
+
+import diffrax
+import numpy as np
+from jaxtyping import PyTree
+
+from .. import quantities
+from .._durability.wear_rates import WearRates
+from .._dynamics.absolute_coordinates import AbsoluteCoordinates
+from .._dynamics.formulation import Baumgarte, Projection, Unstabilised
+from .._dynamics.joint_coordinates.coordinates import JointCoordinates
+from .._fields.checks import nearest, require, require_count
+from .._identification.screening.screening import Screening
+from .._identification.starts import Starts
+from .._measurements.readers import Missing
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import AbstractScale, Bounded, Linear, Log
+from .._parametrisation.paths import parameters
+from .._scene_files.documents import (
+    Document,
+    FileLocation,
+    Keys,
+    existing,
+    keys_of,
+    listed,
+    read_document,
+    written,
+)
+from .._scene_files.files import scene_of_document
+from .._scene_files.reading import KIND, Reader, number_of_text
+from .._scene_files.schema import Catalogue, Schema, scene_properties
+from .._simulation.reductions import joints
+from .._simulation.reductions import quantities as of_quantities
+from .._simulation.reductions.base import AbstractReduction
+from .._simulation.run.sections import Section
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings
+from .._sweeps.outputs import ImpactTable
+from ..quantities.base import AbstractQuantity
+
+Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
+"""Names of the settings in `clearjoint.presets`."""
+
+
+@dataclass(frozen=True)
+class SectionPart:
+    """A Poincaré section of a run.
+
+    - `crossing`: quantity at whose upward zero crossings the channels are recorded.
+    - `channels`: recorded quantities, by name.
+    - `count`: largest number of recorded crossings.
+    - `after`: time, s, before which crossings are not recorded; by default all are.
+
+    **Raises:** `ValueError` for a `count` that is not a positive integer.
+    """
+
+    crossing: AbstractQuantity
+    channels: Mapping[str, AbstractQuantity]
+    count: int = 1000
+    after: Annotated[float | None, "s"] = None
+
+    def __post_init__(self) -> None:
+        require_count("count", self.count, "give a number of crossings")
+
+
+@dataclass(frozen=True)
+class RunPart:
+    """The section [run]: settings and outputs of a run.
+
+    - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
+    - `save_every`: time between two saved states, s; by default a thousandth of the duration.
+    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
+      the preset.
+    - `outputs`: quantities and reductions, by name. A quantity is evaluated at the saved states;
+      the extremes of forces and accelerations between saved states are found too. A reduction
+      gives numbers of the whole run: `Peak`, for instance, the largest value of a quantity and the
+      time of this value.
+    - `sections`: Poincaré sections, by name.
+    """
+
+    end: Annotated[float | None, "s"] = None
+    start: Annotated[float, "s"] = 0.0
+    preset: Preset = "default"
+    settings: Settings | None = None
+    save_every: Annotated[float | None, "s"] = None
+    outputs: Mapping[str, AbstractQuantity | AbstractReduction] = field(default_factory=dict)
+    sections: Mapping[str, SectionPart] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class AxisPart:
+    """The values that a number of the scene or of the initial state takes in a sweep.
+
+    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
+      same value.
+    - `values`: the list of values. Without it there are `count` values from `start` to `stop`, at
+      equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
+      units, or a text with a unit.
+
+    **Raises:** `ValueError` unless either `values` or both `start` and `stop` are given, for
+    `values` that are not a list or are empty, and for a `count` that is not a positive integer.
+    """
+
+    path: str | Sequence[str]
+    values: Sequence[float | str] | None = None
+    start: float | str | None = None
+    stop: float | str | None = None
+    count: int = 10
+    spacing: Literal["linear", "geometric"] = "linear"
+
+    def __post_init__(self) -> None:
+        require_count("count", self.count, "give a number of values")
+        ends = [end for end in (self.start, self.stop) if end is not None]
+        given = {"values": self.values, "start": self.start, "stop": self.stop}
+        expected = "either `values`, or `start` and `stop`"
+        fine = len(ends) == (2 if self.values is None else 0)
+        require(fine, "values", given, expected, "give one")
+        if self.values is not None:
+            is_row = isinstance(self.values, tuple | list) and len(self.values) > 0
+            require(is_row, "values", self.values, "a list of values", "write [0.1, 0.2], say")
+
+
+@dataclass(frozen=True)
+class SweepPart:
+    """The section [sweep]: many runs (lanes), each with its own values of some numbers of the scene
+    or the initial state, and outputs of each run.
+
+    - `axes`: numbers that vary, with their values, by name.
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
+      [run] are computed too.
+    - `end`: end of the runs, s; by default the `end` of [run]. The runs begin at the `start` of
+      [run].
+    - `preset`, `settings`: name of settings in `clearjoint.presets`, and entries that replace those
+      of the preset. If neither is given, both are taken from [run]; if only `settings` is given,
+      the preset is "default".
+    - `zipped`: whether lane k has the k-th value of every axis. By default there is a lane for each
+      combination of values.
+    - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
+      most 256.
+    """
+
+    axes: Mapping[str, AxisPart]
+    outputs: Mapping[str, AbstractReduction | ImpactTable] = field(default_factory=dict)
+    end: Annotated[float | None, "s"] = None
+    preset: Preset | None = None
+    settings: Settings | None = None
+    zipped: bool = False
+    chunk: int | None = None
+
+
+@dataclass(frozen=True)
+class ColumnPart:
+    """A measured series: a column of the file of measurements.
+
+    - `quantity`: the measured quantity.
+    - `noise`: standard deviation of the measured values: a number in the column's unit, or a text
+      with another unit.
+    - `unit`: unit of the column, if its header does not give the unit.
+    """
+
+    quantity: AbstractQuantity
+    noise: float | str
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class ParameterPart:
+    """A number of the scene or of the initial state to estimate.
+
+    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
+      same value.
+    - `scale`: scale on which the parameter is estimated, such as `Log`; by default linear.
+    - `guess`: first guess, a number in SI units or a text with a unit; by default the number in
+      the scene or state.
+    """
+
+    path: str | Sequence[str]
+    scale: AbstractScale = field(default_factory=Linear)
+    guess: float | str | None = None
+
+
+@dataclass(frozen=True)
+class FitPart:
+    """The section [fit]: parameters to estimate from measurements.
+
+    - `measurements`: path of a CSV file, relative to the study's folder. `time`: name of its column
+      of times, in `time_unit` unless the header has a unit. `comment`: character with which comment
+      lines begin; by default the file has none.
+    - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
+      that are not numbers, "refuse" makes them errors.
+    - `parameters`: numbers to estimate, by name.
+    - `grow`: times, s. The record is first fitted up to each of them, one after another, and then
+      as a whole. `max_iterations`: largest number of iterations; `starts`: further first guesses.
+      All three are arguments of `clearjoint.identify`.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run], but the default
+      preset is "identification".
+    """
+
+    measurements: str
+    columns: Mapping[str, ColumnPart]
+    parameters: Mapping[str, ParameterPart]
+    time: str = "t"
+    time_unit: str = "s"
+    missing: Missing = "refuse"
+    comment: str | None = None
+    grow: Sequence[Annotated[float, "s"]] = ()
+    max_iterations: int = 100
+    starts: Starts | Screening | None = None
+    start: Annotated[float, "s"] = 0.0
+    preset: Preset = "identification"
+    settings: Settings | None = None
+
+
+@dataclass(frozen=True)
+class WearPart:
+    """The section [wear]: wear of joints over many cycles of a periodic motion.
+
+    - `rates`: wear rates of the joints that wear, by name of the joint.
+    - `cycle`: duration of a cycle, s.
+    - `cycles`: number of cycles to extrapolate to, infinite if it is not given; `depth`: worn
+      depth, m, at which the computation ends. At least one of them must be given.
+    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
+      that are measured, even; `tolerance`: largest accepted relative difference between the wear
+      in the first and in the second half of the measured cycles.
+    - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
+      penetration. A stage is a run whose wear is extrapolated over many cycles. `stages`: largest
+      number of stages; `samples`: number of angles around each bearing and journal.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
+
+    **Raises:** `ValueError` if both `cycles` and `depth` are missing.
+    """
+
+    rates: Mapping[str, WearRates]
+    cycle: Annotated[float, "s"]
+    cycles: float = np.inf
+    depth: Annotated[float | None, "m"] = None
+    settle: int = 1
+    measured: int = 2
+    tolerance: float = 0.1
+    largest_change: Annotated[float | None, "m"] = None
+    samples: int = 96
+    stages: int = 10_000
+    start: Annotated[float, "s"] = 0.0
+    preset: Preset = "default"
+    settings: Settings | None = None
+
+    def __post_init__(self) -> None:
+        given = self.cycles < np.inf or self.depth is not None
+        remedy = 'write cycles = 1e6 or depth = "20 um"'
+        require(given, "cycles", self.cycles, "a number, unless `depth` is given", remedy)
+
+
+@dataclass(frozen=True)
+class StudyParts:
+    """The sections of a study file, and its title.
+
+    If the file has no section [run], `run` has default values. `sweep`, `fit` and `wear` are None
+    if the file lacks these sections.
+    """
+
+    title: str = ""
+    run: RunPart = field(default_factory=RunPart)
+    sweep: SweepPart | None = None
+    fit: FitPart | None = None
+    wear: WearPart | None = None
+
+
+def _concrete(module: ModuleType, family: type) -> list[type]:
+    classes = [kind for kind in vars(module).values() if inspect.isclass(kind)]
+    return [kind for kind in classes if issubclass(kind, family) and not inspect.isabstract(kind)]
+
+
+CLASSES: tuple[type, ...] = (
+    *_concrete(quantities, quantities.AbstractQuantity),
+    *_concrete(of_quantities, AbstractReduction),
+    *_concrete(joints, AbstractReduction),
+    *(AbsoluteCoordinates, JointCoordinates, Baumgarte, Projection, Unstabilised),
+    *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
+    *(Linear, Log, Bounded),
+)
+"""Classes that a table of a study file may name under "kind": quantities, reductions, coordinates,
+stabilisations, solvers and scales. Classes that the annotation of a field names, such as
+`ImpactTable`, need not be listed here."""
+
+
+def study_schema() -> Schema:
+    """Return the JSON Schema (2020-12) of study files as a dictionary for `json.dump`."""
+    catalogue = Catalogue(CLASSES)
+    scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
+    properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
+    properties |= catalogue.properties(StudyParts)
+    return catalogue.document("study", properties, ["scene"])
+
+
+@dataclass(frozen=True)
+class WrittenPath:
+    """Function that returns the numbers of a scene, or of a state, at given paths.
+
+    - `paths`: for each number, the keys of its path: names and indices that lead to it.
+    """
+
+    paths: tuple[Keys, ...]
+
+    def __call__(self, tree: PyTree) -> PyTree:
+        """Return the number, or a list of numbers if there are several paths."""
+        values = [reduce(_entry, keys, tree) for keys in self.paths]
+        return values[0] if len(values) == 1 else values
+
+
+@dataclass(frozen=True)
+class FoundPath:
+    """A number that a path in a file names, or several numbers that get the same value.
+
+    - `path`: function of the scene, or of the state, that returns the number or a list of numbers.
+    - `in_state`: whether the number belongs to the state instead of the scene.
+    - `unit`: SI unit of the number, or of all numbers if there are several.
+    """
+
+    path: WrittenPath
+    in_state: bool
+    unit: str
+
+    def number(self, value: object, location: FileLocation) -> float:
+        """Convert a number or a text with a unit from a file to a number in `unit`."""
+        if isinstance(value, str):
+            return number_of_text(value, self.unit, location)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            location.refuse(value, f"a number in {self.unit}", "write one")
+        return float(value)
+
+
+def find_path(
+    texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
+) -> FoundPath:
+    """Find which number of the scene or of its initial state a path names. Several paths name
+    several numbers, to which the caller later gives one common value.
+
+    **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
+    does not exist (the message lists the existing names), for a path that leads to several numbers,
+    such as all components of a vector, for a mixture of paths in the scene and in the state, and
+    for numbers of different units.
+    """
+    with location.in_errors():
+        paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
+    in_state = {keys[0] == "state" for keys in paths}
+    if len(in_state) != 1:
+        location.refuse(texts, "paths in the scene, or in the state", "name one or the other")
+    (is_state,) = in_state
+    # The first key, "state", is not one of the state itself.
+    tree, paths = (state, [keys[1:] for keys in paths]) if is_state else (scene, paths)
+    # The unit of each number, by its keys: an array has one entry for each component.
+    units = {
+        (*keys_of(name), *map(str, index)): unit
+        for name, (value, unit) in parameters(tree).items()
+        for index in np.ndindex(np.shape(value))
+    }
+    for keys in paths:
+        if keys not in units:
+            # The message lists the names at the first unknown key or, if all keys are known, those
+            # that follow, since the path then leads to several numbers.
+            depth = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
+            known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
+            names, parent = listed({*known}), written(keys[:depth]) or "the top"
+            if depth == len(keys):
+                location.refuse(parent, "the path of one number", f"append one of {names}")
+            remedy = nearest(
+                keys[depth], known, "`clearjoint check FILE --paths` lists all numbers"
+            )
+            location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
+    # All numbers get the same value, which would be ambiguous if their units differed.
+    distinct = list(dict.fromkeys(units[keys] for keys in paths))
+    if len(distinct) > 1:
+        location.refuse(distinct, "paths of numbers with one unit", "write an entry for each unit")
+    return FoundPath(WrittenPath(tuple(paths)), is_state, distinct[0])
+
+
+def _entry(tree: PyTree, key: str | int) -> PyTree:
+    """Return the entry of a dictionary, the field of an object, or the component of an array."""
+    if isinstance(tree, dict):
+        return tree[key]
+    return getattr(tree, str(key)) if hasattr(tree, str(key)) else tree[int(key)]
+
+
+Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
+"""Parts of a study that name bodies, joints or forces of the scene."""
+SCENE = "scene"
+"""Key of the scene in a study file: its path, or a table."""
+PARTS = tuple(part.name for part in fields(StudyParts))
+"""Keys that a study file may have besides that of the scene: its title and its sections."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
+
+    - `scene`, `state`: the mechanism and its initial state.
+    - `parts`: the sections of the study file.
+    - `location`: the file, for messages.
+    - `document`: tables of the file, as parsed, without the scene, and with the changes that the
+      command line has made.
+    - `started`: value of `time.perf_counter` when the file was read, s.
+    """
+
+    scene: Scene
+    state: State
+    parts: StudyParts
+    location: FileLocation
+    document: Mapping[str, object]
+    started: float = field(default_factory=time.perf_counter)
+
+    @property
+    def path(self) -> Path:
+        """Path of the file."""
+        return Path(self.location.file)
+
+    def settings(self, section: str) -> Settings:
+        """Return the settings in a section: those of its preset, except for the entries that its
+        `settings` replace.
+
+        A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
+        ledger is switched on if an output of the section needs it.
+        """
+        part = getattr(self.parts, section)
+        needs_ledger = any(
+            getattr(output, "needs_ledger", False)
+            for output in getattr(part, "outputs", {}).values()
+        )
+        if section == "sweep" and part.preset is None and part.settings is None:
+            section, part = "run", self.parts.run
+        # `part.settings` has defaults for all settings that the section does not name; only those
+        # that it names replace settings of the preset.
+        table = self.document.get(section)
+        given = table.get("settings", {}) if isinstance(table, dict) else {}
+        # The key `kind` names the class of a table; None stands for no settings.
+        named = [] if part.settings is None else [key for key in given if key != KIND]
+        changes = {key: getattr(part.settings, key) for key in named}
+        if needs_ledger:
+            changes["ledger"] = True
+        return replace(getattr(presets, part.preset or "default"), **changes)
+
+    def end(self, section_end: float | None = None) -> float:
+        """Return the time at which runs end, s: `section_end`, or if it is None the end in [run].
+
+        **Raises:** `ValueError` if both are None, and for an end that is not after the start of
+        [run].
+        """
+        end = self.parts.run.end if section_end is None else section_end
+        if end is None:
+            remedy = 'write end = "1 s", or pass --end 1'
+            self.location.at("run").refuse(None, "an `end`", remedy)
+        with self.location.at("run" if section_end is None else "sweep", "end").in_errors():
+            require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
+        return float(end)
+
+    def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
+        """Check that the scene has the elements that outputs, Poincaré sections or quantities name,
+        which are at `keys` in the file."""
+        for name, one in named.items():
+            with self.location.at(*keys, name).in_errors():
+                one.check(self.scene)
+
+    def sections(self) -> dict[str, Section]:
+        """Return the Poincaré sections in the section [run], by name, for `Saving`."""
+        return {
+            name: Section(
+                part.crossing,
+                {key: (channel, channel.unit or "1") for key, channel in part.channels.items()},
+                part.count,
+                part.after,
+            )
+            for name, part in self.parts.run.sections.items()
+        }
+
+
+def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
+    """Read a study file, or a scene file, which may have the sections of a study too.
+
+    ```toml
+    scene = "four_bar.toml"
+
+    [run]
+    end = "2 s"
+    preset = "accurate"
+    outputs.rocker = { kind = "Angle", body = "rocker", about = [0, 0, 1] }
+
+    [sweep]
+    outputs.peak = { kind = "Peak", quantity = { kind = "ContactForce", joint = "crank pin" } }
+
+    [sweep.axes.clearance]
+    path = "joints.crank pin.clearance"
+    start = "0.05 mm"
+    stop = "0.5 mm"
+    count = 20
+    ```
+
+    **Arguments:** `changes`: changes of numbers or tables, such as "joints.pin.clearance=0.2mm" in
+    the scene or "run.end=2" in the study.
+
+    **Raises:** `ValueError` for a file or a change that is not valid; the message names the
+    location, the value, the expected values and a remedy. `OSError` for a file that can't be read.
+    """
+    document, location = read_document(path)
+    if "bodies" in document:  # a scene file, which may have sections of a study
+        study = {key: document.pop(key) for key in PARTS if key in document}
+        tables, scene_location = document, location
+    elif SCENE in document:  # a table, or the path of a scene file relative to the study file
+        study, tables, scene_location = document, document.pop(SCENE), location.at(SCENE)
+        if not isinstance(tables, dict):
+            file = path.parent / str(tables)
+            if not file.is_file():
+                expected = "the path of a scene file, or a table"
+                scene_location.refuse(tables, expected, "correct it")
+            tables, scene_location = read_document(file)
+    else:
+        remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
+        location.refuse(sorted(document), "`scene` or `bodies`", remedy)
+    for change in changes:
+        is_in_study, keys = _set(study, tables, change)
+        changed = location if is_in_study else scene_location
+        if changed.source is not None:
+            # With this entry, error messages about the value quote the change, not a line number.
+            changed.source.changes[(*changed.keys, *keys)] = change
+    scene, state = scene_of_document(tables, (), scene_location)
+    parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))
+    return Study(scene, state, parts, location, study)
+
+
+def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
+    """Make a change such as "run.end=2" in the tables of a study or of a scene; return whether the
+    study was changed instead of the scene, and the keys of the value."""
+    location = FileLocation(f"--set {change}")
+    path, equals, text = change.partition("=")
+    if not equals:
+        location.refuse(change, "a path and a value", "write joints.pin.clearance=0.2mm, say")
+    with location.in_errors():
+        keys = keys_of(path.strip())
+    is_in_study = keys[0] in PARTS
+    if keys[0] == "run":  # the options --end and --preset work for files without this section, too
+        study.setdefault("run", {})
+    try:
+        value = tomllib.loads(f"value = {text.strip()}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()  # a text without quotation marks, such as 0.2mm
+    # The keys before the last one must exist and lead to the table or list that is changed. The
+    # last key may be new in a table, but not in a list. `found` are the leading keys that exist,
+    # with indices of lists as integers, and `table` is where those before the last one lead.
+    tables = study if is_in_study else scene
+    found, last = existing(tables, keys), len(keys) - 1
+    table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore
+    if len(found) == last and isinstance(table, dict):
+        found = (*found, keys[last])
+    if len(found) < len(keys):
+        key, parent = keys[len(found)], written(found) or "the top"
+        known = list(table) if isinstance(table, dict) else []
+        otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
+        location.refuse(key, f"one of {listed(known)} at {parent}", nearest(key, known, otherwise))
+    table[found[last]] = value
+    return is_in_study, found

@@ -1,0 +1,150 @@
+"""`clearjoint sweep`: run a scene for many values of its numbers.
+
+The runs are called lanes. The store of a sweep keeps the lanes that have ended, so that the same
+command continues an interrupted sweep.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from .._result_codes import result_numbers
+from .._scene_files.documents import FileLocation
+from .._simulation.run.saving import Saving
+from .._sweeps.axes import Axis
+from .._sweeps.outputs import check_outputs
+from .._sweeps.store.store import open_sweep
+from .._sweeps.sweep import sweep as run_sweep
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
+from .folders import STORE, Summary, remove_old, write_scene, write_summary
+from .study import AxisPart, FoundPath, Study, SweepPart, find_path
+
+
+def sweep(study: Study, folder: Path) -> CommandResult:
+    """Run the sweep of a study's section [sweep], and write its store, tables, figures and page. If
+    the folder contains the store of this sweep already, only the missing lanes are run.
+
+    The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
+    with which a mechanism can't run. After Ctrl-C, results so far are written.
+
+    **Raises:** `ValueError` for a study without a section [sweep] or without an `end` of the runs,
+    for wrong entries in this section, and for a folder with the store of another sweep.
+    `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
+    """
+    part = study.parts.sweep
+    if part is None:
+        study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")
+    axes = sweep_axes(study, part)
+    lanes = int(np.prod(shape_of_lanes(axes, part)))
+    # A chunk is written to the store when all its lanes have ended. With many chunks, long sweeps
+    # show results early, and a process that is killed loses few lanes.
+    chunk = int(np.clip(np.ceil(lanes / 16), 1, 256)) if part.chunk is None else part.chunk
+    end, settings = study.end(part.end), study.settings("sweep")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_scene(folder, study.scene, study.state)
+    code = WELL
+    try:
+        dataset = run_sweep(
+            study.scene,
+            study.state,
+            end,
+            axes,
+            part.outputs,
+            settings,
+            Saving(sections=study.sections()),
+            zipped=part.zipped,
+            path=folder / STORE,
+            chunk=chunk,
+            start_time=study.parts.run.start,
+            progress=has_error_stream(),
+        )
+    except KeyboardInterrupt:
+        if not (folder / STORE).exists():  # nothing is finished that could be reported
+            raise
+        dataset, code = open_sweep(folder / STORE), INTERRUPTED
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import write_sweep_report
+
+    summary, line = _summary(dataset, code)
+    remove_old(folder)
+    # The page shows the summary and the table, so it is written after them.
+    write_summary(folder, "sweep", study, summary)
+    write_sweep_report(folder, dataset.load())
+    if code == INTERRUPTED:
+        pending = summary["lanes pending"]
+        say(f"interrupted; {pending} lanes are pending: run the same command to continue")
+    elif not summary["lanes successful"]:
+        say(f"error: no lane ran to its end; their result codes are in {folder}")
+        code = FAILED
+    return CommandResult(code, line)
+
+
+def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
+    """Return the axes of a study's section [sweep] by name, and check the section's outputs."""
+    location = study.location.at("sweep")
+    axes = {}
+    for name, axis in part.axes.items():
+        axis_location = location.at("axes", name)
+        found = find_path(axis.path, study.scene, study.state, axis_location.at("path"))
+        make = Axis.initial if found.in_state else Axis
+        axes[name] = make(found.path, _values(axis, found, axis_location))
+    if not axes:
+        location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
+    sizes = [axis.values.size for axis in axes.values()]
+    if part.zipped and len(set(sizes)) > 1:
+        expected = "axes of equal length, since they are zipped"
+        remedy = "give all axes as many values, or leave `zipped` out"
+        location.at("axes").refuse(sizes, expected, remedy)
+    # Each output is checked alone, so that an error names its place in the file, and then all are
+    # checked together. The energy ledger is taken as switched on, since `Study.settings` switches
+    # it on if an output needs it.
+    study.check_elements(part.outputs, "sweep", "outputs")
+    with location.at("outputs").in_errors():
+        check_outputs(part.outputs, study.scene, ledger=True)
+    return axes
+
+
+def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
+    """Return the number of values of each axis or, if the axes are zipped, their common number."""
+    sizes = [axis.values.size for axis in axes.values()]
+    return sizes[:1] if part.zipped else sizes
+
+
+def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndarray:
+    """Return the values of an axis, (N,) in the SI unit of the number that varies."""
+    if part.values is not None:
+        values = [found.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
+        return np.array(values)
+    start = found.number(part.start, location.at("start"))
+    stop = found.number(part.stop, location.at("stop"))
+    if part.spacing == "linear":
+        return np.linspace(start, stop, part.count)
+    if min(start, stop) <= 0.0:
+        location.at("spacing").refuse((start, stop), "positive ends", 'or write spacing = "linear"')
+    return np.geomspace(start, stop, part.count)
+
+
+def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
+    """Return the entries of the summary, and the result as one line of text."""
+    codes = dataset["result"].values
+    counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
+    done = counts.pop("successful")
+    pending = int((codes < 0).sum())  # lanes that have not run have the code -1
+    summary = {
+        "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
+        "lanes": codes.size,
+        "lanes successful": done,
+        "lanes pending": pending,
+        **{f"lanes {name}": number for name, number in counts.items() if number},
+        **{f"axis {name}": axis.size for name, axis in dataset["result"].coords.items()},
+    }
+    failed = codes.size - done - pending
+    steps = int(dataset["accepted"].clip(min=0).sum())  # lanes that have not run have -1
+    forces = [
+        float(np.nanmax(output.values))
+        for output in dataset.data_vars.values()
+        if output.attrs.get("units") == "N" and np.isfinite(output.values).any()
+    ]
+    force = f", largest force {max(forces):.4g} N" if forces else ""
+    return summary, f"{codes.size} lanes, {failed} failed, {pending} pending, {steps} steps{force}"

@@ -1,0 +1,111 @@
+"""`clearjoint wear`: compute how joints wear over many cycles of a periodic motion.
+
+The computation advances in stages of many cycles each. After each stage, the results are written to
+a Zarr store in the folder of the results. If the computation is interrupted, the same command
+continues it after the last finished stage.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .._durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
+from .._durability.wear import wear as compute_wear
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
+from .folders import WEAR_STORE, Summary, remove_old, write_scene, write_summary
+from .study import Study, WearPart
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+WORN_SCENE = "worn.toml"
+"""File of the scene with the worn profiles and the state after the last run."""
+
+
+def wear(study: Study, folder: Path) -> CommandResult:
+    """Compute the wear that a study's section [wear] describes, and write its store, tables,
+    figures, the worn scene and an HTML page. If the folder contains a store of this computation
+    already, the computation is continued from there.
+
+    After Ctrl-C, results so far are written. The text of the result has the table of stages.
+
+    **Raises:** `ValueError` for a study without a section [wear], and for wrong entries in it.
+    `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.
+    """
+    part = study.parts.wear
+    if part is None:
+        remedy = "add [wear.rates.<joint>]"
+        study.location.at("wear").refuse(None, "a section [wear]", remedy)
+    store, code = folder / WEAR_STORE, WELL
+    try:
+        with study.location.at("wear").in_errors():
+            found = compute_wear(
+                study.scene,
+                study.state,
+                settings=study.settings("wear"),
+                start_time=part.start,
+                path=store,
+                progress=has_error_stream(),
+                **_arguments(part),
+            )
+    except KeyboardInterrupt:
+        if not store.exists():  # no stage is finished that could be reported
+            raise
+        found, code = open_wear(store), INTERRUPTED
+    # Imported here, because it takes long and `clearjoint check` does not need it.
+    from .reports import stage_table, write_wear_report
+
+    write_scene(folder, study.scene, study.state)
+    write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
+    # The page shows the summary and the table, so it is written after them.
+    summary, line = _summary(found, part, code)
+    remove_old(folder)
+    write_summary(folder, "wear", study, summary)
+    write_wear_report(folder, found)
+    if code == INTERRUPTED:
+        say("interrupted: run the same command to continue")
+    elif found.attrs["failure"]:
+        say(f"error: the computation ended early: {found.attrs['failure']}")
+        code = FAILED
+    table = stage_table(found).to_string(index=False, float_format="{:.4g}".format)
+    return CommandResult(code, f"{table}\n{line}")
+
+
+def check_wear_section(study: Study, part: WearPart) -> None:
+    """Check the entries of a study's section [wear], without any run, for `clearjoint check`."""
+    with study.location.at("wear").in_errors():
+        check_wear(study.scene, **_arguments(part))
+
+
+def _arguments(part: WearPart) -> dict[str, PyTree]:
+    """Return those entries of the section that are arguments of `clearjoint.wear`, by name."""
+    others = ("start", "preset", "settings")
+    return {name: entry for name, entry in vars(part).items() if name not in others}
+
+
+def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
+    """Return the entries of the summary, and the result as one line of text.
+
+    Both have the depth of each bearing and journal that has worn and, if the section [wear] has a
+    `depth`, the number of cycles after which the part reached it.
+    """
+    from .reports import worn_parts
+
+    stages, cycles = found.sizes["stage"], float(found["cycles"][-1])
+    ended = "interrupted" if code == INTERRUPTED else found.attrs["ending"]
+    summary: dict[str, str | int | float] = {"ended": ended, "stages": stages, "cycles": cycles}
+    texts = [f"{stages} stages, {cycles:.4g} cycles"]
+    for joint, worn_part in worn_parts(found):
+        name = f"{worn_part} of {joint}"
+        deepest = float(found[f"{worn_part}_depth"].sel(joint=joint).isel(stage=-1).max())
+        summary[f"{name}, depth [m]"] = deepest
+        texts.append(f"{name} {1e6 * deepest:.4g} µm deep")
+        if part.depth is not None:
+            life = cycles_to_depth(found, part.depth, joint, worn_part)
+            is_reached = np.isfinite(life)  # JSON has no infinite numbers
+            summary[f"{name}, cycles to {part.depth:g} m"] = life if is_reached else "not reached"
+            if is_reached:
+                texts[-1] += f" ({1e6 * part.depth:g} µm after {life:.4g} cycles)"
+    return summary, ", ".join(texts)

@@ -1,0 +1,118 @@
+"""Digests of values that consist only of data, and of functions and classes of known packages.
+
+A digest is part of the key under which a compiled program is saved, as are the digest of this
+package's sources and the versions of the other known packages. Values that contain functions,
+classes or instances of classes from elsewhere are refused, since a change of the sources of these
+would not be noticed.
+"""
+
+import sys
+import types
+from collections.abc import Iterator
+
+import jax
+import numpy as np
+from jax.core import Tracer
+
+from .digests import LONG, digest
+from .package_code import PACKAGE
+
+VERSIONED = (
+    *("beartype", "diffrax", "equinox", "jax", "jaxlib", "jaxtyping", "lineax", "ml_dtypes"),
+    *("numpy", "optimistix"),
+)
+"""Packages whose versions identify their sources."""
+_KNOWN = {PACKAGE, *VERSIONED, "builtins", "collections", "copyreg", "functools", "types"}
+"""Packages whose functions and classes are accepted. Most modules of Python's standard library are
+not, because a user's file such as ``profile.py`` may have the name of one."""
+_DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
+"""Types whose values are identified by their `repr`."""
+
+
+class NotPlainError(Exception):
+    """Raised for a value that `digest_of` cannot identify."""
+
+
+def digest_of(value: object) -> str:
+    """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes.
+
+    Values of the same types and content have the same digest. The types of numbers matter: 1 and
+    1.0 have different digests. The order of the items of a dictionary matters, too. Arrays of NumPy
+    and JAX with the same numbers, dtype and shape have the same digest.
+
+    **Arguments:** `value`: may consist of
+
+    - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
+      sets;
+    - functions and classes that are members of a module of this package, of one in `VERSIONED` or
+      of basic ones of Python, such as `functools`; their methods; and instances of such classes
+      that can be pickled.
+
+    **Raises:** `NotPlainError` for a value that contains anything else, an array that JAX traces,
+    an array of objects, or itself, and for a value that is nested too deeply.
+
+    >>> from clearjoint._compilation.plain_values import digest_of
+    >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
+    >>> digest_of(one) == digest_of(same), digest_of(one) == digest_of(other)
+    (True, False)
+    """
+    try:
+        return digest(repr(_nested(value)), digits=LONG)
+    except RecursionError:
+        raise NotPlainError("a value that contains itself") from None
+
+
+def _nested(value: object) -> object:
+    """Return nested tuples of plain Python values whose `repr` identifies the value.
+
+    **Raises:** `RecursionError` for a value that contains itself or is nested too deeply;
+    `NotPlainError` for other values that `digest_of` refuses.
+    """
+    # Exact types: an instance of a subclass could hold further data, and is handled last.
+    kind = type(value)
+    if kind in _DATA:
+        return kind.__name__, value
+    if kind in (tuple, list):
+        return kind.__name__, *map(_nested, value)  # pyright: ignore
+    if kind is frozenset:
+        # Its order depends on the process.
+        return kind.__name__, *sorted(repr(_nested(member)) for member in value)  # pyright: ignore
+    if kind in (dict, types.MappingProxyType):
+        return kind.__name__, *((_nested(k), _nested(v)) for k, v in value.items())  # pyright: ignore
+    if isinstance(value, Tracer):
+        raise NotPlainError("an array that JAX traces, whose numbers are unknown")
+    if kind is np.ndarray or isinstance(value, np.generic | jax.Array):
+        array = np.asarray(value)
+        if array.dtype.hasobject:
+            raise NotPlainError("an array of objects")
+        return "array", array.dtype.name, array.dtype.descr, array.shape, array.tobytes()
+    if kind is types.MethodType:
+        return "method", *map(_nested, (value.__func__, value.__self__))  # pyright: ignore
+    # Functions and classes have a qualified name.
+    if isinstance(getattr(value, "__qualname__", None), str):
+        return _named(value)
+    named = _named(kind)
+    try:
+        reduced = value.__reduce_ex__(4)
+    except (TypeError, ValueError):
+        reduced = None
+    if not isinstance(reduced, tuple):
+        raise NotPlainError(f"an instance of {kind.__qualname__}, whose data cannot be read")
+    # Items of lists and dictionaries are iterators.
+    parts = [list(part) if isinstance(part, Iterator) else part for part in reduced]
+    return "instance", named, *map(_nested, parts)
+
+
+def _named(value: object) -> object:
+    """Return a tuple with module and qualified name of a function or class.
+
+    **Raises:** `NotPlainError` if its package is not known, or if that name in the module refers
+    neither to the value nor to a wrapper of it.
+    """
+    module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
+    member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None
+    for part in name.split("."):
+        member = getattr(member, part, None)
+    if member is not value and getattr(member, "__wrapped__", None) is not value:
+        raise NotPlainError(f"{module}.{name}")
+    return "named", module, name

@@ -1,0 +1,239 @@
+"""Files of compiled programs by key, in a folder of bounded size.
+
+The folder is in JAX's compilation cache. Programs are machine code and are read by `pickle`, so
+whoever can write to the folder can have code executed by whoever reads from it. The folder is
+therefore made accessible to its owner only, and a folder to which others may write, or which others
+could exchange because they may write to one of the folders above it, is not used.
+"""
+
+import os
+import stat
+import tempfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import jax
+
+from .digests import LONG, digest
+
+MOST_BYTES = 1_000_000_000
+"""Largest total size of the files, in bytes. In a larger folder, the files that have not been used
+for longest are removed."""
+_OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
+_SUFFIX = ".program"
+_is_on = False
+"""Whether whole native programs are saved."""
+
+
+def keep_programs(keep: bool = True) -> None:
+    """Set whether whole native programs are saved in JAX's compilation cache.
+
+    Native programs are those that `clearjoint._native` compiles. A whole program consists of
+    machine code and the layout of its arguments and results. A later process loads it without
+    tracing the function. If `keep` is false, only the machine code is saved: a later process then
+    traces the function again, but need not compile it.
+    """
+    global _is_on
+    _is_on = keep
+
+
+def keeps_programs() -> bool:
+    """Return whether whole native programs are saved; see `keep_programs`."""
+    return _is_on
+
+
+def cache_in_use() -> Path | None:
+    """Return the folder of JAX's compilation cache; ``None`` if the cache is switched off, or if
+    its path is a URL, such as one of cloud storage."""
+    cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
+    if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
+        return None
+    return None if "://" in cache else Path(cache)
+
+
+def prepare_folder(folder: Path) -> str | None:
+    """Make a folder that only its owner may enter, unless it exists.
+
+    **Returns:** ``None`` if the folder may be used, else a message with the reason and the remedy.
+
+    **Raises:** `ValueError` if the path is that of a file, or leads through a file.
+    """
+    try:
+        for above in reversed(folder.parents):
+            if not above.exists():
+                above.mkdir(mode=0o755, exist_ok=True)  # also if the umask is more generous
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise ValueError(
+            f"The cache folder {str(folder)!r} is a file, or lies in one: remove the file, or "
+            f"{_OTHER_PATH}"
+        ) from None
+    except OSError as error:
+        return f"The cache folder {str(folder)!r} can't be made ({error.strerror}): {_OTHER_PATH}"
+    exposed = _exposed(folder)
+    if exposed is None:
+        return None
+    mode = stat.filemode(exposed.stat().st_mode)
+    if exposed == folder:
+        return (
+            f"Other users may write to the cache folder {str(folder)!r} ({mode}), from which "
+            "machine code is read: remove it, and it is made again for you alone; or, if nobody "
+            f"else has written to it, run `chmod go-w '{folder}'`; or {_OTHER_PATH}"
+        )
+    return (
+        f"Other users may exchange the cache folder {str(folder)!r}, from which machine code is "
+        f"read, because they may write to {str(exposed)!r} ({mode}): run `chmod go-w '{exposed}'` "
+        f"if it is yours, or {_OTHER_PATH}"
+    )
+
+
+def is_private(folder: Path) -> bool:
+    """Return whether only the user of this process and the administrator may write to a folder, or
+    exchange it.
+
+    Anyone else who may do so could have code executed by this process. On systems without POSIX
+    permissions, such as Windows, the result is always ``True``.
+
+    **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
+    """
+    return _exposed(folder) is None
+
+
+def _exposed(folder: Path) -> Path | None:
+    """Return the folder, or else the first folder above it, to which other users may write;
+    ``None`` if there is none.
+
+    **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
+    """
+    if not hasattr(os, "getuid"):
+        return None
+    if not _is_ours(folder.stat()):
+        return folder
+    # The folders that lead to it by links count too.
+    for above in (*folder.absolute().parents, *folder.resolve().parents):
+        status = above.stat()
+        # In a folder such as /tmp, with the sticky bit, only owners exchange what is theirs.
+        sticky = status.st_mode & stat.S_ISVTX and status.st_uid in (0, os.getuid())
+        if not (_is_ours(status) or sticky):
+            return above
+    return None
+
+
+def _is_ours(status: os.stat_result) -> bool:
+    """Return whether only the user of this process and the administrator may write to the file or
+    folder of this status."""
+    return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+@contextmanager
+def system_errors_suppressed() -> Iterator[None]:
+    """Context that suppresses errors of the operating system.
+
+    A `TimeoutError` without the number of such an error is raised: a handler of signals has raised
+    it, to end a run after a limit of time.
+    """
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, TimeoutError) and error.errno is None:
+            raise
+
+
+def _read_private(path: Path) -> bytes | None:
+    """Return the content of a file; ``None`` if others may write to it or to its folder.
+
+    Permissions are those of the opened folder and file, so that neither can be exchanged after the
+    check.
+    """
+    if not hasattr(os, "getuid"):
+        return path.read_bytes()
+    if not is_private(path.parent):
+        return None
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        if not _is_ours(os.fstat(folder)):
+            return None
+        with os.fdopen(os.open(path.name, os.O_RDONLY, dir_fd=folder), "rb") as file:
+            return file.read() if _is_ours(os.fstat(file.fileno())) else None
+    finally:
+        os.close(folder)
+
+
+class ProgramStore:
+    """Folder of compiled programs, with a file for each key.
+
+    Each file consists of a digest of key and content, and of the compressed content. Keys are
+    digests as hexadecimal text, which name the files.
+
+    **Arguments:** `folder`: path of the folder, which is made when a file is first written;
+    `most_bytes`: largest total size of its files, in bytes.
+    """
+
+    def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
+        self._folder, self._most_bytes = folder, most_bytes
+
+    def read(self, key: str) -> bytes | None:
+        """Return the content that was written under a key.
+
+        **Returns:** the content; ``None`` if there is none, if it is damaged, or if other users may
+        write to the folder.
+        """
+        path = self._path(key)
+        whole = content = b""
+        with system_errors_suppressed(), suppress(zlib.error):
+            whole = _read_private(path) or b""
+            content = zlib.decompress(whole[LONG:])
+        if whole[:LONG] != _checksum(key, content):
+            return None
+        with system_errors_suppressed():
+            # Set the time of the last use, which is not possible in a read-only folder.
+            os.utime(path)
+        return content
+
+    def write(self, key: str, content: bytes) -> None:
+        """Write content under a key, so that other processes read either all of it or nothing.
+
+        Nothing is written to a folder to which other users may write. If the folder becomes too
+        large, the files that have not been used for longest are removed.
+
+        **Raises:** `OSError` if the content cannot be written.
+        """
+        self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not is_private(self._folder):
+            return
+        # Level 1 is the fastest one: a program is written once, while its user waits.
+        whole = _checksum(key, content) + zlib.compress(content, 1)
+        # The file is renamed only when it is complete, so that others never read a part of it.
+        handle, name = tempfile.mkstemp(dir=self._folder)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(whole)
+            os.replace(name, self._path(key))
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        self._remove_oldest()
+
+    def _path(self, key: str) -> Path:
+        return self._folder / f"{key}{_SUFFIX}"
+
+    def _remove_oldest(self) -> None:
+        """Remove files until the total size is small enough, those not used for longest first."""
+        files = []
+        # Another process may remove files at the same time.
+        for path in self._folder.iterdir():
+            with system_errors_suppressed():
+                status = path.stat()
+                files.append((status.st_mtime, status.st_size, path))
+        total = sum(size for _, size, _ in files)
+        for _, size, path in sorted(files):
+            if total <= self._most_bytes:
+                break
+            path.unlink(missing_ok=True)
+            total -= size
+
+
+def _checksum(key: str, content: bytes) -> bytes:
+    return digest(key, content, digits=LONG).encode()

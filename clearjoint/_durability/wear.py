@@ -1,0 +1,955 @@
+"""Wear of clearance joints over many cycles of a periodic motion, with profiles that change.
+
+The computation proceeds in stages. In each, a run measures the wear of some cycles, which is then
+extrapolated over as many cycles as the change of the profiles allows.
+"""
+
+import dataclasses
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float
+from tqdm.auto import tqdm
+
+from .._compilation.digests import LONG, digest
+from .._fields.cautions import quiet
+from .._fields.checks import require, require_count, require_positive
+from .._fields.objects import with_arrays
+from .._fields.types import ArrayLike
+from .._model.bodies import BodyState, State
+from .._model.clearance_joints.clearance import ClearanceJoint
+from .._model.clearance_joints.journal_bases import require_bases_only
+from .._model.joints.base import AbstractConstraint, AbstractContactJoint
+from .._model.profiles import AbstractProfile, PeriodicSpline
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter, check_parameters
+from .._result_codes import RESULTS
+from .._simulation.run.saving import Saving
+from .._simulation.run.simulate import simulate
+from .._simulation.step.settings import Settings
+from .._sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
+from ..quantities.base import require_known
+from .wear_depths import quadrature_times, wear_depths
+from .wear_derivatives import (
+    PARTS,
+    PROFILES,
+    MovingSpline,
+    ParameterDirection,
+    Part,
+    derivatives_in_spans,
+    directions_of,
+)
+from .wear_rates import WearRates
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from scipy.interpolate import CubicSpline
+
+CHANGE_BY_PENETRATION = 0.2
+"""Default of the largest change of the worn depth in a stage, relative to the largest penetration
+beyond the onset of the force."""
+FIRST_STAGE = 0.1
+"""Number of cycles of the first stage, divided by the number that the limits allow. The first stage
+is shorter because there is no earlier one from which the change of the wear rate could be
+estimated."""
+FEWEST_SAMPLES = 8
+"""Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
+half of the circumference."""
+EXTREMES = {"penetration": "m", "force": "N"}
+"""Names and units of the quantities of which a result has the largest value in each stage."""
+STEPS_PER_SAMPLE = 16
+"""Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
+circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""
+
+
+def wear(
+    scene: Scene,
+    state: State,
+    cycle: float,
+    rates: Mapping[str, WearRates],
+    cycles: float | ArrayLike,
+    settings: Settings | None = None,
+    *,
+    parameters: Mapping[str, Parameter] | None = None,
+    settle: int = 1,
+    measured: int = 2,
+    tolerance: float = 0.1,
+    largest_change: float | None = None,
+    samples: int = 96,
+    stages: int = 10_000,
+    depth: float | None = None,
+    start_time: float = 0.0,
+    path: str | PathLike[str] | None = None,
+    progress: bool = True,
+) -> "xr.Dataset":
+    """Compute how the profiles of clearance joints wear over many cycles of a periodic motion.
+
+    The wear of a few cycles is computed by a run (Archard's law; see `clearjoint.WearRates`) and
+    extrapolated over as many cycles as a limit on the change of depth allows. Then the profiles are
+    changed, and the next stage begins with the state at the end of the run before. Two successive
+    stages determine the rate of wear and its change (Adams-Bashforth method of second order). The
+    first stage has no earlier one: its own rate is used, over a tenth of the cycles that the limit
+    and `cycles` allow, unless `cycles` prescribes the stages.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a cycle.
+    - `cycle`: duration of a cycle, s.
+    - `rates`: wear rates of the joints that wear, by name: each a `ClearanceJoint` without
+      `line_points`, since a profile is the same all along the axis.
+    - `cycles`: number of cycles to extrapolate to, such as 1e6, or ``np.inf`` if only `depth` ends
+      the computation. Or a rising array, (n,), that fixes the stages: the number of cycles before
+      each stage after the first one, such as ``found["cycles"][1:]`` of an earlier result with
+      slightly different parameters. `largest_change` then has no effect.
+    - `settings`: of the runs; by default `clearjoint.presets.default` and, for the further runs
+      that compute derivatives, `clearjoint.presets.derivatives`.
+    - `parameters`: with respect to which the depths are differentiated, by names of your choice;
+      they must not select a number of a profile that wears. The logarithms of the positive wear
+      rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
+      the number of cycles before each stage is held fixed. They are valid if the motion has settled
+      before the measured cycles, so that the measured wear does not depend on the state in which a
+      stage begins.
+    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
+      that are measured, even. Their first and second half must agree to the relative `tolerance`:
+      in the sum of the depths that wear off each joint, and in the sum of the derivatives with
+      respect to each parameter. A motion that is not periodic needs many measured cycles.
+    - `largest_change`: largest change of depth in a stage, m; by default a fifth of each
+      joint's largest penetration in the stage, measured from the onset of the force. With larger
+      changes the profile oscillates, since the material that carries the load in one stage is gone
+      in the next.
+    - `samples`: number of angles around the wall and around the journal.
+    - `stages`: largest number of stages.
+    - `depth`: m; the computation also ends when the deepest point of a part has lost this depth. By
+      default the depth has no limit.
+    - `path`: folder of a Zarr store of the result. Each stage is written, and after the last one
+      the ``ending``; if the folder contains an earlier result of the same scene and arguments,
+      computation continues from there. `largest_change`, `stages` and `depth` may be other ones
+      than before.
+    - `progress`: whether to show a progress bar.
+
+    **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body", with the names of
+    the joints and of the bodies and the angles, rad, as coordinates:
+
+    - ``cycles``: number of cycles before each stage, (stage).
+    - ``bearing_depth``, ``journal_depth``: depth worn off before each stage, m, (joint, stage,
+      angle). The angle is about the axis of the bearing or journal, from its x axis (see
+      `clearjoint.quantities.JournalOffset`).
+    - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, (joint, stage, angle);
+      NaN in the last stage: the computation ended at its start, or its run failed.
+    - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
+      depths and rates with respect to each parameter's coordinate (its value on its scale, such as
+      the logarithm for `Log`), along the additional dimension "parameter". Only with `parameters`.
+    - ``penetration``, ``force``: largest penetration, m, and largest sum of the normal forces at
+      the two ends of the journal, N, in the measured cycles of a stage, (joint, stage); NaN in the
+      last stage.
+    - ``bearing_volume``, ``journal_volume``: worn volume before a stage, m^3, (joint, stage).
+    - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
+      the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
+
+    The attribute ``ending`` is "reached the cycles", "reached the depth", or the reason why the
+    computation ended before either. The attribute ``failure`` is this reason if the run of a stage
+    failed, was not periodic, or wore nothing although only `depth` ends the computation; otherwise
+    it is empty. `clearjoint.worn` returns the scene of a stage, and `clearjoint.cycles_to_depth`
+    the number of cycles until a depth is reached.
+
+    **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
+    another argument outside its range (`samples` must be 8 or more); for a parameter that does not
+    fit the scene and the state, or that has the name of a wear rate; for an initial state with
+    which no run can start; if the run of the first stage fails, its two halves differ by more than
+    `tolerance`, or it wears nothing although only `depth` ends the computation; if the state at the
+    end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; if
+    `largest_change` is not given, and a law has a force at a larger distance of the surfaces than
+    its `onset_offset` states; and for a store of another computation.
+
+    ```python
+    import clearjoint as cj
+
+    scene, state = cj.mechanisms.slider_crank(0.1e-3)
+    rates = {"slider pin": cj.WearRates(bearing=1e-15)}
+    found = cj.wear(scene, state, 0.012, rates, 1e5, stages=3)
+    print(float(found["bearing_depth"].max()), "m")
+    ```
+    """
+    scene, state = with_arrays((scene, state))
+    goals = np.asarray(cycles, float)
+    check_wear(
+        scene,
+        cycle,
+        rates,
+        goals,
+        settle,
+        measured,
+        samples,
+        stages,
+        depth,
+        tolerance,
+        largest_change,
+    )
+    scene = _with_splines(scene, rates, samples)
+    directions = {}
+    if parameters is not None:
+        check_parameters(parameters)
+        of_parts = {name: (rate.bearing, rate.journal) for name, rate in rates.items()}
+        # The path to a parameter's number depends on the structure of the scene. So the profiles
+        # that wear become `MovingSpline`s, with zeros as derivatives, before the directions are
+        # made.
+        count = len(parameters) + np.count_nonzero(list(of_parts.values()))
+        unworn = np.zeros((1 + count, len(rates), len(PARTS), samples))
+        scene = _with_depths(scene, list(rates), unworn)
+        directions = directions_of(scene, state, of_parts, parameters)
+    run = _CycleRun(
+        rates, cycle, settle, measured, tolerance, samples, settings, start_time, directions
+    )
+    stages_so_far = _Stages.first(scene, state, list(rates), list(directions), samples)
+    store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
+    if store is not None:
+        stages_so_far = store.read(stages_so_far)
+    begun, last = stages_so_far.cycles[-1], float(goals.max())
+    total = last if np.isfinite(last) else None
+    units = {"unit": " cycles", "unit_scale": True}
+    with tqdm(total=total, initial=begun, disable=not progress, **units) as bar:
+        while not stages_so_far.has_ended(last, stages, depth):
+            stages_so_far.add(run, scene, goals, largest_change)
+            bar.update(stages_so_far.cycles[-1] - bar.n)
+            if store is not None:
+                store.write(stages_so_far.dataset())
+    found = stages_so_far.dataset()
+    # Only after the last stage is the attribute `ending` known.
+    if store is not None:
+        store.write(found)
+    return found
+
+
+def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
+    """Return a scene with the worn profiles at the beginning of a stage of `clearjoint.wear`.
+
+    A profile that has worn becomes a `clearjoint.profiles.PeriodicSpline` with a knot at each angle
+    of the result. Parts without wear keep their profiles.
+
+    **Arguments:** `scene`: the scene that was given to `wear`; `found`: its result; `stage`: index,
+    by default that of the last stage.
+
+    >>> import xarray as xr
+    >>> dims, depth = ("joint", "stage", "angle"), 5e-6 * np.ones((1, 1, 8))
+    >>> found = xr.Dataset(
+    ...     {"bearing_depth": (dims, depth), "journal_depth": (dims, 0.0 * depth)},
+    ...     {"joint": ["shoulder"]},
+    ... )
+    >>> scene, _ = cj.mechanisms.double_pendulum()
+    >>> profile = cj.worn(scene, found).joints["shoulder"].bearing_profile
+    >>> print(f"{profile.at(0.0).value:.1e} m")
+    5.0e-06 m
+    """
+    names = [str(name) for name in found["joint"].values]
+    # Depths (1, joints, 2, angles) of bearings and journals at the selected stage. There is one row
+    # because derivatives are not selected.
+    depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
+    # Only whether a rate is positive matters to `_with_splines`.
+    rates_of_worn = {
+        name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
+        for name, of_joint in zip(names, depths[0], strict=True)
+        if of_joint.max() > 0.0
+    }
+    return _with_depths(_with_splines(scene, rates_of_worn, depths.shape[-1]), names, depths)
+
+
+def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing") -> float:
+    """Return the number of cycles until the deepest point of a part has lost a depth.
+
+    The depth is interpolated between the stages by a cubic spline. The number is infinite if the
+    depth was not reached.
+
+    **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: name of the
+    joint; `part`: "bearing", the default, or "journal".
+
+    **Raises:** `ValueError` if the depth is not positive.
+
+    >>> import xarray as xr
+    >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
+    >>> found = xr.Dataset(
+    ...     {"bearing_depth": (("joint", "stage", "angle"), depths)},
+    ...     {"joint": ["pin"], "cycles": ("stage", [0.0, 1000.0])},
+    ... )
+    >>> print(f"{cj.cycles_to_depth(found, 1e-6, 'pin'):.0f} cycles")
+    500 cycles
+    """
+    require_positive("depth", depth, "give a depth in m, such as 1e-6")
+    deepest = found[f"{part}_depth"].sel(joint=joint).max("angle").values
+    if not deepest[-1] >= depth:
+        return float("inf")
+    _, life = _reached(found["cycles"].values, deepest, depth)
+    return life
+
+
+def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
+    """Return the cubic spline through the depths of the stages, and the number of cycles at which
+    it first reaches a depth.
+
+    **Arguments:** `cycles`: (stages,), number of cycles before each stage; `depths`: (stages,) m,
+    of the deepest point of a part; `depth`: m, at most the last one of `depths`.
+    """
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(cycles, depths)
+    # Rounding may leave no root at the end.
+    roots = [root for root in spline.solve(depth, extrapolate=False) if np.isfinite(root)]
+    return spline, float(min(roots, default=cycles[-1]))
+
+
+def life_derivatives(
+    found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing"
+) -> dict[str, float]:
+    """Return the derivatives of `clearjoint.cycles_to_depth` with respect to parameters.
+
+    They are numbers of cycles per unit of each parameter's coordinate, by name: for a parameter
+    with the scale `Log`, per unit of its natural logarithm. All are NaN if the depth was not
+    reached.
+
+    **Arguments:** `found`: result of `clearjoint.wear` with `parameters`. The others are as in
+    `cycles_to_depth`.
+
+    **Raises:** `ValueError` if `found` has no derivatives, or the depth is not positive.
+
+    >>> import xarray as xr
+    >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
+    >>> dims = "joint", "stage", "angle"
+    >>> found = xr.Dataset(
+    ...     {
+    ...         "bearing_depth": (dims, depths),
+    ...         "bearing_depth_derivative": ((*dims, "parameter"), depths[..., None]),
+    ...     },
+    ...     {"joint": ["pin"], "cycles": ("stage", [0.0, 1000.0]), "parameter": ["load"]},
+    ... )
+    >>> print(f"{cj.life_derivatives(found, 1e-6, 'pin')['load']:.0f} cycles")
+    -500 cycles
+    """
+    require_positive("depth", depth, "give a depth in m, such as 1e-6")
+    remedy = "pass `parameters` to wear()"
+    require("parameter" in found.dims, "found", list(found.dims), "with derivatives", remedy)
+    names = [str(name) for name in found["parameter"].values]
+    of_joint = found.sel(joint=joint)
+    depths = of_joint[f"{part}_depth"].transpose("stage", "angle").values
+    slopes = of_joint[f"{part}_depth_derivative"].transpose("stage", "angle", "parameter").values
+    deepest, cycles = depths.max(axis=1), found["cycles"].values
+    if not deepest[-1] >= depth:
+        return dict.fromkeys(names, float("nan"))
+    spline, life = _reached(cycles, deepest, depth)
+    # If a parameter raises the curve of the depth by `change` at the end of the life, the life is
+    # shorter by `change` over the slope of the curve. A spline depends linearly on its
+    # values, so the change of the curve is the spline through their derivatives.
+    at_deepest = [of_stage[row.argmax()] for of_stage, row in zip(slopes, depths, strict=True)]
+    change = type(spline)(cycles, np.array(at_deepest))(life)
+    lives = -change / spline(life, 1)
+    return dict(zip(names, lives.tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class _CycleRun:
+    """Run of some cycles, whose wear is measured; see the arguments of `wear`.
+
+    `directions`: of the parameters and of the logarithms of the wear rates, by name; empty without
+    parameters.
+    """
+
+    rates: Mapping[str, WearRates]
+    cycle: float
+    settle: int
+    measured: int
+    tolerance: float
+    samples: int
+    settings: Settings | None
+    start_time: float
+    directions: Mapping[str, ParameterDirection]
+
+    def measure(self, scene: Scene, state: State) -> "_Measured":
+        """Return the wear per cycle and the state after the run.
+
+        Wear and derivatives are zero if the run failed; `failure` then says why. A second run
+        computes the derivatives. If only this one failed, `failure` says why, and only the
+        derivatives are zero.
+
+        **Raises:** `ValueError` if no run can start from `state`.
+        """
+        first = self.start_time + self.settle * self.cycle
+        middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
+        solution = simulate(
+            scene,
+            state,
+            last,
+            self.settings,
+            Saving(steps=True),
+            start_time=self.start_time,
+            throw=False,
+            progress=False,
+        )
+        result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
+        halves = np.zeros((2, 1 + len(self.directions), *shape))
+        extremes = np.zeros((2, len(self.rates), 2))
+        rates = {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
+        if result == RESULTS.successful:
+            # A contact may run around the whole wall in a cycle. The wear at an angle is then that
+            # of the short time in which the contact passes it, which the quadrature must resolve.
+            longest = self.cycle / (STEPS_PER_SAMPLE * self.samples)
+            spans = (first, middle), (middle, last)
+            times = [quadrature_times(solution, *span, longest) for span in spans]
+            for k in range(len(spans)):
+                for j, (name, of_parts) in enumerate(rates.items()):
+                    halves[k, 0, j], extremes[k, j] = wear_depths(
+                        scene, solution, name, of_parts, times[k], self.samples
+                    )
+            # `simulate` computes no derivatives. They need another run, which gives no wear.
+            if self.directions:
+                given = times, rates, self.directions, self.settings, self.samples
+                derivatives, result = derivatives_in_spans(scene, state, self.start_time, *given)
+                if derivatives is not None:
+                    halves[:, 1:] = derivatives
+        return _Measured(
+            # Each half has so many cycles.
+            halves / (0.5 * self.measured),
+            extremes.max(axis=0),
+            # Only what a store keeps, so that a computation that is continued has the same bits.
+            State(solution.final.bodies),
+            "" if result == RESULTS.successful else RESULTS[result],
+        )
+
+    def difference(self, found: "_Measured") -> float:
+        """Return the largest relative difference of the two halves of the measured cycles.
+
+        For each joint, the sums of its depths in the two halves are compared; for each parameter,
+        the sums of all derivatives with respect to it. The difference of two sums is divided by the
+        larger one of the two sums of magnitudes: derivatives of opposite signs may cancel in a sum,
+        which would make the difference relative to the sum itself too large. The result is zero
+        without wear.
+        """
+        values, slopes = found.halves[:, 0], found.halves[:, 1:]
+        sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
+        sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
+        differences, scales = np.abs(np.diff(sums)[:, 0]), np.max(sizes, axis=1)
+        return float(np.max(differences / np.where(scales > 0.0, scales, 1.0)))
+
+
+class _Measured(NamedTuple):
+    """Wear of J joints, measured by one run.
+
+    - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
+      half of the measured cycles, and, from index 1 of the second axis on, their derivatives with
+      respect to the p parameters.
+    - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
+      ends of the journal, N.
+    - `state`: at the end of the run.
+    - `failure`: text of the run's result code; empty for a successful run.
+    """
+
+    halves: Float[np.ndarray, "2 rows joints 2 samples"]
+    extremes: Float[np.ndarray, "joints 2"]
+    state: State
+    failure: str
+
+
+@dataclass
+class _Stages:
+    """The stages computed so far.
+
+    - `names`: of the J joints that wear. `parameters`: names of the p parameters.
+    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface, along the length of
+      the journal.
+    - `cycles`: number of cycles before each stage.
+    - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
+      bearing before journal, and their derivatives with respect to the p `parameters`.
+    - `rates`: for each stage except the last one, which has no run yet, the depth per cycle, m, and
+      its derivatives, in arrays of the same shape. `extremes`: for the same stages, those of
+      `_Measured`.
+    - `state`: from which the next run starts.
+    - `failure`: why no further stage can be computed; empty if one can.
+    - `ending`: why the computation ended; empty while it goes on.
+    """
+
+    names: list[str]
+    parameters: list[str]
+    areas: Float[np.ndarray, "joints 2"]
+    cycles: list[float]
+    depths: list[np.ndarray]
+    rates: list[np.ndarray]
+    extremes: list[np.ndarray]
+    state: State
+    failure: str = ""
+    ending: str = ""
+
+    @staticmethod
+    def first(
+        scene: Scene, state: State, names: list[str], parameters: list[str], samples: int
+    ) -> "_Stages":
+        """Return the stages before any run: one stage, in which no joint has worn."""
+        depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
+        areas = np.zeros((len(names), len(PARTS)))
+        for k, name in enumerate(names):
+            joint = scene.joints[name]
+            assert isinstance(joint, ClearanceJoint)
+            radii = np.array([float(joint.bearing_radius), float(joint.journal_radius)])
+            areas[k] = 2.0 * np.pi * radii * float(joint.journal_length)
+        return _Stages(names, parameters, areas, [0.0], [depths], [], [], state)
+
+    def add(
+        self,
+        run: _CycleRun,
+        scene: Scene,
+        goals: Float[np.ndarray, "*n"],
+        largest_change: float | None,
+    ) -> None:
+        """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
+
+        If the run fails or its wear can't be extrapolated, the first stage raises an error. Later
+        stages set `failure`, so that the results so far are kept.
+
+        **Arguments:** `scene`: without the wear of the stages. `goals`: number of cycles before
+        each stage after the first one; or one number, to which the stages lead, infinite if only a
+        depth ends the computation. `largest_change`: as in `wear`.
+
+        **Raises:** `ValueError` if the first run can't start, fails, differs in wear between its
+        halves, or wears nothing while the number of cycles is infinite; in any later stage if the
+        state at the end of a run doesn't fit the start of the next one; and in all stages as
+        `_length`.
+        """
+        scene = _with_depths(scene, self.names, self.depths[-1])
+        try:
+            found = run.measure(scene, self.state)
+        except ValueError as error:
+            # The user's own state in the first stage has its own message. Later states come from
+            # runs, and don't fit only if the drives have another period.
+            if len(self.cycles) == 1:
+                raise
+            raise ValueError(
+                f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} s: "
+                f"the state after {run.settle + run.measured} cycles doesn't fit their start."
+            ) from error
+        difference = run.difference(found)
+        if found.failure or difference > run.tolerance:
+            self._refuse(found.failure, difference, run)
+            return
+        # Number of cycles to the next of several goals, or to the only one.
+        goal = float(goals[goals > self.cycles[-1]].min())
+        left = goal - self.cycles[-1]
+        # Without wear, no number of cycles leads to a depth.
+        if np.isinf(left) and not found.halves[:, 0].any():
+            self.failure = "no part wears in the measured cycles"
+            remedy = "check the loads, or give a number of cycles"
+            expected = f"finite ({self.failure})"
+            require(len(self.cycles) > 1, "cycles", left, expected, remedy)
+            return
+        self.state = found.state
+        self.rates.append(found.halves.mean(axis=0))
+        self.extremes.append(found.extremes)
+        # Several goals prescribe the stages, so that no limit shortens them.
+        length = left if goals.ndim == 1 else self._length(scene, left, largest_change)
+        self._extrapolate(length)
+        # By rounding, the sum could be below the goal, and a needless stage would follow.
+        if length == left:
+            self.cycles[-1] = goal
+
+    def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
+        """Return whether there is nothing more to compute, and set `ending` if so.
+
+        **Arguments:** `cycles`: number of cycles to reach. `stages`: largest number of stages.
+        `depth`: to reach, m, or ``None``.
+        """
+        if self.failure:
+            self.ending = self.failure
+        elif self.cycles[-1] >= cycles:
+            self.ending = "reached the cycles"
+        elif depth is not None and self.depths[-1][0].max() >= depth:
+            self.ending = "reached the depth"
+        elif len(self.cycles) >= stages:
+            self.ending = f"{stages} stages"
+        else:
+            self.ending = ""
+        return self.ending != ""
+
+    def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
+        """Set `failure` for a run whose wear can't be extrapolated.
+
+        **Arguments:** `failure`: of the run; empty if only its halves differ. `difference`: of the
+        halves, relative. `run`: with the arguments of `wear`.
+
+        **Raises:** `ValueError` in the first stage.
+        """
+        reason = f"the run of a stage failed: {failure}"
+        if not failure:
+            reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
+            if self.parameters:
+                reason += " or in its derivatives"
+        require(
+            len(self.cycles) > 1,
+            "cycle",
+            run.cycle,
+            f"a cycle of a periodic motion ({reason})",
+            "check the duration, or raise `settle`, `measured` or `tolerance`",
+        )
+        self.failure = reason
+
+    def _length(self, scene: Scene, left: float, largest_change: float | None) -> float:
+        """Return how many cycles the next stage has: `left`, or less if the depth of a point would
+        otherwise change by more than the limit. The first stage has a tenth of that.
+
+        **Arguments:** `left`: number of cycles that are left. `largest_change`: limit, m; ``None``
+        for `CHANGE_BY_PENETRATION` times the largest penetration of each joint of the `scene`,
+        measured from the onset of the force.
+
+        **Raises:** `ValueError` if `largest_change` is ``None`` and a joint wears without reaching
+        the penetration at which the force begins according to its law's `onset_offset`.
+        """
+        length = left
+        # Each joint limits the stage by its own penetration.
+        rows = zip(self.names, self.rates[-1][0], self.extremes[-1], strict=True)
+        for name, rate, (penetration, _) in rows:
+            if not rate.max() > 0.0:
+                continue
+            limit = largest_change
+            if limit is None:
+                joint = scene.joints[name]
+                assert isinstance(joint, ClearanceJoint)
+                # The force may begin before the surfaces touch; the penetration is then negative.
+                limit = CHANGE_BY_PENETRATION * float(penetration + joint.law.onset_offset())
+                expected = f"given, as the force of {name!r} begins before its law's onset_offset()"
+                remedy = "give a depth in m, or mend the law"
+                require(limit > 0.0, "largest_change", largest_change, expected, remedy)
+            length = min(length, limit / rate.max())
+        return length * FIRST_STAGE if len(self.rates) == 1 else length
+
+    def _extrapolate(self, length: float) -> None:
+        """Append the number of cycles and the depths after a stage of `length` cycles."""
+        middle = rate = self.rates[-1]
+        if len(self.rates) > 1:
+            # Rate at the middle of the stage, on the line through the rates that were measured at
+            # the beginnings of this stage and of the one before.
+            before = self.cycles[-1] - self.cycles[-2]
+            middle = rate + 0.5 * length / before * (rate - self.rates[-2])
+        # Material doesn't grow again, even if the line leads to a negative rate. The depth stays
+        # the same there, and so do its derivatives.
+        change = np.where(middle[0] > 0.0, middle, 0.0) * length
+        self.cycles.append(self.cycles[-1] + length)
+        self.depths.append(self.depths[-1] + change)
+
+    def dataset(self) -> "xr.Dataset":
+        """Return the result of `wear`."""
+        import xarray as xr
+
+        depths = np.array(self.depths)
+        # The last stage has no run, and so no rate, penetration and force. The reshape is for the
+        # first stage, when the lists are empty.
+        rates = np.full(depths.shape, np.nan)
+        rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
+        extremes = np.full((len(depths), len(self.names), 2), np.nan)
+        extremes[: len(self.extremes)] = np.array(self.extremes).reshape(-1, *extremes.shape[1:])
+        variables: dict[str, tuple] = {}
+        for k, (name, unit) in enumerate(EXTREMES.items()):
+            variables[name] = ("stage", "joint"), extremes[:, :, k], {"units": unit}
+        for k, part in enumerate(PARTS):
+            volumes = depths[:, 0, :, k].mean(axis=-1) * self.areas[:, k]
+            variables[f"{part}_volume"] = ("stage", "joint"), volumes, {"units": "m^3"}
+        dims = "stage", "joint", "angle"
+        for name, rows, unit in (("depth", depths, "m"), ("rate", rates, "m per cycle")):
+            for k, part in enumerate(PARTS):
+                variables[f"{part}_{name}"] = dims, rows[:, 0, :, k], {"units": unit}
+                if self.parameters:
+                    along = ("stage", "parameter", *dims[1:]), rows[:, 1:, :, k], {"units": unit}
+                    variables[f"{part}_{name}_derivative"] = along
+        for field in fields(BodyState):
+            rows = [np.asarray(getattr(body, field.name)) for body in self.state.bodies.values()]
+            components = "component" if len(rows[0]) == 3 else "euler_parameter"
+            variables[f"final_{field.name}"] = ("body", components), np.array(rows)
+        return xr.Dataset(
+            variables,
+            coords={
+                "cycles": ("stage", self.cycles),
+                "joint": self.names,
+                "angle": ("angle", _angles(depths.shape[-1]), {"units": "rad"}),
+                **({"parameter": self.parameters} if self.parameters else {}),
+                "body": list(self.state.bodies),
+            },
+            attrs={"ending": self.ending, "failure": self.failure},
+        ).transpose("joint", "stage", "angle", ..., missing_dims="ignore")
+
+
+@dataclass(frozen=True)
+class _Store:
+    """Zarr store of the stages, with the digest of the computation to which they belong."""
+
+    path: Path
+    digest: str
+
+    def write(self, found: "xr.Dataset") -> None:
+        """Replace the store by one of the dataset `found`, a result of `wear`.
+
+        If the process is killed meanwhile, the old store (if there was one) or the new one is
+        complete. `_folder` returns the folder of this complete store: `path`, or the folder beside
+        it with the suffix "old".
+        """
+        old = _old(self.path)
+        remove_abandoned(self.path)
+        with unfinished(self.path) as new:
+            write_dataset(new, found.assign_attrs(digest=self.digest))
+            if self.path.exists():
+                shutil.rmtree(old, ignore_errors=True)
+                self.path.rename(old)
+            new.rename(self.path)
+        shutil.rmtree(old, ignore_errors=True)
+
+    def read(self, first: _Stages) -> _Stages:
+        """Return the stored stages, or `first` if there is no store.
+
+        **Raises:** `ValueError` for a store of another computation.
+        """
+        if not _folder(self.path).exists():
+            return first
+        found = open_wear(self.path)
+        require(
+            found.attrs.get("digest") == self.digest,
+            "path",
+            str(self.path),
+            "a folder without a result, or with one of the same scene and arguments",
+            "pass another folder",
+        )
+        depths, rates = (_stacked(found, name) for name in ("depth", "rate"))
+        # The stages with a run have a penetration that is not NaN.
+        measured = int(np.isfinite(found["penetration"].values[0]).sum())
+        return _Stages(
+            first.names,
+            first.parameters,
+            first.areas,
+            found["cycles"].values.tolist(),
+            list(depths),
+            list(rates[:measured]),
+            list(np.stack([found[name].values.T for name in EXTREMES], axis=-1))[:measured],
+            final_state(found),
+            found.attrs["failure"],
+        )
+
+
+def _old(path: Path) -> Path:
+    """Return the folder to which the old store is moved while the one at a path is replaced."""
+    return path.with_name(f"{path.name}.old")
+
+
+def _folder(path: Path) -> Path:
+    """Return the folder that has the contents of the store with the given path: the path itself, or
+    the folder of the old store between the two renamings of `_Store.write`."""
+    return _old(path) if _old(path).exists() and not path.exists() else path
+
+
+def _version(folder: Path) -> int | None:
+    """Return the number by which the file system identifies a folder (its inode); ``None`` if there
+    is no folder.
+
+    It changes when another folder is moved to the same path. A reader compares it before and after
+    reading, to notice that the store was replaced in between.
+    """
+    try:
+        return folder.stat().st_ino
+    except FileNotFoundError:
+        return None
+
+
+def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
+    """Read the result of `clearjoint.wear` from its store, also while `wear` still computes it.
+
+    **Arguments:** `path`: of the store, as it was given to `wear`.
+
+    **Raises:** `ValueError` if there is no store of wear at the path.
+
+    >>> import xarray as xr
+    >>> depth = ("joint", "stage", "angle"), np.zeros((1, 1, 8))
+    >>> _ = xr.Dataset({"bearing_depth": depth}).to_zarr("wear.zarr", consolidated=False)
+    >>> dict(cj.open_wear("wear.zarr").sizes)
+    {'joint': 1, 'stage': 1, 'angle': 8}
+    """
+    import xarray as xr
+
+    remedy = "pass the `path` that was given to wear()"
+    while True:
+        folder, failure = _folder(Path(path)), None
+        version = _version(folder)
+        try:
+            exists = (folder / "bearing_depth").is_dir()
+            require(exists, "path", str(path), "a folder with a result of wear()", remedy)
+            with xr.open_zarr(folder, consolidated=False) as found:
+                found.load()
+        except (OSError, ValueError) as error:
+            failure = error
+        # If `wear` has replaced the store meanwhile, its arrays may be of two stores or missing.
+        if folder == _folder(Path(path)) and version == _version(folder):
+            if failure is not None:
+                raise failure
+            return found
+
+
+def final_state(found: "xr.Dataset") -> State:
+    """Return the state after the last run whose wear was used, from a result of `wear`; the initial
+    state if there was no such run."""
+    numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
+    names = [str(name) for name in found["body"].values]
+    return State({name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)})
+
+
+def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
+    """Return the depths, m, or rates, m per cycle, of a result, and their derivatives, if any.
+
+    Row 0 is the depth or rate itself; the other rows are its derivatives by the parameters.
+
+    **Arguments:** `name`: "depth" or "rate".
+    """
+    dims = "stage", "parameter", "joint", "angle"
+    of_parts = []
+    for part in PARTS:
+        rows = [found[f"{part}_{name}"].expand_dims("parameter").transpose(*dims).values]
+        if "parameter" in found.dims:
+            rows.append(found[f"{part}_{name}_derivative"].transpose(*dims).values)
+        of_parts.append(np.concatenate(rows, axis=1))
+    return np.stack(of_parts, axis=3)
+
+
+def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> str:
+    """Return a digest of scene, state and arguments, by which a store recognises its computation.
+
+    The arguments `largest_change`, `stages` and `depth` are left out, so that a user may change
+    them and continue.
+    """
+    # The text of a direction may contain an address in memory, which differs from process to
+    # process. So the derivatives of scene and state along the direction are used instead.
+    named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
+    effects = [
+        jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
+        for along in run.directions.values()
+    ]
+    parts: list[str | bytes] = [
+        repr(named),
+        repr(goals.tolist()),
+        str(jax.tree.structure((scene, state))),
+    ]
+    leaves = jax.tree.leaves((scene, state, effects))
+    parts += [np.asarray(leaf).tobytes() for leaf in leaves]
+    return digest(*parts, digits=LONG)
+
+
+def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
+    """Return a scene in which the profiles of parts with a positive wear rate are periodic splines.
+
+    Each spline has `samples` knots and equals the profile of the part there. The names of the
+    joints are those of `rates`; other joints are unchanged.
+    """
+    joints = dict(scene.joints)
+    for name, of_joint in rates.items():
+        joint = joints[name]
+        splines: dict[str, PeriodicSpline] = {}
+        for part, field in zip(PARTS, PROFILES, strict=True):
+            if getattr(of_joint, part) > 0.0:
+                profile = getattr(joint, field)
+                # ``None`` is the profile of a circle.
+                values = 0.0 if profile is None else profile.at(_angles(samples)).value
+                splines[field] = PeriodicSpline.through(np.broadcast_to(values, samples))
+        joints[name] = _with_profiles(joint, splines)
+    return dataclasses.replace(scene, joints=joints)
+
+
+def _with_profiles(
+    joint: AbstractConstraint | AbstractContactJoint, profiles: Mapping[str, AbstractProfile]
+) -> ClearanceJoint:
+    """Return the joint with other profiles, by name of the field."""
+    assert isinstance(joint, ClearanceJoint)
+    with quiet():  # Cautions are for the profiles that a user gives.
+        return dataclasses.replace(joint, **profiles)
+
+
+def _angles(samples: int) -> np.ndarray:
+    """Return the angles 0, 2 pi/samples, 4 pi/samples, ..., (samples,) rad."""
+    return np.arange(samples) * 2.0 * np.pi / samples
+
+
+def _with_depths(
+    scene: Scene, names: list[str], depths: Float[np.ndarray, "rows joints 2 samples"]
+) -> Scene:
+    """Return the scene with material removed from its bearings and journals.
+
+    A part whose profile isn't a spline with one knot for each angle doesn't wear. Its depths are
+    zero, and it is unchanged.
+
+    **Arguments:** `scene`: made by `_with_splines`, perhaps changed by this function since.
+    `names`: names of the joints. `depths`: (rows, joints, 2, samples), at the angles around bearing
+    and journal. Row 0 has the removed depths, m. Each further row has their derivatives by one
+    parameter. With further rows, the new profiles are `MovingSpline`s, which the parameters move
+    along these derivatives; without them, they are `PeriodicSpline`s.
+    """
+    joints = dict(scene.joints)
+    for j, name in enumerate(names):
+        for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
+            profile = getattr(joints[name], field)
+            # Wear enlarges the radius of the bearing and reduces that of the journal.
+            rows = sign * depths[:, j, k]
+            if isinstance(profile, PeriodicSpline | MovingSpline) and len(
+                profile.coefficients
+            ) == len(rows[0]):
+                # Interpolation is linear, so that it applies to derivatives as well.
+                removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
+                worn = np.asarray(profile.coefficients) + removed[0]
+                # The shifts are zeros: derivatives are taken at the present parameters.
+                changed = (
+                    MovingSpline(worn, np.concatenate(removed[1:]), np.zeros(len(rows) - 1))
+                    if len(rows) > 1
+                    else PeriodicSpline(worn)
+                )
+                joints[name] = _with_profiles(joints[name], {field: changed})
+    return dataclasses.replace(scene, joints=joints)
+
+
+def check_wear(
+    scene: Scene,
+    cycle: float,
+    rates: Mapping[str, WearRates],
+    cycles: float | ArrayLike,
+    settle: int,
+    measured: int,
+    samples: int,
+    stages: int,
+    depth: float | None,
+    tolerance: float,
+    largest_change: float | None,
+) -> None:
+    """Check arguments of `wear`, which have the same names there.
+
+    **Raises:** `ValueError` for an argument that `wear` refuses; the message names the argument.
+    """
+    require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
+    known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
+    for name, of_joint in rates.items():
+        require_known("rates", name, known)
+        require_bases_only("rates", name, scene.laws()[name])
+        expected = "a WearRates"
+        fine = isinstance(of_joint, WearRates)
+        require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
+    require_positive("cycle", cycle, "give the duration of a cycle in s")
+    goals = np.atleast_1d(np.asarray(cycles, float))
+    row = goals.ndim == 1 and goals.size > 0
+    positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+    remedy = "give a number of cycles, such as 1e6, or a rising row of them"
+    require(positive, "cycles", cycles, "positive and rising", remedy)
+    if depth is not None:
+        require_positive("depth", depth, "give a depth in m, such as 1e-5")
+    # A row fixes the stages, whose lengths must be finite.
+    finite = np.isfinite(goals).all() or (depth is not None and np.ndim(cycles) == 0)
+    require(finite, "cycles", cycles, "finite", "give a `depth` that ends the computation")
+    require_count("settle", settle, "give a number of cycles", zero=True)
+    require_count("measured", measured, "give an even number of cycles")
+    even = measured % 2 == 0
+    require(even, "measured", measured, "even, as its two halves are compared", "add one")
+    require_count("samples", samples, "give a number of angles")
+    require_positive("tolerance", tolerance, "give a relative difference, such as 0.1")
+    if largest_change is not None:
+        require_positive("largest_change", largest_change, "give a depth in m, or None")
+    enough = samples >= FEWEST_SAMPLES
+    require(enough, "samples", samples, f"at least {FEWEST_SAMPLES}", "take the default of 96")
+    require_count("stages", stages, "give a number of stages")

@@ -1,0 +1,248 @@
+"""Depths that the contacts of a run remove around a bearing and its journal.
+
+A base of a journal is one of the two ends of its axis, where it touches the wall.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._math.vectors import Scalar
+from .._model.clearance_joints.clearance import ClearanceJoint
+from .._model.clearance_joints.journal_bases import BASES
+from .._model.profiles import PlanarAxes, overlaps
+from .._model.scene import Scene
+from .._simulation.reductions.joints import sliding_speed
+from .._simulation.results.observe import values_along
+from .._simulation.results.solution import Solution
+from ..quantities.base import Instant
+
+OF_BASES = tuple(
+    (base, kind) for base in BASES for kind in ("force", "power", "x", "y", "penetration")
+)
+SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
+"""Names of the numbers from which the wear of a joint follows at an instant.
+
+They are, for each of the bases V and W (here with the names for V): the normal force, N
+("V force"), its product with the sliding speed, W ("V power"), the base's eccentricity in the
+bearing's frame, m ("V x", "V y"), and the penetration, m ("V penetration"). The last four are the
+fields of `PlanarAxes`: components of the journal's x and y axes along the bearing's.
+"""
+TIMES_IN_PROGRAM = 4096
+"""The number of times of the quadrature, less one, is rounded up to a multiple of this number. A
+program is compiled for each number of times, so this limits how many are compiled for runs of
+different lengths."""
+
+Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
+"""Values of `SIGNALS` at T times, by name."""
+
+
+class Signal(eqx.Module):
+    """Quantity (function of an instant of a run) that returns the signal `name`, one of `SIGNALS`,
+    of the joint with the name `joint`."""
+
+    joint: str = eqx.field(static=True)
+    name: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        """Return the signal at an instant, in the unit that `SIGNALS` states."""
+        element = now.scene.joints[self.joint]
+        assert isinstance(element, ClearanceJoint)
+        if self.name in PlanarAxes._fields:
+            bodies = now.motions[element.bearing_body], now.motions[element.journal_body]
+            return getattr(element.planar_axes(*bodies), self.name)
+        base, kind = self.name.split()
+        if kind in ("force", "power"):
+            force = now.contacts[self.joint][base].normal_force
+            return force if kind == "force" else force * sliding_speed(now, self.joint, base)
+        if kind == "penetration":
+            return now.contacts[self.joint][base].contact.gap.depth
+        return getattr(element.journal_offset(now.motions, base), kind)
+
+
+class AllSignals(eqx.Module):
+    """All `SIGNALS` of the joint of a given name, as one quantity with an array of values."""
+
+    joint: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> jax.Array:
+        """Return the signals at an instant, in the order of `SIGNALS`."""
+        return jnp.stack([jnp.asarray(Signal(self.joint, name)(now)) for name in SIGNALS])
+
+
+def quadrature_times(
+    solution: Solution, start: float, end: float, longest: float
+) -> Float[np.ndarray, " T"]:
+    """Return times from `start` to `end`, s, for Simpson's rule: ends and middles of intervals.
+
+    The intervals are the steps of the run from `start` to `end`, divided into equal parts of at
+    most `longest`, s. At the even indices are the ends of intervals, at the odd ones the middles.
+    `solution` must have all steps saved.
+    """
+    assert solution.steps is not None, "`wear` saves all steps"
+    ends = np.asarray(solution.steps.times)
+    ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])
+    # Each interval counts twice: it consists of two halves, between an end and the middle.
+    parts = 2 * np.ceil(np.diff(ends) / longest).astype(int)
+    # The k-th of n parts of a step begins at k/n of it.
+    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    inner = np.repeat(ends[:-1], parts) + np.repeat(np.diff(ends) / parts, parts) * within
+    return np.append(inner, end)
+
+
+def wear_depths(
+    scene: Scene,
+    solution: Solution,
+    joint: str,
+    rates: tuple[float, float],
+    times: Float[np.ndarray, " T"],
+    samples: int,
+) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
+    """Return the depths that wear off the wall and off the journal of a joint during some time of a
+    run.
+
+    **Arguments:**
+
+    - `scene`: the scene of the run.
+    - `solution`: of `simulate`, with all steps saved.
+    - `joint`: name of a `ClearanceJoint`.
+    - `rates`: specific wear rates of the bearing and of the journal, m^2/N.
+    - `times`: s, from `quadrature_times`; the wear between the first and the last is returned.
+    - `samples`: number of evenly spaced angles, from the x axis of the bearing's or the journal's
+      frame.
+
+    **Returns:** a pair: the depths, (2, samples) m, with the bearing first; and an array (2,) with
+    the largest penetration of a base, m, and the largest sum of the normal forces of both bases, N,
+    at `times`.
+    """
+    assert solution.steps is not None, "`wear` saves all steps"
+    values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
+    signals = dict(zip(SIGNALS, values.T, strict=True))
+    element = scene.joints[joint]
+    assert isinstance(element, ClearanceJoint)
+    depths = np.asarray(depths_from_signals(element, np.asarray(rates), times, signals, samples))
+    deepest = max(signals[f"{base} penetration"].max() for base in BASES)
+    forces = np.sum([signals[f"{base} force"] for base in BASES], axis=0)
+    return depths, np.array([deepest, forces.max()])
+
+
+def depths_from_signals(
+    joint: ClearanceJoint,
+    rates: Float[jax.Array | np.ndarray, "2"],
+    times: Float[np.ndarray, " T"],
+    signals: Signals,
+    samples: int,
+) -> Float[jax.Array, "2 samples"]:
+    """Return the depths, m, that wear off the wall and off the journal; JAX can differentiate it.
+
+    The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
+    journal, the normal force F of a base and the sliding speed v (J. F. Archard 1953). The volume
+    is distributed over the angles in proportion to the overlap of the two profiles, as if the wall
+    were an elastic foundation, and evenly over the length of the journal. The wear of both bases is
+    added.
+
+    **Arguments:** `rates`: k of the bearing and of the journal, m^2/N. `times`: from
+    `quadrature_times`, s. `signals`: values at these times, by the names of `SIGNALS`. `samples`:
+    number of angles.
+    """
+    # The last time is repeated, so that few programs are compiled (see `TIMES_IN_PROGRAM`). The
+    # added intervals have no length and add nothing to the integral. The number of times stays odd,
+    # as Simpson's rule needs it.
+    more = -(len(times) - 1) % TIMES_IN_PROGRAM
+    times, signals = jax.tree.map(
+        lambda row: jnp.concatenate([row, jnp.broadcast_to(row[-1], more)]), (times, dict(signals))
+    )
+    return _depths(joint, jnp.asarray(rates), times, signals, samples)
+
+
+@partial(jax.jit, static_argnames="samples")
+def _depths(
+    joint: ClearanceJoint,
+    rates: Float[jax.Array, "2"],
+    times: Float[jax.Array, " T"],
+    signals: Mapping[str, Float[jax.Array, " T"]],
+    samples: int,
+) -> Float[jax.Array, "2 samples"]:
+    """Return the result of `depths_from_signals`; the arguments are the same.
+
+    It is compiled once for each number T of times. `depths_from_signals` is a separate function
+    because it first pads the times to one of few numbers T, and only padded arrays shall reach the
+    compiled program.
+    """
+    axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
+    radii = joint.bearing_radius, joint.journal_radius
+    depths = []
+    for angles, radius, rate in zip(_wall_angles(axes, samples), radii, rates, strict=True):
+        # Normal force times sliding speed, W, that wears the part at each angle.
+        density = jnp.zeros((len(times), samples))
+        for base in BASES:
+            x, y, power = (signals[f"{base} {kind}"][:, None] for kind in ("x", "y", "power"))
+            density = density + power * _shares(joint, x, y, angles, axes)
+        # The area of the surface that belongs to one angle, m^2.
+        area = radius * 2.0 * np.pi / samples * joint.journal_length
+        depths.append(rate / area * _integral(times, density))
+    return jnp.stack(depths)
+
+
+def _integral(
+    times: Float[jax.Array, " T"], values: Float[jax.Array, "T n"]
+) -> Float[jax.Array, " n"]:
+    """Return the integrals over time of each column of `values`, in its unit times s.
+
+    Simpson's rule is used: the times at odd indices are the middles of its intervals.
+    """
+    sixths = (times[2::2] - times[:-2:2])[:, None] / 6.0
+    return (sixths * (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2])).sum(axis=0)
+
+
+def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
+    """Return the directions of evenly spaced points of the wall and of the journal, rad.
+
+    The points are at the angles 0, 2 pi/samples, ... of each part's own frame. Their directions are
+    angles in the bearing's frame: an array (samples,) for the wall, and one (T, samples) for the
+    journal, which rotates.
+
+    **Arguments:** `axes`: components of the journal's x and y axes along those of the bearing, each
+    (T, 1).
+    """
+    angles = np.arange(samples) * 2.0 * np.pi / samples
+    along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
+    along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)
+    return angles, jnp.arctan2(along_y, along_x)
+
+
+def _shares(
+    joint: ClearanceJoint,
+    x: Float[jax.Array, "T 1"],
+    y: Float[jax.Array, "T 1"],
+    angles: Float[jax.Array | np.ndarray, "... samples"],
+    axes: PlanarAxes,
+) -> Float[jax.Array, "T samples"]:
+    """Return the share of the wear of one base that falls on each angle, at each time.
+
+    The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
+    the sum of this over all angles. Here the overlap less the clearance is the penetration in the
+    direction of the angle, the onset is the distance of the surfaces at which the force begins, and
+    the spacing is that of the angles, rad. The shares at one time add up to 1, or are all zero if
+    no angle has a positive one, because the journal is too far from the wall.
+
+    A contact may be so narrow that it lies between two angles. Therefore clearance spacing^2/2 is
+    added: the gap between two circles is larger by this amount at one spacing from the deepest
+    point. Thus the angles on both sides of that point have a share.
+
+    **Arguments:** `x`, `y`: eccentricity of the base in the bearing's frame, m. `angles`: evenly
+    spaced angles in the bearing's frame, rad, in one row or in one for each time. `axes`:
+    components of the journal's x and y axes along the bearing's, each (T, 1).
+    """
+    spacing = 2.0 * np.pi / np.shape(angles)[-1]
+    excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()
+    overlap = overlaps(x, y, angles, joint.bearing_profile, joint.journal_profile, axes)
+    part = jnp.maximum(overlap + excess, 0.0)
+    total = part.sum(axis=1, keepdims=True)
+    # Without contact all of `part` may be zero. The shares are then zero rather than 0/0.
+    return part / jnp.where(total > 0.0, total, 1.0)

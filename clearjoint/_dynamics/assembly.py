@@ -1,0 +1,507 @@
+"""Compute and check initial states that satisfy the constraints of a scene in position and
+velocity.
+
+Phi is the vector of the values of all constraint equations, which is zero if the constraints are
+satisfied.
+"""
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from functools import partial
+
+import jax
+import numpy as np
+
+from .._compilation import HostFirst
+from .._fields.caching import cached_by_numbers
+from .._fields.cautions import UnusualValueWarning, caution
+from .._fields.checks import caution_unless, checkable, nearest, require, require_finite
+from .._fields.objects import on_device, with_arrays
+from .._math.rotations import rotation_matrix
+from .._math.vectors import ZERO, EulerParameters, Scalar, pack, unpack
+from .._model.bodies import GROUND, BodyState, State, body_state
+from .._model.joints.base import PARALLEL, AbstractConstraint
+from .._model.joints.ideal import FixedJoint, PrismaticJoint
+from .._model.scene import Scene
+from .._native import Native
+from .absolute_coordinates import AbsoluteCoordinates
+from .constraint_report import row_residuals
+from .coordinates import AbstractCoordinates, MotionVariables
+from .formulation import Formulation
+from .journals import (
+    centring_joints,
+    outside,
+    require_centred,
+    resting_entry_speeds,
+    resting_joints,
+    with_ideal,
+)
+from .system import System
+
+ITERATIONS = 100
+"""Largest number of Newton steps of the positions in `assemble`. Few are needed from a good guess,
+since the steps converge quadratically."""
+TOLERANCE = 1e-12
+"""Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
+equations between directions. It is slightly above the rounding errors of lengths of a metre."""
+SATISFIED = 1e-9
+"""Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, that `assemble`
+accepts. It is above `TOLERANCE`, since rounding errors of lengths above a metre may exceed that,
+and small beside `ACCEPTED_VIOLATION`."""
+STRIKING = 0.1
+"""Part of the kinetic energy in motion of journals relative to their bearings, above which
+`assemble` warns. In a mechanism that moves as with ideal joints it is zero, and if a crank turns
+while all links behind its clearance rest, it is between a half and one."""
+LOCKED = (
+    "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
+    "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
+)
+ACCEPTED_VIOLATION = 1e-6
+"""Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
+which a run may start. This limit is far above rounding errors, and small beside a clearance."""
+REDUNDANT = Formulation(AbsoluteCoordinates(), redundant=True)
+"""Formulation of the corrections of `assemble`. Redundant constraints make their equations
+singular; the flag selects a solver for that case, so that they need not be known."""
+REPRESENTED = 1e-3
+"""Largest accepted difference of Euler parameters between a state and the same state after
+conversion to variables and back. Rounding errors are far smaller, and the difference of a state
+that the variables cannot represent is of the order of one."""
+
+
+def check_names(scene: Scene, state: State) -> None:
+    """Check that scene and state have the right types, that the state has exactly the scene's
+    bodies, and that all its numbers are finite, with Euler parameters of about unit norm (0.9 to
+    1.1). Numbers that JAX traces are not checked.
+
+    **Raises:** `ValueError` if one of these conditions is not met.
+    """
+    remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
+    require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
+    remedy = "pass State({name: body_state(...)})"
+    require(isinstance(state, State), "state", type(state).__name__, "a State", remedy)
+    same, expected = set(state.bodies) == set(scene.bodies), sorted(scene.bodies)
+    remedy = "give each body of the scene one state, under the same name"
+    require(same, "state", sorted(state.bodies), f"of the scene's bodies {expected}", remedy)
+    for name, body in state.bodies.items():
+        for field in ("position", "orientation", "velocity", "spin"):
+            require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
+        if (known := checkable(body.orientation)) is not None:
+            (parameters,) = known
+            norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
+            # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
+            fine, expected = (norm > 0.9) & (norm < 1.1), "Euler parameters of about unit norm"
+            remedy = "make states with body_state(...), which checks them"
+            require(fine, argument, parameters, f"{expected}, scalar part first", remedy)
+    for part in ("entry_speeds", "work", "bristles"):
+        for leaf in jax.tree.leaves(getattr(state, part)):
+            require_finite(f"state.{part}", leaf)
+
+
+def assemble(
+    scene: Scene,
+    state: State,
+    t: Scalar = 0.0,
+    *,
+    resting: Collection[str] = (),
+    centred: bool = False,
+    moving: bool | None = None,
+) -> State:
+    """Find a state near a guess that satisfies the constraints, with each journal in its bearing.
+
+    The state is found by Newton steps. Each step is the smallest correction, in the metric of the
+    mass matrix, that satisfies the linearised constraints, so that the result is approximately the
+    nearest state. A journal inside its bearing is not moved by its clearance joint, except along
+    the axis if the joint holds it axially. A journal that penetrates the wall by more than a
+    micrometre is put into the centre of the bearing, and gets the velocity that an ideal joint
+    would give it. A user-defined joint without a centred position (its method `centred_joint`
+    returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
+
+    Choose `moving` by what the guess says about velocities. Constraints do not determine those of
+    bodies behind a clearance: if a driver turns the crank of a four-bar with a played crank pin
+    and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes them with
+    its whole speed. With `moving=True`, they move as if all joints were ideal.
+
+    **Arguments:**
+
+    - `scene`: the mechanism; `state`: the guess, of positions and velocities.
+    - `t`: s, time at which constraints and forces that depend on time are evaluated.
+    - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
+      side to which gravity and the scene's forces press them while all bodies are at rest. They
+      penetrate the wall as far as their load demands, so that they don't oscillate. Contacts whose
+      laws use the entry speed get the one of an impact with the elastic energy of the contact, so
+      that later oscillations are damped like such an impact.
+    - `centred`: whether all journals are put into the centres of their bearings, except `resting`
+      ones.
+    - `moving`: whether the velocities are those of the mechanism with ideal joints, nearest to the
+      guess's, so that no journal moves relative to its bearing; otherwise velocities of journals
+      are those of the guess as far as the constraints allow. By default it is ``True`` if a driver
+      moves at time `t`.
+
+    **Returns:** the assembled state, with the `work` and `bristles` of the guess, and its
+    `entry_speeds` except for those of the joints in `resting`.
+
+    **Raises:** `ValueError`
+
+    - if `scene` is no `Scene` or `state` no `State`, if the state's bodies are not those of the
+      scene, if a number of the state is not finite, or if Euler parameters are far from unit norm;
+    - if no state near the guess satisfies the constraints; the message names the worst constraint;
+    - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
+      turned too far;
+    - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
+    - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
+      prescribe;
+    - if `resting` is a single string;
+    - if a name in `resting` is not that of a clearance joint with a centred position;
+    - if a journal in `resting` has no load across its axis, or its joint has no position of rest
+      (its method `resting_joint` returns ``None``).
+
+    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than
+    `STRIKING` of the kinetic energy would be lost if all journals stopped in their bearings.
+
+    >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
+    >>> state = cj.assemble(scene, guess)
+    >>> bool(np.allclose(state.bodies["slider"].position, guess.bodies["slider"].position))
+    True
+    """
+    check_names(scene, state)
+    scene, state = with_arrays((scene, state))
+    known = sorted(centring_joints(scene, scene.contact_joints()))
+    require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
+    for name in resting:
+        remedy = nearest(name, known, "leave out the others")
+        require(name in known, "resting", name, f"names of clearance joints {known}", remedy)
+    # Loads depend on the position, so resting journals are centred first, then moved to the wall.
+    ideal = centring_joints(scene, known if centred else resting)
+    state = _in_bearings(scene, ideal, state, t)
+    require_centred(scene, state, ideal)
+    if resting:
+        # The load depends on the position too, so it is computed again at the wall.
+        for _ in range(2):
+            ideal |= resting_joints(scene, ideal, resting, state, t)
+            state = _in_bearings(scene, ideal, state, t)
+        # Resting journals are not checked: they are placed as circles, so that a journal with a
+        # profile may be deep in the wall.
+        require_centred(scene, state, set(ideal) - set(resting))
+        entry_speeds = state.entry_speeds | resting_entry_speeds(scene, resting, state, t)
+        state = replace(state, entry_speeds=entry_speeds)
+    if not known or moving is False:
+        return state
+    held = with_ideal(scene, centring_joints(scene, known) | ideal)
+    driven = _driven(scene, state, t)
+    try:
+        mechanism = _satisfying(held, state, t)
+        moved = _with_velocities(scene, _with_motion(state, mechanism), t)
+    except ValueError as error:
+        if moving:
+            raise ValueError(
+                f"With ideal joints, as `moving` demands: {error} Or pass moving=False."
+            ) from error
+        if driven:
+            caution(f"{LOCKED} ({error})", UnusualValueWarning)
+        return state
+    if moving or driven:
+        return moved
+    _caution_striking(scene, state, moved)
+    return state
+
+
+def _driven(scene: Scene, state: State, t: Scalar) -> bool:
+    """Return whether a constraint, such as a driver, moves bodies at time t, s: whether bodies at
+    rest violate its time derivative."""
+    rest = body_state((0.0, 0.0, 0.0))
+    at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
+    rates = row_residuals(scene, at_rest, t).rates
+    return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
+
+
+def _with_motion(state: State, other: State) -> State:
+    """Return the positions of one state with the velocities and spins of another."""
+    bodies = {
+        name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
+        for name, body in state.bodies.items()
+    }
+    return replace(state, bodies=bodies)
+
+
+def _caution_striking(scene: Scene, state: State, moved: State) -> None:
+    """Warn of journals that move relative to their bearings with much of the kinetic energy.
+
+    **Arguments:** `moved`: the state with the nearest velocities, in the metric of the mass matrix,
+    at which all journals rest in their bearings. Stopping the journals thus loses energy.
+    """
+    before, after = (float(_kinetic_energy(scene, each.bodies)) for each in (state, moved))
+    lost = 1.0 - after / before if before > 0.0 else 0.0
+    caution_unless(
+        lost <= STRIKING,
+        "state",
+        round(100.0 * lost, 1),
+        "% of the kinetic energy in motion of journals relative to their bearings",
+        f"at most {100.0 * STRIKING:g} %",
+        "pass moving=True for the velocities of the mechanism with ideal joints, or moving=False "
+        "if the journals are to strike",
+    )
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
+    """Return the kinetic energy of all bodies, J. In scene and states, vectors are arrays (3,)."""
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    return system.energies(system.encode(unpack(bodies)), 0.0)["kinetic"]
+
+
+def _in_bearings(
+    scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
+) -> State:
+    """Return the state near a guess that satisfies the constraints of a scene in which ideal joints
+    replace some clearance joints.
+
+    Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
+    centres it, until no journal that can be centred is outside.
+
+    **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
+    further ones are added to this dictionary.
+    """
+    # The loop ends, because each pass adds at least one of the scene's clearance joints.
+    while True:
+        state = _satisfying(with_ideal(scene, ideal), state, t)
+        added = centring_joints(scene, outside(scene, state) - set(ideal))
+        if not added:
+            return state
+        ideal |= added
+
+
+def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
+    """Return a state near `state` that satisfies the constraints at time t, s.
+
+    It is found by Newton steps, each of which is the smallest correction, in the metric of the mass
+    matrix, that satisfies the linearised constraints. The result is therefore only approximately
+    the nearest state. Entry speeds, work and bristles are unchanged.
+
+    **Raises:** `ValueError` if the iteration does not converge (the message names the worst
+    constraint), or if a joint would hold a wrong orientation (see `require_oriented`).
+    """
+    bodies = state.bodies
+    t = on_device(t)
+    for _ in range(ITERATIONS):
+        rows = row_residuals(scene, State(bodies), t)
+        if np.abs(rows.values).max(initial=0.0) <= TOLERANCE:
+            break
+        bodies = _corrected(System.project_positions, scene, REDUNDANT, bodies, t)
+    else:
+        rows = row_residuals(scene, State(bodies), t)
+    _require_satisfied(rows.texts(), rows.values, SATISFIED, "assembled", "positions")
+    state = _with_velocities(scene, replace(state, bodies=bodies), t)
+    require_oriented(scene, cosines_of_turns(scene, state.bodies))
+    return state
+
+
+def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
+    """Return the state with the nearest velocities that satisfy the constraints at time t, s.
+
+    **Raises:** `ValueError` that names the worst constraint if there are none.
+    """
+    bodies, t = state.bodies, on_device(t)
+    # For velocities the constraints are linear: one projection solves them, and a second one
+    # removes the rounding errors of the first.
+    for _ in range(2):
+        bodies = _corrected(System.project_velocities, scene, REDUNDANT, bodies, t)
+    state = replace(state, bodies=bodies)
+    rows = row_residuals(scene, state, t)
+    _require_satisfied(rows.texts(), rows.rates, SATISFIED, "assembled", "velocities")
+    return state
+
+
+def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
+    """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`.
+
+    **Arguments:** `names`: of the m constraint equations; `values`: (m,), their values Phi;
+    `rates`: (m,), the time derivatives of Phi, per second.
+
+    **Raises:** `ValueError` that names the worst constraint.
+    """
+    _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
+    _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
+
+
+def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
+    """Check that the relative orientation in each fixed and prismatic joint is less than 90 degrees
+    from the one that the joint declares.
+
+    The constraint equations of these joints are zero at the declared orientation, but also after a
+    further rotation by half a revolution about x, y or z, or by 120 degrees (a cyclic permutation
+    of the axes). A run that starts from such a wrong orientation would hold it.
+
+    **Arguments:** `cosines`: the result of `cosines_of_turns`.
+
+    **Raises:** `ValueError` that names the joint.
+    """
+    for name, cosine in cosines.items():
+        turn = round(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))), 3)
+        second = scene.joints[name].body_names()[1]
+        expected = (
+            f"one in which body {second!r} is less than 90 degrees from the `orientation` of joint "
+            f"{name!r}"
+        )
+        remedy = "turn the body, or give the joint another `orientation`"
+        require(bool(cosine > 0.0), "state", turn, expected, remedy)
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
+    """Return the cosine of the angle by which the second body is turned away from the declared
+    orientation, for each fixed and prismatic joint by name.
+
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
+    if not oriented:
+        return {}
+    orientations = {name: body.orientation for name, body in unpack(bodies).items()}
+    orientations[GROUND] = EulerParameters(*PARALLEL)
+    cosines: dict[str, Scalar] = {}
+    for name, joint in unpack(oriented).items():
+        first, second = (rotation_matrix(orientations[body]) for body in joint.pair())
+        x, y, z = (first.T @ second @ rotation_matrix(joint.orientation).T).rows
+        # The trace of a rotation matrix is one plus twice the cosine of the angle.
+        cosines[name] = 0.5 * (x.x + y.y + z.z - 1.0)
+    return cosines
+
+
+def require_certain(uncertain: tuple[str, ...]) -> None:
+    """Check that no constraint nearly depends on the others.
+
+    With such a constraint, rounding errors would determine motion and reactions.
+
+    **Arguments:** `uncertain`: names of constraint equations that nearly depend on others; see
+    `ConstraintReport`.
+
+    **Raises:** `ValueError` if there are any.
+    """
+    expected = "without constraints that nearly depend on the others"
+    remedy = (
+        "align the points and axes of these joints with the others' exactly, or misalign them by "
+        "more than 1e-5; leave out redundant joints; or start farther from a singular position"
+    )
+    require(not uncertain, "state", list(uncertain), expected, remedy)
+
+
+def require_representable(
+    state: State,
+    coordinates: AbstractCoordinates,
+    variables: MotionVariables,
+    represented: dict[str, np.ndarray],
+) -> None:
+    """Check that coordinates can represent an assembled state, and have at least one variable.
+
+    A state that satisfies all constraints need not be representable. For example, parallel and
+    antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
+    represents only parallel axes. The state is converted to the coordinates and back, and must keep
+    its orientations; other differences are not checked.
+
+    **Arguments:** `variables`, `represented`: the result of `round_trip`.
+
+    **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
+    """
+    _require_something_moves(variables, coordinates)
+    for name, body in state.bodies.items():
+        given, found = np.asarray(body.orientation), np.asarray(represented[name])
+        # Euler parameters of opposite sign are the same orientation.
+        apart = min(np.abs(given - found).max(), np.abs(given + found).max())
+        expected = f"one that the coordinates can represent, here {found.tolist()}"
+        remedy = "reverse an axis of the joint that carries the body, or use AbsoluteCoordinates()"
+        argument = f"state.bodies[{name!r}].orientation"
+        require(bool(apart < REPRESENTED), argument, given, expected, remedy)
+
+
+@cached_by_numbers
+def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
+    """Check that the coordinates of a scene have at least one variable.
+
+    A sweep calls this once for all its runs, since the variables depend only on the structure of
+    the scene.
+
+    **Raises:** `ValueError` if nothing in the scene can move.
+    """
+    variables, _ = round_trip(scene, state, coordinates)
+    _require_something_moves(variables, coordinates)
+
+
+def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
+    """Check that there is at least one variable, so that a run has something to integrate.
+
+    **Arguments:** `coordinates`: those of the variables, named in the message.
+
+    **Raises:** `ValueError` if there is none.
+    """
+    moves, kind = bool(jax.tree.leaves(variables)), type(coordinates).__name__
+    remedy = "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure"
+    require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
+
+
+# As above.
+@HostFirst
+def round_trip(
+    scene: Scene, state: State, coordinates: AbstractCoordinates
+) -> tuple[MotionVariables, dict[str, np.ndarray]]:
+    """Convert the poses of a state to coordinates, and back.
+
+    If the orientations after the conversion differ from the given ones, the coordinates cannot
+    represent the state (see `require_representable`).
+
+    **Returns:** the variables at rest, and the Euler parameters of the bodies, (4,), by name,
+    converted back from the variables.
+    """
+    scene, bodies = unpack(scene), unpack(state.bodies)
+    # No velocity is compared, and structural zeros take no operations.
+    resting = {
+        name: BodyState(body.position, body.orientation, ZERO, ZERO)
+        for name, body in bodies.items()
+    }
+    variables = coordinates.encode(scene, resting)
+    decoded = coordinates.decode(scene, variables)
+    return variables, {name: pack(body.orientation) for name, body in decoded.items()}
+
+
+def _require_satisfied(
+    names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
+) -> None:
+    """Check that all values or rates of constraints are at most `tolerance` in magnitude.
+
+    **Arguments:** `names`: of the m constraint equations; `residuals`: (m,), their values or rates;
+    `tolerance`: in the unit of `residuals`; `quality`: "consistent" for a state that
+    the user gave, "assembled" for one that was computed; `part`: "positions" or "velocities", for
+    the message.
+
+    **Raises:** `ValueError` that names the worst constraint.
+    """
+    if residuals.size == 0:
+        return
+    # NaN counts as the worst residual.
+    worst = int(np.argmax(np.where(np.isfinite(residuals), np.abs(residuals), np.inf)))
+    limit = f"residual of constraint {names[worst]!r} at most {tolerance:g}"
+    remedy = "call assemble(scene, state) first"
+    if quality == "assembled":
+        remedy = "start from a better guess, or check the joints' points and axes with each other"
+    residual, expected = float(residuals[worst]), f"{quality} in its {part} ({limit})"
+    require(bool(np.abs(residual) <= tolerance), "state", residual, expected, remedy)
+
+
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
+@partial(Native, warns=False, few_runs=True)
+def _corrected(
+    projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
+    scene: Scene,
+    formulation: Formulation,
+    bodies: dict[str, BodyState],
+    t: Scalar,
+) -> dict[str, BodyState]:
+    """Return the states of the bodies, by name, after one correction towards the constraints.
+
+    **Arguments:** `projection`: the method of `System` that corrects the variables, either
+    `project_positions` or `project_velocities`; `bodies`: the states before, by name; `t`: s, time
+    at which the constraints are evaluated.
+    """
+    system = System(unpack(scene), formulation)
+    return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

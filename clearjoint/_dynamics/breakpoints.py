@@ -1,0 +1,268 @@
+"""Breakpoints: declared times at which elements of a scene change abruptly, and at which steps end.
+
+An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
+breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
+just after it. Therefore it does not matter whether the element compares time with < or <=. "Just
+before" and "just after" mean by a few rounding errors of the time. A breakpoint at infinity, as of
+an element that is never switched off, has no effect.
+
+A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
+zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
+times of the scene.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from .._compilation import traced_once
+from .._math.smoothing import wrapped
+from .._math.vectors import Condition, Scalar
+from .._model.drives.drivers import AbstractRotationDriver
+from .._model.drives.functions_of_time import Increasing
+from .._model.joints.base import AbstractElement, ByLabel, Row
+from .._model.scene import Scene
+from .coordinates import MotionVariables
+from .system import System
+
+ROUNDINGS = 8.0
+"""Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
+An element may compute the time in another order of operations, with another rounding error."""
+SHORTEST = 1e-12
+"""s: the rounding error of a breakpoint is taken to be at least that of this time, so that it is
+positive also for a breakpoint at zero. This time is much shorter than any step."""
+FEW = 8
+"""Number of times up to which those of a table are compared one by one, and not found by
+bisection."""
+
+NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
+"""Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
+DRIVER_ROUNDINGS = 64.0
+"""Tolerance of `drivers_are_smooth` for the driver's rates, in units of rounding error. It is wide,
+since a driver may compute its value and its rates by many operations."""
+ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
+"""Rounding errors that are allowed in the change of a driver's value, m or rad, and of its rate,
+m/s or rad/s. They occur if a driver computes differences of large values in a table at short
+intervals of time."""
+
+
+def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
+    """Return the breakpoints, s, of each joint or force that has any, by the name of the element.
+
+    Each value is a list of numbers, of arrays of any shape with one entry at least, and of
+    `Increasing` arrays.
+    """
+    elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
+    times = {
+        name: [
+            # Of a few times, looking at all of them costs less than a search.
+            jnp.asarray(at.times, dtype=float)
+            if isinstance(at, Increasing) and np.size(at.times) <= FEW
+            else at
+            for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_increasing)
+            if np.size(at.times if isinstance(at, Increasing) else at) > 0
+        ]
+        for name, element in elements.items()
+    }
+    return {name: instants for name, instants in times.items() if instants}
+
+
+def _is_increasing(node: PyTree) -> bool:
+    return isinstance(node, Increasing)
+
+
+def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
+    """Return the first breakpoint that is after the time t by more than rounding errors, s, on the
+    same clock as t.
+
+    The result is infinity if no breakpoint is after t, and ``None`` if no element of the scene has
+    a breakpoint.
+    """
+    soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
+    return None if soonest is None else system.own_time(soonest)
+
+
+def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
+    """Return the time at which elements are evaluated for the time t in a step that begins at
+    `start`.
+
+    The result is t, clipped to the open interval between the last breakpoint that is not after
+    `start` and the next one. At a breakpoint, an element thus has the value that holds inside of
+    the step. All times are on the clock of the system.
+    """
+    # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
+    # start, else an upper one.
+    start = system.clock(start)
+    earliest = _extreme(system, start, lambda at: at + _rounding(system, at), after=False)
+    latest = _extreme(system, start, lambda at: at - _rounding(system, at), after=True)
+    if earliest is None:
+        return t
+    return system.own_time(jnp.clip(system.clock(t), earliest, latest))
+
+
+def since_breakpoints(
+    system: System, start: Scalar, t: Scalar
+) -> dict[str, tuple[Condition, Scalar]]:
+    """Return, for each element with breakpoints, whether a step ends at one of them, and the time
+    in s from this breakpoint to the end of the step.
+
+    Callers end steps at breakpoints, so that a breakpoint after the start and not after the end of
+    a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
+    the step ends at no breakpoint. The time is needed for its derivatives by the parameters on
+    which the breakpoint depends. If several breakpoints are at the end of the step, such as equal
+    ones in a table, the returned time is the mean of the times since each of them.
+
+    **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
+
+    **Returns:** a pair (condition, time) by the name of the element.
+    """
+    landings = {}
+    start, t = system.clock(start), system.clock(t)
+    for name, times in breakpoints(system.scene).items():
+        count, sum_since = jnp.zeros(()), jnp.zeros(())
+        for at in times:
+            if isinstance(at, Increasing):
+                # The breakpoint at the end is the last one that is not after it.
+                passed = _passed(system, at, t)
+                instants = jnp.asarray(at.times, dtype=float)
+                at = instants[jnp.maximum(passed - 1, 0)]
+            in_step = _is_after(system, at, start) & ~_is_after(system, at, t)
+            count = count + jnp.sum(in_step)
+            sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
+        # A table may list the same breakpoint twice. The mean has the same derivative as the time
+        # since that breakpoint; the sum would have twice this derivative.
+        landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
+    return landings
+
+
+def drivers_are_smooth(
+    system: System, variables: MotionVariables, start: Scalar, end: Scalar, rtol: Scalar
+) -> Condition | None:
+    """Return whether all drivers (constraints that depend on time) are smooth over a step, or
+    ``None`` if there are no drivers.
+
+    A driver counts as smooth if, within a tolerance, the change of its value equals the integral of
+    its rate, and the change of its rate equals the integral of its second time derivative. This
+    test is needed because the equations of motion use only the second time derivative of a driver,
+    at the solver's stages. A kink or jump between two stages would have no effect on them: error
+    estimates would not show it, and the run would continue with the old speed.
+
+    **Arguments:**
+
+    - `variables`: motion variables, of which only the position is used. All bodies are taken to be
+      at rest, so that only time changes the constraints.
+    - `start`, `end`: of the step, s, on the clock of the system.
+    - `rtol`: tolerance relative to the driver's speed over the step.
+    """
+
+    # The rows are evaluated at eight times, and traced once for all of them.
+    @traced_once
+    def prescribed(system: System, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
+        return system.prescribed(variables, t)
+
+    def integral(values: Sequence[Scalar]) -> Scalar:
+        return 0.5 * h * sum(w * value for w, value in zip(WEIGHTS, values, strict=True))
+
+    if not jax.eval_shape(lambda: system.prescribed(variables, end)):
+        return None
+    h, eps = end - start, jnp.finfo(jnp.result_type(float)).eps
+    inside = [start + 0.5 * (1.0 + x) * h for x in NODES]
+    within = [one_sided_time(system, start, t) for t in (start, end, *inside)]
+    # If the step ends at a breakpoint, the rate may change there, but the value must be continuous.
+    # So the value is taken on the far side of the end, and rates on the near side.
+    past_end = one_sided_time(system, end, end)
+    # This number is used as the relative error of a driver's rates, and also as the rounding error
+    # of `end`, s, which causes an error of speed times this time in the driver's value.
+    rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(end)))
+    smooth: Condition | None = None
+    at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
+    names = [(name, label) for name, family in at_times[0].items() for label in family]
+    for name, label in names:
+        beyond, first, last, *others = (rows[name][label] for rows in at_times)
+        # With all bodies at rest, `time_rate` and `bias` are the first and the second time
+        # derivative of the driver's value.
+        rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
+        value = beyond.value - first.value - integral(rates)
+        # Angles are known up to whole revolutions.
+        if isinstance(system.scene.joints[name], AbstractRotationDriver):
+            value = wrapped(value, 2.0 * math.pi)
+        rate = last.time_rate - first.time_rate - integral(seconds)
+        # The scale includes `change`, the total variation of the rate, since a driver that
+        # oscillates within the step may have small rates at both ends.
+        change = integral([jnp.abs(second) for second in seconds])
+        speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
+        allowed = (rtol + rounding) * speed
+        fine = jnp.abs(rate) <= allowed + ROUNDED_RATE
+        fine &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
+        smooth = fine if smooth is None else smooth & fine
+    return smooth
+
+
+def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
+    """Return whether a breakpoint `at` is after the time t of the scene, both in s, by more than
+    rounding."""
+    return at > t + _rounding(system, at)
+
+
+def _rounding(system: System, at: Scalar) -> jax.Array:
+    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
+    # On the clock of the system, a time has the rounding error of the origin too.
+    size = jnp.maximum(jnp.abs(system.clock(0.0)), SHORTEST)
+    # An infinite rounding error would make an infinite breakpoint equal to any time.
+    size = jnp.maximum(jnp.where(jnp.isinf(at), 0.0, jnp.abs(at)), size)
+    return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * size
+
+
+def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
+    """Return the number of breakpoints of a table that are not after the time t of the scene, s."""
+    times = jax.lax.stop_gradient(jnp.asarray(table.times, dtype=float))
+    count = len(times)
+
+    def halved(_: jax.Array, bounds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        low, high = bounds
+        middle = (low + high) // 2
+        passed = (low < high) & ~_is_after(system, times[jnp.minimum(middle, count - 1)], t)
+        return jnp.where(passed, middle + 1, low), jnp.where(passed, high, middle)
+
+    # Bisection: the number is at least the first bound and at most the second.
+    bounds = jnp.asarray(0), jnp.asarray(count)
+    return jax.lax.fori_loop(0, count.bit_length(), halved, bounds)[0]
+
+
+def _extreme(
+    system: System,
+    t: Scalar,
+    function: Callable[[jax.Array], jax.Array],
+    after: bool,
+) -> Scalar | None:
+    """Return the least value, s, of a function at the breakpoints after the time t of the scene, or
+    its largest value at those that are not after it.
+
+    Without such breakpoints the value is infinite, and it is ``None`` if the scene has none at all.
+    It is not differentiated, since the solution does not depend on where steps end.
+
+    **Arguments:** `function`: an increasing function of one breakpoint, or of an array of them
+    element by element; `after`: whether the breakpoints after t are meant.
+    """
+    choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
+    extreme: jax.Array | None = None
+    for times in breakpoints(system.scene).values():
+        for one in times:
+            instants = one.times if isinstance(one, Increasing) else one
+            at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
+            if isinstance(one, Increasing):
+                # Since the function increases, its value at the nearest breakpoint is the extreme.
+                passed, count = _passed(system, one, t), len(at)
+                index, exists = (passed, passed < count) if after else (passed - 1, passed > 0)
+                nearest = function(at[jnp.clip(index, 0, count - 1)])
+                value = jnp.where(exists, nearest, none)
+            else:
+                is_after = _is_after(system, at, t)
+                value = jnp.where(is_after if after else ~is_after, function(at), none)
+                value = value if jnp.ndim(value) == 0 else choice.reduce(value, axis=None)
+            extreme = value if extreme is None else choice(extreme, value)
+    return extreme

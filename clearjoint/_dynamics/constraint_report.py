@@ -1,0 +1,359 @@
+"""Values, rank and redundancy of a scene's constraints in a given state.
+
+Ideal joints and drivers, and clearance joints that hold their journal axially, contribute rows:
+scalar constraint equations Phi = 0 with a Jacobian. A row is redundant if it depends linearly on
+other rows.
+"""
+
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import compress
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from .._compilation import HostFirst
+from .._fields.objects import on_device
+from .._math.smoothing import where
+from .._math.vectors import Scalar, library, square_root, unpack
+from .._model.bodies import GROUND, BodyState, State
+from .._model.joints.base import ByLabel, Motions, Row
+from .._model.scene import Scene
+from .._native import NativeFunction, UnsupportedPrimitiveError
+from .absolute_coordinates import AbsoluteCoordinates
+from .coordinates import AbstractCoordinates
+from .equations_of_motion import constraint_rows
+from .multipliers import as_array, row_rate
+
+RANK_TOLERANCE = 1e-8
+"""Distance of a normalised constraint row from the span of the rows before it, below which the row
+counts as dependent on them. It is far above rounding errors."""
+UNCERTAIN_BELOW = 1e-5
+"""Distance below which a row that is not dependent counts as nearly dependent. The equations for
+the multipliers contain the square of this distance, so that rounding errors determine the
+multipliers: at a distance of 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad
+after one second."""
+FEW = 16
+"""Largest number of scenes whose constraints are evaluated one by one with NumPy. For more scenes,
+native code is compiled, which takes longer than some evaluations."""
+
+
+@dataclass(frozen=True)
+class ConstraintReport:
+    """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
+    bodies.
+
+    - `bodies`: names of the bodies, in the scene's order.
+    - `names`: m strings, each "joint: label", in the scene's order of joints.
+    - `values`: (m,), Phi, in m, rad or without unit.
+    - `rates`: (m,), time derivatives of Phi, m/s, rad/s or 1/s.
+    - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
+      (rad/s, body axes) of each body, in the order of `bodies`.
+    - `redundant`: names of the rows that depend linearly on rows before them.
+    - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
+      such rows, since rounding errors would determine its reactions.
+
+    The other fields describe all rows, but `redundant` and `uncertain` leave out those that the
+    argument `coordinates` of `constraint_report` eliminates.
+    """
+
+    bodies: tuple[str, ...]
+    names: tuple[str, ...]
+    values: Float[np.ndarray, " m"]
+    rates: Float[np.ndarray, " m"]
+    jacobian: Float[np.ndarray, "m v"]
+    redundant: tuple[str, ...]
+    uncertain: tuple[str, ...]
+
+    def columns(self, bodies: Sequence[str]) -> Float[np.ndarray, "m v"]:
+        """Return the columns of `jacobian` that belong to some bodies, six for each, in the order
+        of their names."""
+        return self.jacobian[:, _columns(self.bodies, bodies)]
+
+    def degrees_of_freedom(self) -> int:
+        """Return six times the number of bodies minus the number of independent constraint rows."""
+        return self.jacobian.shape[1] - len(self.names) + len(self.redundant)
+
+
+def constraint_report(
+    scene: Scene, state: State, t: Scalar = 0.0, coordinates: AbstractCoordinates | None = None
+) -> ConstraintReport:
+    """Evaluate the constraints of a scene in a state, and find the redundant ones.
+
+    **Arguments:**
+
+    - `scene`, `state`: the mechanism, and positions and velocities of its bodies.
+    - `t`: s, time at which constraints that depend on time are evaluated.
+    - `coordinates`: if given, redundancy is determined among the constraint equations that these
+      coordinates do not eliminate; by default among all of them. An equation is redundant if it
+      depends linearly on those before it and on those that are eliminated.
+
+    **Returns:** a `ConstraintReport`.
+
+    >>> report = cj.constraint_report(*cj.mechanisms.bricard())
+    >>> report.degrees_of_freedom(), len(report.redundant)
+    (1, 1)
+    """
+    coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
+    rows = start_rows_by_numpy(scene, coordinates, state, on_device(t), with_jacobian=True)
+    rows = rows.in_order_of(scene)
+    redundant, uncertain = dependent(rows.names, rows.left, {})
+    assert rows.jacobian is not None
+    return ConstraintReport(
+        rows.bodies, rows.texts(), rows.values, rows.rates, rows.jacobian, redundant, uncertain
+    )
+
+
+RowName = tuple[str, str]
+"""Name of a joint, and label of one of its constraint rows."""
+
+
+def _text(row: RowName) -> str:
+    return ": ".join(row)
+
+
+def _columns(bodies: Sequence[str], wanted: Iterable[str]) -> list[int]:
+    """Return the indices of the speeds of the `wanted` bodies among those of all `bodies`."""
+    return [6 * bodies.index(name) + k for name in wanted for k in range(6)]
+
+
+class StartRows(NamedTuple):
+    """Constraint rows of a scene in an initial state, as arrays, for the checks before a run.
+
+    Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
+    that of the coordinates' speeds, and v six times the number of bodies.
+
+    - `values`, (m,), and `rates`, (m,): of all rows, as in `ConstraintReport`; `all_names`: their
+      names.
+    - `names`: of the n rows that remain.
+    - `left`: (n, s), derivatives of the rates of these rows by the coordinates' speeds, each row
+      divided by the norm of the same row of `jacobian`.
+    - `jacobian`: (m, v), of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
+    - `bodies`: names of the bodies in the order of the columns of `jacobian`.
+
+    Arrays without rows have the shape (0,).
+
+    Rows and columns are in the order of the names, not in that of the scene, if JAX or native code
+    has made them; see `in_order_of`.
+    """
+
+    values: np.ndarray
+    rates: np.ndarray
+    all_names: tuple[RowName, ...]
+    bodies: tuple[str, ...]
+    names: tuple[RowName, ...]
+    left: np.ndarray
+    jacobian: np.ndarray | None
+
+    def texts(self) -> tuple[str, ...]:
+        """Return the names of all rows, each as "joint: label"."""
+        return tuple(map(_text, self.all_names))
+
+    def in_order_of(self, scene: Scene) -> "StartRows":
+        """Return the rows in the scene's order of joints, and the columns of `jacobian` in its
+        order of bodies, as NumPy arrays without a further first axis.
+
+        The order determines which of several dependent rows count as redundant: those that depend
+        on rows before them. So this does not depend on names.
+        """
+        every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
+        bodies, jacobian = tuple(scene.bodies), self.jacobian
+        if jacobian is not None:
+            # Without rows, the array has lost its second axis.
+            jacobian = np.asarray(jacobian).reshape(len(every), 6 * len(bodies))
+            jacobian = jacobian[every][:, _columns(self.bodies, bodies)]
+        return StartRows(
+            np.asarray(self.values)[every],
+            np.asarray(self.rates)[every],
+            tuple(self.all_names[k] for k in every),
+            bodies,
+            tuple(self.names[k] for k in remaining),
+            np.asarray(self.left)[remaining],
+            jacobian,
+        )
+
+
+def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
+    """Return the indices of rows in the scene's order of joints; rows of the same joint keep their
+    order."""
+    rank = {name: k for k, name in enumerate(scene.joints)}
+    return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
+
+
+def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
+    """Return values and rates of all constraint rows in a state at time t, s, in the scene's order.
+
+    Unlike a `ConstraintReport`, whose Jacobian and redundant rows take time that grows with the
+    cube of the number of bodies, they take time that grows with this number.
+    """
+    return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
+
+
+def start_rows(
+    scene: Scene,
+    coordinates: AbstractCoordinates | None,
+    state: State,
+    t: Scalar,
+    with_jacobian: bool = False,
+    motions: Motions | None = None,
+) -> StartRows:
+    """Return all constraint rows in an initial state at time t, s, and those that `coordinates` do
+    not eliminate; none of the latter without `coordinates`. Scene and state have vectors as arrays
+    (3,).
+
+    The rows of the arrays in `StartRows` are in the order of its tuples `all_names` and `names`.
+    A dictionary would lose the order, since JAX sorts its keys.
+
+    **Arguments:** `with_jacobian`: whether to return the field `jacobian`, whose size grows with
+    the square of the number of bodies; `motions`: those of `free_motions`, if they are known.
+    """
+    scene, bodies = unpack(scene), unpack(state.bodies)
+    absolute = AbsoluteCoordinates()
+    motions = free_motions(scene, bodies) if motions is None else motions
+    by_joint = constraint_rows(scene, absolute, motions, t)
+    rows = _by_name(by_joint)
+    values = [as_array([row.value])[0] for row in rows.values()]
+    rates = [as_array([row_rate(row, motions)])[0] for row in rows.values()]
+    jacobian = None
+    if with_jacobian:
+        # The speeds of absolute coordinates are the velocities and spins of the bodies.
+        mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
+        jacobian = _stacked([as_array(mechanics.projected(row.jacobian)) for row in rows.values()])
+    names, left = [], []
+    # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
+    if coordinates is not None and not by_joint.keys() <= coordinates.eliminated(scene):
+        mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
+        remaining = constraint_rows(scene, coordinates, mechanics.motions, t)
+        for name, row in _by_name(remaining).items():
+            names.append(name)
+            left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
+    of_all = _stacked(values), _stacked(rates), tuple(rows), tuple(scene.bodies)
+    return StartRows(*of_all, tuple(names), _stacked(left), jacobian)
+
+
+def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
+    """Return pose and velocities of each body and of "ground", by name, of states that may violate
+    the constraints. Vectors are separate scalars."""
+    absolute = AbsoluteCoordinates()
+    return absolute.motions(scene, absolute.encode(scene, bodies))
+
+
+def _norm(row: Row) -> Scalar:
+    """Return the norm of a row's derivatives by the velocities and spins of the bodies; one if they
+    are all zero.
+
+    Rows are divided by their norms in absolute coordinates, since a row that the coordinates nearly
+    satisfy must stay small, and count as dependent. A row vanishes in a singular position; it then
+    counts as dependent on the others.
+    """
+    wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
+    square = sum(
+        vector.dot(vector) for wrench in wrenches for vector in (wrench.force, wrench.moment)
+    )
+    return square_root(where(square > 0.0, square, 1.0))
+
+
+def _stacked(rows: list[jax.Array]) -> np.ndarray:
+    """Return rows as one array with an additional first axis, or an array of shape (0,) if there
+    are none."""
+    return library(rows).stack(rows) if rows else np.zeros(0)
+
+
+def _by_name(rows: ByLabel[Row]) -> dict[RowName, Row]:
+    return {(joint, label): row for joint, by in rows.items() for label, row in by.items()}
+
+
+# The first evaluates many scenes in compiled native code, the second one scene, by NumPy if it can.
+_start_rows = NativeFunction(start_rows, few_runs=True)
+start_rows_by_numpy = HostFirst(start_rows)
+
+
+def start_rows_of_lanes(
+    scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
+) -> StartRows:
+    """Return the result of `start_rows` for the N runs (lanes) of a sweep, with an additional first
+    axis of length N in each array.
+
+    The names of the rows are the same for all runs.
+
+    **Arguments:**
+
+    - `scene`: one of the scenes.
+    - `varied`: a PyTree like `scene`, with an array of N values for each number that varies, and
+      ``None`` for each number that does not.
+    - `states`: the initial states, with the axis of length N first in each array.
+    - `t`: s, the same for all.
+    - `coordinates`: the coordinates of the runs.
+    """
+    # `columns` has an entry for each leaf of `arguments`, in their order: the array of its N
+    # values, or None if the leaf is the same in all runs.
+    scenes = jax.tree.structure(scene).flatten_up_to(varied)
+    starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
+    count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
+    columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
+    arguments = scene, coordinates, first, np.asarray(t, float)
+    # User-defined joints may use a primitive that native code does not support. Then the scenes are
+    # evaluated one by one.
+    alike = all(column is None for column in columns)
+    if count > FEW and not alike:
+        with suppress(UnsupportedPrimitiveError):
+            return _start_rows.rows(arguments, columns)
+    # If all scenes and states are equal, one evaluation serves them all.
+    leaves, structure = jax.tree.flatten(arguments)
+    per_lane = [
+        start_rows_by_numpy(
+            *jax.tree.unflatten(
+                structure, [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)]
+            )
+        )
+        for k in range(1 if alike else count)
+    ]
+
+    def stacked(field: str) -> np.ndarray:
+        array = np.stack([getattr(rows, field) for rows in per_lane])
+        return np.broadcast_to(array, (count, *array.shape[1:]))
+
+    arrays = {name: stacked(name) for name in ("values", "rates", "left")}
+    return per_lane[0]._replace(**arrays)
+
+
+def dependent(
+    names: tuple[RowName, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names "joint: label" of the rows that depend linearly on rows before them, and
+    those of the rows that nearly do.
+
+    **Arguments:**
+
+    - `names`: of the n rows.
+    - `rows`: (n, s), divided by their norms as in `StartRows.left`.
+    - `known`: a cache of the results of `_distances`, by the bytes of `rows`. It is read, and
+      extended if it lacks `rows`. Scenes of a sweep often have equal rows.
+    """
+    key = rows.tobytes()
+    if key not in known:
+        known[key] = _distances(rows)
+    apart = known[key]
+    redundant = apart < RANK_TOLERANCE
+    uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
+    texts = [*map(_text, names)]
+    return tuple(compress(texts, redundant)), tuple(compress(texts, uncertain))
+
+
+def _distances(rows: np.ndarray) -> np.ndarray:
+    """Return the distance, (n,), of each row of an (n, s) array from the span of the independent
+    rows before it, by Gram-Schmidt orthogonalisation."""
+    basis, count = np.empty_like(rows), 0
+    distances = np.zeros(len(rows))
+    for k, row in enumerate(rows):
+        rest, directions = row, basis[:count]
+        for _ in range(2):  # the second pass removes rounding errors of the first
+            rest = rest - (directions @ rest) @ directions
+        distances[k] = np.linalg.norm(rest)
+        if distances[k] >= RANK_TOLERANCE:
+            basis[count] = rest / distances[k]
+            count += 1
+    return distances

@@ -1,0 +1,321 @@
+"""Forces of all contacts at one instant: normal force, its elastic part, and friction.
+
+A contact is closed if it has a force. Slip velocities are computed only for joints with friction. A
+friction law with bristles (surfaces that deflect against each other, which models sticking) depends
+on the bristles' deflections, which are integrated with the motion. The rates of the deflections
+follow from the same slip velocity as the force, so both are computed here. Values by joint and
+contact label are nested dictionaries, ``values[joint][contact]``.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import jax
+import jax.numpy as jnp
+
+from .._fields.checks import EPSILON, require
+from .._math.vectors import ZERO, Condition, Scalar, Vector
+from .._model.bodies import GROUND, Wrench
+from .._model.contact.friction import AbstractBristleFriction
+from .._model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap, contact_normal_force
+from .._model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
+from .._model.scene import Scene
+from .kinds import Kinds
+
+EntrySpeeds: TypeAlias = ByLabel[Scalar]
+"""Entry speed (penetration rate at the onset), m/s, by joint and contact label, of each contact
+whose law uses it; zero while the contact is open."""
+Closed: TypeAlias = ByLabel[Condition]
+"""Whether each contact is closed, by joint and contact label."""
+Bristles: TypeAlias = ByLabel[Vector]
+"""Deflection of each contact's bristles, m, by joint and contact label, in the axes of the joint's
+first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
+NO_BRISTLES: Bristles = {}
+INSIDE = 1e-300
+"""Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class LoadedContact:
+    """A contact with its forces.
+
+    - `contact`: geometry.
+    - `normal_force`: N, including damping, positive if it pushes the bodies apart.
+    - `elastic_force`: N, the part of the normal force without damping.
+    - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
+    - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
+      without bristles.
+    - `friction_moment`: on the second body about the normal, N m; ``None`` except for friction
+      between two flat faces, whose contact has a `face_radius`, the mean radius of the faces, m.
+    """
+
+    contact: Contact
+    normal_force: Scalar
+    elastic_force: Scalar
+    friction: Vector | None
+    bristle_rate: Vector | None = None
+    friction_moment: Scalar | None = None
+
+
+def contact_forces(
+    scene: Scene,
+    motions: Motions,
+    entry_speeds: EntrySpeeds,
+    closed: Closed | None = None,
+    bristles: Bristles = NO_BRISTLES,
+) -> ByLabel[LoadedContact]:
+    """Return the forces of all contacts, by joint and contact label.
+
+    **Arguments:**
+
+    - `motions`: pose and velocities of each body.
+    - `entry_speeds`: m/s, by joint and contact label. If `closed` is given, a closed contact whose
+      entry speed is zero is treated as elastic, like a contact that exists at the start of a run.
+      If `closed` is ``None``, the present penetration rate replaces an entry speed of zero.
+    - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
+      ``None``, the contacts that penetrate have one.
+    - `bristles`: deflections, m, of the contacts with bristle laws, in the axes of the joint's
+      first body.
+
+    **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
+    contact, or if the contact has a `face_radius`.
+    """
+    kinds = Kinds(scene)
+    return {
+        name: dict(
+            kinds.evaluate(
+                _forces_of_joint,
+                joint,
+                motions,
+                entry_speeds.get(name, {}),
+                None if closed is None else closed[name],
+                bristles.get(name, {}),
+            )
+        )
+        for name, joint in scene.contact_joints().items()
+    }
+
+
+def _forces_of_joint(
+    joint: AbstractContactJoint,
+    motions: Motions,
+    entry_speeds: Mapping[str, Scalar],
+    closed: Mapping[str, Condition] | None,
+    bristles: Mapping[str, Vector],
+) -> list[tuple[str, LoadedContact]]:
+    """Return label and forces of each contact of a joint. The arguments are those of
+    `contact_forces`, by label of the contact."""
+    laws, forces = joint.laws(), []
+    for label, contact in joint.contacts(motions).items():
+        entry_speed = entry_speeds[label] if laws[label].uses_entry_speed else None
+        is_closed = None if closed is None else closed[label]
+        if is_closed is not None and entry_speed is not None:
+            # The present penetration rate cannot replace a missing entry speed, because it
+            # differs between the stages of a step.
+            entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
+        given = contact, entry_speed, is_closed, motions, bristles
+        forces.append((label, contact_force(joint, label, laws[label], *given)))
+    return forces
+
+
+def contact_wrenches(
+    joint: AbstractContactJoint,
+    contact: Contact,
+    normal_force: Scalar,
+    friction: Vector | None,
+    motions: Motions,
+    friction_moment: Scalar | None = None,
+) -> Iterator[tuple[str, Wrench]]:
+    """Yield name and wrench of each body, other than the ground, on which one contact of a joint
+    acts.
+
+    With a friction moment, each body is yielded twice: the moment has its own wrench.
+
+    **Arguments:** `normal_force`: N, positive if it pushes the bodies apart; `friction`: force on
+    the second body, N, in global axes, or ``None``; `motions`: pose and velocities of each body;
+    `friction_moment`: on the second body about the normal, N m, or ``None``. For a contact that
+    acts as a couple (see `Contact.turning`), `friction` and `friction_moment` are ignored; for the
+    friction of an ideal hinge (see `Contact.lever`), the normal force is.
+    """
+    first, second = joint.pair()
+    if contact.turning is not None:
+        # A backlash about an axis is a contact that transmits a moment only. `turning` consists of
+        # the derivatives of the penetration by the rotations of both bodies, m/rad in body axes;
+        # the moment on a body is minus its vector times the normal force.
+        for name, turning in zip((first, second), contact.turning, strict=True):
+            if name != GROUND:
+                yield name, Wrench(ZERO, turning * -normal_force)
+        return
+    if contact.lever is not None:
+        # Friction of an ideal hinge or ball.
+        assert friction is not None
+        couple = friction * contact.lever
+        for name, moment in ((second, couple), (first, -couple)):
+            if name != GROUND:
+                yield name, motions[name].torque(moment)
+        return
+    # `push` acts on the second body. The normal is the direction in which the second body
+    # penetrates the first, so that the normal force on the second body is against it.
+    push = -(contact.normal * normal_force)
+    if friction is not None:
+        push = push + friction
+    # Without friction, the force may act at any point of its line of action, and points are chosen
+    # that take less arithmetic.
+    on_first, on_second = contact.points_of_force(friction is not None)
+    moment = None if friction_moment is None else contact.normal * friction_moment
+    if second != GROUND:
+        yield second, motions[second].wrench(push, on_second)
+        if moment is not None:
+            yield second, motions[second].torque(moment)
+    if first != GROUND:
+        yield first, motions[first].wrench(-push, on_first)
+        if moment is not None:
+            yield first, motions[first].torque(-moment)
+
+
+def contact_force(
+    joint: AbstractContactJoint,
+    label: str,
+    law: AbstractContactLaw,
+    contact: Contact,
+    entry_speed: Scalar | None,
+    closed: Condition | None,
+    motions: Motions,
+    bristles: Mapping[str, Vector],
+) -> LoadedContact:
+    """Return the forces of one contact of a joint.
+
+    Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
+    the force jumps at the wall, the force of a closed contact is continued past the wall as an odd
+    function: at a distance d outside, it pulls by as much as it pushes at the depth d inside. If
+    the force itself also jumps at the wall, from zero to F, the forces at these two places have the
+    sum 2 F instead of zero. The reason for the continuation is that a step ends where the contact
+    ends, so that stages of the step lie on both sides of the wall. If the force had a kink between
+    them, the error estimate of the derivatives would reject every step.
+
+    **Arguments:**
+
+    - `label`: of the contact in the joint.
+    - `law`: contact law for the normal force.
+    - `contact`: geometry at this instant.
+    - `entry_speed`: m/s; ``None`` if the law does not use it. It is positive if `closed` is given;
+      otherwise it may be zero, which stands for the present penetration rate.
+    - `closed`: whether the contact has a force, whatever its depth; if ``None``, it has one if it
+      penetrates.
+    - `motions`: pose and velocities of each body.
+    - `bristles`: deflections of the joint's contacts, m, by label, in the axes of the joint's first
+      body.
+
+    **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
+    contact, or if the contact has a `face_radius`.
+    """
+
+    def normal_force(gap: Gap) -> Scalar:
+        if closed is not None:
+            return law.force(gap, entry_speed)
+        return contact_normal_force(law, gap, entry_speed)
+
+    normal = _continued(normal_force, law, contact.gap, closed)
+    elastic = _continued(law.elastic_force, law, contact.gap, closed)
+    if bristle_law := joint.bristle_laws().get(label):
+        exists = contact.gap.depth + law.onset_offset() > 0.0 if closed is None else closed
+        expected = f"those of all contacts with bristles, also {label!r}"
+        remedy = "give it a deflection, bristles[joint][contact]; zero if the contact is open"
+        require(label in bristles, "bristles", list(bristles), expected, remedy)
+        # The friction of bristles acts in the tangent plane, so the moment of faces would be lost.
+        remedy = "leave out its bristle law, and compute its friction in `friction_force`"
+        expected = "without contacts that have a `face_radius`"
+        require(contact.face_radius is None, "bristle_laws", [label], expected, remedy)
+        to_first = motions[joint.pair()[0]]
+        deflection = to_first.direction(bristles[label])
+        friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
+        # The deflection of an open contact stays zero.
+        rate = Vector(*(jnp.where(exists, part, 0.0) for part in to_first.components(rate)))
+        return LoadedContact(contact, normal, elastic, friction, rate)
+    if closed is None or not law.slope_jumps():
+        friction = joint.friction_force(label, contact, normal)
+        return _with_friction(contact, normal, elastic, friction)
+    # Friction laws expect a positive normal force. Where the continued force pulls, friction is
+    # computed with its magnitude and reversed, so that it is an odd function as well.
+    sense = jnp.where(normal < 0.0, -1.0, 1.0)
+    friction = joint.friction_force(label, contact, normal * sense)
+    friction = None if friction is None else friction * sense
+    return _with_friction(contact, normal, elastic, friction)
+
+
+def _with_friction(
+    contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
+) -> LoadedContact:
+    """Return a contact with its forces, N.
+
+    The slip of two flat faces has a component along the normal: their relative spin about it times
+    the mean radius of the faces. The friction that a law returns for this slip has a component
+    along the normal too. This component times the radius is the moment of friction about the
+    normal.
+    """
+    if friction is None or contact.face_radius is None:
+        return LoadedContact(contact, normal, elastic, friction)
+    along = friction.dot(contact.normal)
+    moment = along * contact.face_radius
+    across = friction - contact.normal * along
+    return LoadedContact(contact, normal, elastic, across, friction_moment=moment)
+
+
+def _continued(
+    force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
+) -> Scalar:
+    """Return a force of a contact at a gap, N, which for a closed contact is continued past the
+    wall, the onset of the law's force.
+
+    **Arguments:**
+
+    - `force`: function that returns the law's normal force or its elastic part, N, at a gap.
+    - `closed`: whether the contact is closed. An open contact has no force. If the slope of the
+      law's force jumps at the wall, the force of a closed contact outside the wall is the point
+      reflection, about the wall, of the force inside; a force without a kink needs no continuation.
+      With ``None`` the result is `force` at the gap.
+    """
+    if closed is None:
+        return force(gap)
+    if not law.slope_jumps():
+        return jnp.where(closed, force(gap), 0.0)
+    past = closed & (gap.depth + law.onset_offset() < 0.0)
+    # The wall is at depth = -offset. The mirror image of a depth d about it is -d - 2 offset, and
+    # the reflected force is 2 F(wall) - F(mirror image).
+    pushing = force(
+        replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth))
+    )
+    at_wall = force(replace(gap, depth=depth_at_wall(law))) if law.force_jumps else 0.0
+    return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
+
+
+def depth_at_wall(law: AbstractContactLaw) -> Scalar:
+    """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
+
+    At the onset the depth is minus `onset_offset`, since the force may begin while the surfaces are
+    still apart. Exactly there the law has no force yet. The returned depth is therefore slightly
+    larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero. The force at
+    this depth is practically the jump of the force at the onset.
+    """
+    # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
+    return INSIDE - law.onset_offset() * (1.0 - EPSILON)
+
+
+def _bristle_friction(
+    law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
+) -> tuple[Vector, Vector]:
+    """Return the friction on the second body, N, and the rate of the bristles' deflection, m/s,
+    both in global axes.
+
+    **Arguments:** `deflection`: m, in global axes; `normal_force`: N.
+    """
+    assert contact.slip is not None, "a contact with bristles has a slip"
+    rate = law.rate(deflection, contact.slip)
+    # The ratio is the friction, with opposite sign, divided by the normal force.
+    ratio = law.ratio(deflection, rate, contact.slip)
+    # The normal turns as the contact moves along the wall, so a deflection from before has a
+    # component along it. Friction acts in the tangent plane only.
+    across = ratio - contact.normal * ratio.dot(contact.normal)
+    return across * -normal_force, rate

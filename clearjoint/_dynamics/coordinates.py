@@ -1,0 +1,247 @@
+"""Interface of coordinates, the variables that describe the motion of a scene and are integrated.
+
+Forces, contact laws and joints are written for the motions of bodies, not for coordinates. A class
+of coordinates converts its variables to one `Motion` (pose and velocities) for each body. Let V be
+the velocities (m/s, global) and spins (rad/s, body axes) of all bodies, and u the speeds of the
+coordinates, so that V = H u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u
+- gyroscopic terms), where M is the matrix of masses and inertias, F are the forces (including
+weights) and moments on the bodies, and ' is the time derivative. A constraint with the Jacobian J
+by V has the Jacobian J H by u. Rates are time derivatives, so u' are the rates of the speeds. Force
+and moment on a body together are a wrench.
+
+`JointCoordinates` solve for other unknowns r, which are linear combinations of the u'. In lists of
+rates of the type `Speeds`, r takes the place of u', and H is then the matrix with V' = H r + terms
+without r. In lists of changes of speeds, or of displacements, the same linear combinations take the
+place of the changes.
+"""
+
+import abc
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import equinox as eqx
+import jax
+from jaxtyping import PyTree
+
+from .._math.rotations import rotation_matrix
+from .._math.vectors import Scalar, Vector
+from .._model.bodies import Anchor, BodyState, Motion, Wrench
+from .._model.joints.base import Motions, Row
+from .._model.scene import Scene
+
+MotionVariables: TypeAlias = PyTree
+"""Positions and speeds in some coordinates: a PyTree of scalars, whose structure depends on the
+coordinates. The time derivative of the variables has the same structure."""
+Wrenches: TypeAlias = dict[str, Wrench]
+"""Wrench on each body, by the body's name."""
+Speeds: TypeAlias = list[Scalar]
+"""A list with one scalar for each speed u of the coordinates, in their order. The scalars are rates
+of the speeds, generalised forces, or changes of speeds or positions, as each function says."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class BodyAcceleration:
+    """Acceleration of one body.
+
+    - `linear`: m/s^2, of the centre of mass, in global axes.
+    - `angular`: rad/s^2, time derivative of the spin, in body axes.
+    """
+
+    linear: Vector
+    angular: Vector
+
+
+class AbstractMechanics(abc.ABC):
+    """Equations of motion of a scene at one instant, in the speeds u of some coordinates.
+
+    The matrix H maps the speeds to the velocities and spins of the bodies, and M is the matrix of
+    their masses and inertias (see the module). `motions` contains pose and velocities of each body
+    and of "ground", by name. Each method computes only what it returns.
+
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
+    >>> system = extend.System(scene, extend.Formulation())
+    >>> variables = system.encode(state.bodies)
+    >>> mechanics = system.mechanics(variables)
+    >>> float(mechanics.motions["arm 2"].position.x)
+    0.5
+    """
+
+    motions: Motions
+
+    @abc.abstractmethod
+    def free_rates(self, wrenches: Wrenches) -> Speeds:
+        """Return the rates of the speeds that gravity and given wrenches cause, without the
+        reactions of constraints.
+
+        The joints that the coordinates eliminate connect the bodies in trees. If no such joint
+        connects a tree with the ground, gravity accelerates all bodies of the tree alike. The rates
+        of this tree may then be relative to free fall: they leave gravity out, and `accelerations`
+        and `variable_rates` add it.
+
+        **Arguments:** `wrenches`: one for each body, by name.
+        """
+
+    @abc.abstractmethod
+    def projected(self, wrenches: Wrenches) -> Speeds:
+        """Return H^T times the wrenches on the bodies: one generalised force for each speed.
+
+        **Arguments:** `wrenches`: by name of body; an entry for the ground is ignored, and a body
+        without an entry has no wrench. The `jacobian` of a constraint's `Row` may also be given;
+        the result is then the row's Jacobian by the speeds.
+        """
+
+    @abc.abstractmethod
+    def solved(self, forces: Speeds) -> Speeds:
+        """Return (H^T M H)^-1 times `forces`: the rates of the speeds that generalised forces, one
+        for each speed, cause."""
+
+    @abc.abstractmethod
+    def bias(self, row: Row) -> Scalar:
+        """Return the row's Jacobian times the accelerations H' u, which the bodies have if u' = 0.
+
+        It is a part of the second time derivative of the constraint row's value. The part that
+        remains without accelerations of the bodies is the row's own `bias`, and is not included. If
+        the rates u' are relative to free fall, the accelerations at u' = 0 include gravity, and so
+        does the result.
+        """
+
+    @abc.abstractmethod
+    def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
+        """Return the acceleration of each body, by name, for given rates of the speeds."""
+
+    @abc.abstractmethod
+    def variable_rates(self, rates: Speeds) -> MotionVariables:
+        """Return the time derivatives of the variables for given rates of the speeds.
+
+        The result has the structure of the variables, with each variable replaced by its time
+        derivative.
+        """
+
+    @abc.abstractmethod
+    def after_displacement(self, changes: Speeds) -> MotionVariables:
+        """Return the variables after a small displacement along each speed, m or rad.
+
+        A displacement is a velocity times a short time. The speeds stay the same. The projection of
+        positions onto the constraints calls this method.
+        """
+
+    @abc.abstractmethod
+    def after_speed_change(self, changes: Speeds) -> MotionVariables:
+        """Return the variables with a change, m/s or rad/s, added to each speed. The positions stay
+        the same.
+
+        The projection of velocities onto the constraints calls this method, and so do time-stepping
+        methods, which add the effect of impulses.
+        """
+
+
+class AbstractCoordinates(eqx.Module):
+    """Base class of coordinates, the choice of the variables that describe the motion of a scene.
+
+    In all methods, scene and bodies are in scalar form (each vector is three separate scalars, see
+    `clearjoint.extend.unpack`), and dictionaries are by name of body.
+
+    >>> scene, _ = cj.mechanisms.double_pendulum()
+    >>> cj.JointCoordinates().eliminated(extend.unpack(scene))  # the elbow's angle is a variable
+    frozenset({'elbow'})
+    """
+
+    @abc.abstractmethod
+    def eliminated(self, scene: Scene) -> frozenset[str]:
+        """Return the names of the ideal joints that need no constraint, because these coordinates
+        can represent only motions that satisfy them.
+
+        All other ideal joints remain constraints.
+        """
+
+    @abc.abstractmethod
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
+        """Return the variables that represent given states of all bodies.
+
+        If the states violate an ideal joint that is eliminated, the violation is dropped.
+        """
+
+    @abc.abstractmethod
+    def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:
+        """Return the states of all bodies that the variables represent."""
+
+    @abc.abstractmethod
+    def motions(self, scene: Scene, variables: MotionVariables) -> Motions:
+        """Return pose and velocities of each body and of "ground", by name."""
+
+    @abc.abstractmethod
+    def mechanics(self, scene: Scene, variables: MotionVariables) -> AbstractMechanics:
+        """Return the equations of motion at the instant that the variables describe."""
+
+    @abc.abstractmethod
+    def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
+        """Return normalised variables of the same motion.
+
+        Euler parameters whose squared norm differs from one by more than 1e-6 are scaled to unit
+        norm, and angles, except those of screws, are moved to between -2 pi and 2 pi. The method is
+        called at the end of each step; variables that need no correction are returned unchanged to
+        the bit.
+        """
+
+    @abc.abstractmethod
+    def with_speeds(
+        self, scene: Scene, variables: MotionVariables, others: MotionVariables
+    ) -> MotionVariables:
+        """Return variables with the positions of `variables` and the speeds of `others`.
+
+        Time-stepping methods that advance positions and speeds separately call it.
+        """
+
+    def rotation_rates(self, scene: Scene, variables: MotionVariables) -> dict[str, Scalar]:
+        """Return how fast bodies rotate relative to the bodies that carry them, rad/s, positive, by
+        name, for rotations that have no integration error if they are uniform.
+
+        Runs limit these rotations in a step where they search steps for events. The variables of
+        these bodies, by name, must have an attribute `position`. The default is an empty
+        dictionary: the integration error of Euler parameters limits the rotation in a step.
+        """
+        return {}
+
+    def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
+        """Return those of the bodies in `rotation_rates` whose rotations change the poses of some
+        `bodies` relative to each other. The default is an empty set."""
+        return frozenset()
+
+
+def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
+    """Return the two points of the `Anchor` of each body that has one, by name of body.
+
+    A body with a clearance joint to the ground may have an anchor, the centres of journal and
+    bearing. The vector between these two points, as a variable, keeps digits that a difference of
+    global positions would lose. Each value is a pair: the point on the body, m in body axes, and
+    the fixed point of the ground near it, m in global coordinates. A body with several anchored
+    joints gets the points of the first.
+    """
+    points = {}
+    for joint in scene.contact_joints().values():
+        anchor = joint.anchor()
+        if anchor is not None and anchor[0] not in points:
+            points[anchor[0]] = anchor[1:]
+    return points
+
+
+def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
+    """Return the motion of a free body whose variables are a `BodyState`.
+
+    **Arguments:**
+
+    - `body`: variables; ``body.position``, m, is the centre of mass or, with an anchor, the vector
+      from the anchor's ground point to its body point.
+    - `anchor`: body point, m in body axes, and ground point, m, as `anchors` returns them; or
+      ``None``.
+    """
+    rotation = rotation_matrix(body.orientation)
+    if anchor is None:
+        return Motion(body.position, rotation, body.velocity, body.spin)
+    local, origin = anchor
+    position = (origin + body.position) - rotation @ local
+    velocity = body.velocity + rotation @ body.spin.cross(local)
+    near = Anchor(local, origin, body.position, velocity)
+    return Motion(position, rotation, body.velocity, body.spin, near)

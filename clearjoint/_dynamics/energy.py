@@ -1,0 +1,123 @@
+"""Energies of a scene, and powers of its energy ledger.
+
+The ledger consists of powers, W, which a run integrates to energies, J. Terms that a scene cannot
+have, such as friction without friction laws, are not computed, and are absent from the returned
+dictionaries and from the compiled program. A row is one scalar constraint equation. Values by joint
+and label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code,
+`family` is the inner dictionary of one joint.
+"""
+
+from .._math.vectors import Scalar, add, is_zero
+from .._model.joints.base import ByLabel
+from .._model.scene import Scene
+from .contact_forces import Bristles, LoadedContact
+from .coordinates import Motions
+from .equations_of_motion import Dynamics
+from .multipliers import row_rate
+
+
+def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
+    """Return the powers of the energy ledger, W, by name, as far as the scene has them.
+
+    "normal damping", "friction" and "film" are positive when energy is dissipated; "stabilisation"
+    is positive when the stabilisation of constraints takes energy from the motion. "supplied" is
+    the power by which drivers and force elements change the total energy, to which the energy
+    stored in force elements belongs: positive for a load that does work on the bodies, zero for a
+    spring, negative for a damper.
+
+    **Arguments:** `dynamics`: the solved equations of motion; `t`: the scene's time, s.
+    """
+    powers: dict[str, Scalar] = {}
+
+    def book(name: str, power: Scalar) -> None:
+        powers[name] = add(powers.get(name, 0.0), power)
+
+    for family in dynamics.contact_forces.values():
+        for force in family.values():
+            rate = force.contact.gap.rate
+            # The elastic part of the normal force is conservative, so only the rest dissipates.
+            book("normal damping", (force.normal_force - force.elastic_force) * rate)
+            if force.friction is not None and force.contact.slip is not None:
+                # Friction is tangential. The slip of flat faces also has a component along the
+                # normal, which this product leaves out; its power is that of the moment below.
+                book("friction", -force.friction.dot(force.contact.slip))
+                if force.friction_moment is not None and force.contact.face_radius is not None:
+                    # The component of the slip along the normal is the relative spin of the faces
+                    # about the normal, times the face radius.
+                    along = force.contact.slip.dot(force.contact.normal)
+                    book("friction", -force.friction_moment * along / force.contact.face_radius)
+    for joint in scene.contact_joints().values():
+        for name, wrench in joint.film_wrenches(dynamics.motions).items():
+            book("film", -dynamics.motions[name].power(wrench))
+    for element in scene.forces.values():
+        book("supplied", element.supplied_power(dynamics.motions, t))
+    for name, family in dynamics.rows.items():
+        for label, row in family.items():
+            multiplier = dynamics.multipliers[name][label]
+            # The rate of a row's value, `row_rate`, is the row's Jacobian times the velocities and
+            # spins, plus `time_rate`, its rate with all bodies at rest. The power of the reactions
+            # on the bodies is therefore multiplier (row_rate - time_rate). The term with `row_rate`
+            # is zero unless the constraint drifts or the stabilisation corrects it. The driver
+            # supplies the term with `time_rate`.
+            book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
+            if not is_zero(row.time_rate):
+                book("supplied", -multiplier * row.time_rate)
+    return powers
+
+
+def bristle_energy(
+    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
+) -> Scalar | None:
+    """Return the energy stored in the bristles of all contacts, J, under the normal forces in
+    `forces`, or ``None`` if the scene has no bristle laws.
+
+    The ledger's "friction" counts this energy as dissipated, since friction takes it from the
+    motion of the bodies. Bristles are stiffer under a greater normal force, so the stored energy
+    also changes with the normal force, without any work of the bodies.
+
+    **Arguments:** `motions`: pose and velocities of each body; `forces`: forces of all contacts, by
+    joint and contact label; `bristles`: deflections, m in the axes of the joint's first body, by
+    joint and contact label.
+    """
+    stored: list[Scalar] = []
+    for name, family in scene.bristle_laws().items():
+        to_first = motions[scene.contact_joints()[name].pair()[0]]
+        for label, law in family.items():
+            force, deflection = forces[name][label], to_first.direction(bristles[name][label])
+            # Only the part of the deflection in the tangent plane causes friction.
+            normal = force.contact.normal
+            across = deflection - normal * deflection.dot(normal)
+            stored.append(force.normal_force * law.stored_energy(across))
+    # The start value 0 of a plain `sum` would add an operation to the compiled program.
+    return sum(stored[1:], stored[0]) if stored else None
+
+
+def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
+    """Return the energies of a scene, J, by name: "kinetic", and as far as the scene has them
+    "gravity", "springs" and "contacts".
+
+    "gravity" is zero if all centres of mass are at the global origin, "springs" includes all force
+    elements, and "contacts" is the elastic energy of contacts. `t` is the scene's time, s.
+    """
+    energies: dict[str, Scalar] = {"kinetic": 0.0}
+    for name, body in scene.bodies.items():
+        motion = motions[name]
+        linear = body.mass * motion.velocity.dot(motion.velocity)
+        angular = motion.spin.dot(body.angular_momentum(motion.spin))
+        energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
+    if scene.gravity is not None:
+        energies["gravity"] = 0.0
+        for name, body in scene.bodies.items():
+            # The product is -g times the height above the global origin, so it is subtracted.
+            along_gravity = scene.gravity.dot(motions[name].position)
+            energies["gravity"] = energies["gravity"] - body.mass * along_gravity
+    if scene.forces:
+        stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
+        # The start value 0 of a plain `sum` would add an operation to the compiled program.
+        energies["springs"] = sum(stored[1:], stored[0])
+    for joint in scene.contact_joints().values():
+        laws = joint.laws()
+        for label, contact in joint.contacts(motions).items():
+            stored_energy = laws[label].stored_energy(contact.gap)
+            energies["contacts"] = add(energies.get("contacts", 0.0), stored_energy)
+    return energies

@@ -1,0 +1,155 @@
+"""Equations of motion of a scene whose vectors are separate scalars.
+
+They are eqs 27-32 of P. Flores et al., Spatial revolute joints with clearances for dynamic analysis
+of multi-body systems, 2006.
+
+All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
+multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
+equation with its Jacobian. The speeds are those of the chosen coordinates. Values by joint and
+label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code, `family`
+is the inner dictionary of one joint.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from .._math.vectors import Scalar
+from .._model.bodies import GROUND, NO_WRENCH, Wrench
+from .._model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractForce,
+    ByLabel,
+    Motions,
+    Row,
+)
+from .._model.scene import Scene
+from .contact_forces import LoadedContact, contact_wrenches
+from .coordinates import (
+    AbstractCoordinates,
+    AbstractMechanics,
+    BodyAcceleration,
+    MotionVariables,
+    Speeds,
+    Wrenches,
+)
+from .kinds import Kinds
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Solution of the equations of motion at one instant.
+
+    - `mechanics`: kinematics and mass matrix in the chosen coordinates.
+    - `contact_forces`: forces of each contact, by joint and contact label.
+    - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
+      eliminate.
+    - `rates`: accelerations in the form that the methods of `mechanics` return and accept. In joint
+      coordinates these are not the time derivatives of the speeds but linear combinations of them
+      (see `.joint_coordinates.coordinates`); `variable_rates` has the time derivatives.
+    - `multipliers`: Lagrange multipliers of `rows`, by joint and label; a row's Jacobian times its
+      multiplier is the reaction on the bodies (N or N m).
+    """
+
+    mechanics: AbstractMechanics
+    contact_forces: ByLabel[LoadedContact]
+    rows: ByLabel[Row]
+    rates: Speeds
+    multipliers: ByLabel[Scalar]
+
+    @property
+    def motions(self) -> Motions:
+        """Pose and velocities of each body and of "ground", by name."""
+        return self.mechanics.motions
+
+    @cached_property
+    def accelerations(self) -> dict[str, BodyAcceleration]:
+        """Acceleration of each body, by name."""
+        return self.mechanics.accelerations(self.rates)
+
+    @cached_property
+    def variable_rates(self) -> MotionVariables:
+        """Time derivatives of the coordinates' variables."""
+        return self.mechanics.variable_rates(self.rates)
+
+
+def applied_wrenches(
+    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
+) -> Wrenches:
+    """Return the wrench that force elements, films and contacts exert on each body, by name; zero
+    for a body on which none acts.
+
+    A wrench is a force at the centre of mass, N in global axes, and a moment about it, N m in body
+    axes.
+
+    Gravity is not included, because the coordinates add it as an acceleration.
+
+    **Arguments:** `forces`: forces of the contacts, by joint and contact label; contacts of a joint
+    without an entry exert none; `t`: the scene's time, s.
+    """
+    wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
+
+    def apply(given: Iterable[tuple[str, Wrench]]) -> None:
+        for name, wrench in given:
+            if name != GROUND:
+                wrenches[name] = wrenches[name] + wrench
+
+    kinds = Kinds(scene)
+    for element in scene.forces.values():
+        apply(kinds.evaluate(_wrenches_of_element, element, motions, t))
+    for name, joint in scene.contact_joints().items():
+        family = list(forces.get(name, {}).values())
+        apply(kinds.evaluate(_wrenches_of_joint, joint, motions, family))
+    return wrenches
+
+
+def _wrenches_of_element(
+    element: AbstractForce, motions: Motions, t: Scalar
+) -> list[tuple[str, Wrench]]:
+    """Return body and wrench of each body on which a force element acts."""
+    return list(element.wrenches(motions, t).items())
+
+
+def _wrenches_of_joint(
+    joint: AbstractContactJoint, motions: Motions, forces: list[LoadedContact]
+) -> list[tuple[str, Wrench]]:
+    """Return body and wrench of each film and contact of a joint."""
+    wrenches = list(joint.film_wrenches(motions).items())
+    for force in forces:
+        given = force.contact, force.normal_force, force.friction, motions
+        wrenches += contact_wrenches(joint, *given, force.friction_moment)
+    return wrenches
+
+
+def constraint_rows(
+    scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
+) -> ByLabel[Row]:
+    """Return the constraint rows at the scene's time t, s, by joint and label, without the joints
+    that the coordinates eliminate. A joint without rows has no entry."""
+    eliminated = coordinates.eliminated(scene)
+    kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
+    kinds = Kinds(scene)
+    rows = {
+        name: {
+            label: replace(row, jacobian=dict(jacobian))
+            for label, row, jacobian in kinds.evaluate(_rows_of_joint, joint, motions, t)
+        }
+        for name, joint in kept.items()
+    }
+    return {name: family for name, family in rows.items() if family}
+
+
+def _rows_of_joint(
+    joint: AbstractConstraint | AbstractContactJoint, motions: Motions, t: Scalar
+) -> list[tuple[str, Row, list[tuple[str, Wrench]]]]:
+    """Return label, row and Jacobian of each constraint row of a joint. The names of bodies in the
+    Jacobian are no keys, so that their order is kept."""
+    rows = joint.rows(motions, t).items()
+    return [(label, replace(row, jacobian={}), list(row.jacobian.items())) for label, row in rows]
+
+
+def flattened(rows: ByLabel[Row]) -> list[Row]:
+    """Return all rows in one list, in the order of the dictionaries, which is also that of the
+    multipliers."""
+    return [row for family in rows.values() for row in family.values()]

@@ -1,0 +1,547 @@
+"""Solutions of the equations of motion of a tree of bodies for its rates r (see `.coordinates`).
+
+There are two algorithms for the same equations. Both go from the leaves to the root. The composite
+rigid body algorithm (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6) fills the mass
+matrix, which is then factorised. For a chain, the number of operations grows with the cube of the
+number of bodies. The articulated body algorithm (ch. 7) eliminates the rates of each joint before
+it goes on to the carrier, so that the number of operations is proportional to that of bodies.
+
+In a small tree, the mass matrix takes fewer operations (`LARGEST_DENSE`).
+"""
+
+import abc
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from heapq import heapify, heappop, heappush
+from itertools import accumulate, chain, pairwise
+from typing import TypeAlias, TypeVar
+
+import jax
+from jaxtyping import PyTree
+
+from ..._compilation import NotSharedError, traced_for_a_kind
+from ..._math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
+from ..._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
+from ..._model.bodies import Body
+from ..._model.joints.motion_subspaces import REST, Twist
+from ..coordinates import Speeds
+from .trees import Link
+
+Result = TypeVar("Result")
+Parents: TypeAlias = Sequence[int | None]
+"""Index of the parent of each link in its tree, ``None`` for the root."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Inertia of a body and of the bodies that it carries, as far as their joints transmit it,
+    about the body's reference point and in the tree's axes.
+
+    It maps a twist of angular velocity w and velocity v to the angular momentum I w + C v and the
+    momentum C^T w + M v, with I = `angular` (kg m^2), C = `coupling` (kg m) and M = `mass` (kg),
+    which is a multiple of the identity only for a single body.
+    """
+
+    mass: Matrix
+    coupling: Matrix
+    angular: Matrix
+
+    def __add__(self, other: "Inertia") -> "Inertia":
+        return Inertia(
+            self.mass + other.mass, self.coupling + other.coupling, self.angular + other.angular
+        )
+
+    def momentum(self, twist: Twist) -> Twist:
+        """Return angular momentum (kg m^2/s) and momentum (kg m/s) for a twist."""
+        return Twist(
+            self.angular @ twist.angular + self.coupling @ twist.linear,
+            self.coupling.transposed_times(twist.angular) + self.mass @ twist.linear,
+        )
+
+    def without(
+        self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
+    ) -> "Inertia":
+        """Return the part of this inertia that acts on the carrier (the parent) of a joint if all r
+        of the joint are zero, if this is the inertia of the bodies that the joint carries.
+
+        In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
+        angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
+        this axis does not act on the carrier.
+
+        Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
+        joint's speed, so that whole = M column. The matrix P = 1 - column axis^T removes the
+        rotation about the axis from a twist. The result is P^T M P = M - axis whole^T - rest
+        axis^T, in which `axis` has a linear part of zero. For a joint of several axes, the terms of
+        all axes are subtracted.
+
+        **Arguments:**
+
+        - `columns`: twists of the joint's free directions. The axis is the angular part, a unit
+          vector of the rotation, or zero for a translation.
+        - `wholes`: momentum of the carried bodies for a unit of each speed.
+        - `rests`: P^T whole, the part of each momentum that the joint transmits to its carrier. For
+          a joint of several axes, P is here the matrix that removes the rotations about all of
+          them.
+        """
+        angular, coupling = self.angular, self.coupling
+        for column, whole, rest in zip(columns, wholes, rests, strict=True):
+            axis = column.angular
+            coupling = coupling.minus_outer(axis, whole.linear)
+            angular = _minus_symmetric(angular, axis, whole.angular)
+            angular = _minus_symmetric(angular, rest.angular, axis)
+        return Inertia(self.mass, coupling, angular)
+
+    def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
+        """Return this inertia minus the outer product of two momenta, which is symmetric, or is one
+        term of a symmetric sum of such products."""
+        return Inertia(
+            _minus_symmetric(self.mass, first.linear, second.linear),
+            self.coupling.minus_outer(first.angular, second.linear),
+            _minus_symmetric(self.angular, first.angular, second.angular),
+        )
+
+    def shifted(self, offset: Vector) -> "Inertia":
+        """Return the same inertia about another point.
+
+        **Arguments:** `offset`: m, from the other point to the present one.
+        """
+        # The columns of the coupling change by the cross products of `offset` with the columns,
+        # which are also the rows, of the mass.
+        columns = zip(self.coupling.T.rows, self.mass.rows, strict=True)
+        coupling = Matrix(*(own + offset.cross(row) for own, row in columns)).T
+        before = [tuple(offset.cross(row)) for row in self.coupling.rows]
+        after = [tuple(offset.cross(row)) for row in coupling.rows]
+        own = [tuple(row) for row in self.angular.rows]
+        angular = _symmetric(lambda i, j: add(add(own[i][j], before[j][i]), after[i][j]))
+        return Inertia(self.mass, coupling, angular)
+
+
+def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
+    """Return a symmetric matrix, whose lower triangle is that of `matrix` minus an outer product.
+
+    The product itself need not be symmetric if it is one term of a symmetric sum.
+    """
+    own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
+    return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
+
+
+def central_inertia(body: Body, rotation: Matrix) -> Matrix:
+    """Return a body's inertia about its centre of mass in the tree's axes, kg m^2.
+
+    **Arguments:** `rotation`: matrix that maps components in body axes to the tree's axes.
+    """
+    images = [body.angular_momentum(row) for row in rotation.rows]
+    return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
+
+
+def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
+    """Return the spatial inertia of a body about its reference point.
+
+    **Arguments:** `mass`: kg; `arm`: m, from the reference point to the centre of mass; `central`:
+    kg m^2, the inertia about the centre of mass, in the tree's axes.
+    """
+    # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
+    h, r = arm * mass, tuple(arm)
+    first = tuple(h)
+
+    def shift(i: int, j: int) -> Scalar:  # parallel axes: m (r.r identity - r r^T)
+        if i != j:
+            return subtract(0.0, multiply(first[i], r[j]))
+        k, m = (i + 1) % 3, (i + 2) % 3
+        return add(multiply(first[k], r[k]), multiply(first[m], r[m]))
+
+    coupling = Matrix(
+        Vector(0.0, subtract(0.0, h.z), h.y),
+        Vector(h.z, 0.0, subtract(0.0, h.x)),
+        Vector(subtract(0.0, h.y), h.x, 0.0),
+    )
+    return Inertia(
+        Matrix(*(row * mass for row in IDENTITY.rows)), coupling, central + _symmetric(shift)
+    )
+
+
+def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
+    """Return a symmetric matrix, whose lower triangle consists of the results of a function of the
+    row and column numbers, 0 to 2."""
+    lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
+    return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))
+
+
+def product(first: Twist, second: Twist) -> Scalar:
+    """Return the dot product of the angular parts plus the dot product of the linear parts.
+
+    It is the power of a load (moment and force) with a twist, or the product of a momentum with a
+    column.
+    """
+    return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
+
+
+def load_about(load: Twist, offset: Vector) -> Twist:
+    """Return a load or momentum about the parent's reference point.
+
+    **Arguments:** `load`: about the body's reference point; `offset`: m, from the parent's
+    reference point to the body's.
+    """
+    return Twist(load.angular + offset.cross(load.linear), load.linear)
+
+
+def at_offset(twist: Twist, offset: Vector) -> Twist:
+    """Return the twist that a parent's motion gives to the reference point of a body.
+
+    **Arguments:** `twist`: of the parent at its own reference point; `offset`: m, from the parent's
+    reference point to the body's.
+    """
+    return Twist(twist.angular, twist.linear + twist.angular.cross(offset))
+
+
+def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
+    """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
+    equations for the rates r, with the rates of the joint given.
+
+    It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
+    it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
+    the choice of unknowns. Suppose that the carrier's acceleration changes, but the r of the joint
+    does not. The carried bodies do not follow an angular acceleration of the carrier about a free
+    axis, so a moment on them about this axis does not act on the carrier. They do follow an
+    acceleration of the carrier along a free translation, where r is relative to the carrier.
+
+    **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
+    a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
+    body's reference point, and its `linear` part the force, N, or momentum; `along`: products of
+    `load` with each of the columns, which for a rotation are the moments about the joint's axis.
+    """
+    moment = load.angular
+    for column, part in zip(columns, along, strict=True):
+        moment = moment - column.angular * part
+    return Twist(moment, load.linear)
+
+
+def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
+    """Return the generalised forces of a load in a joint, and the part of the load that acts on the
+    carrier, about the carrier's reference point, in the equations for the rates r."""
+    along = [product(column, load) for column in columns]
+    return along, load_about(constrained(columns, load, along), offset)
+
+
+def momenta(
+    columns: Sequence[Twist], carried: Inertia
+) -> tuple[list[Twist], list[Speeds], list[Twist]]:
+    """Return the momentum of carried bodies for a unit of each speed, its products with the
+    columns, and the part of it that the joint transmits to the carrier."""
+    wholes = [carried.momentum(column) for column in columns]
+    block = [[product(column, whole) for column in columns] for whole in wholes]
+    rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
+    return wholes, block, rests
+
+
+def _flatten(node: object) -> tuple[list[object], tuple[str, ...]]:
+    return list(vars(node).values()), tuple(vars(node))
+
+
+def _unflatten(kind: type, names: tuple[str, ...], values: Iterable[object]) -> object:
+    node = object.__new__(kind)
+    vars(node).update(zip(names, values, strict=True))
+    return node
+
+
+# Traced functions return factors.
+for _kind in (UnrolledFactorisation, OrderedFactorisation):
+    jax.tree_util.register_pytree_node(_kind, _flatten, partial(_unflatten, _kind))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class LoadedJoint:
+    """A joint with the inertia of all bodies that it carries.
+
+    - `columns`, `offset`: as in the body's `Link`.
+    - `factors`: of the inertia in the joint's free directions, D = columns^T M columns.
+    - `rests`: momentum of the carried bodies for a unit of each speed, as far as it acts on the
+      carrier; empty for a root.
+    - `gains`: D^-1 `rests`. Their products with the acceleration of the carrier are the rates r by
+      which the joint yields to it.
+    """
+
+    columns: tuple[Twist, ...]
+    offset: Vector
+    factors: OrderedFactorisation
+    rests: tuple[Twist, ...]
+    gains: tuple[Twist, ...]
+
+    @staticmethod
+    def of_root(columns: tuple[Twist, ...], carried: Inertia) -> "LoadedJoint":
+        """Return the joint between the root of a tree and the ground, which does not accelerate."""
+        _, block, _ = momenta(columns, carried)
+        return LoadedJoint(columns, ZERO, OrderedFactorisation(block), (), ())
+
+    @staticmethod
+    def under(
+        columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
+    ) -> "tuple[LoadedJoint, Inertia]":
+        """Return a joint, and the inertia of its carrier with the part that the joint transmits.
+
+        **Arguments:** `carried`: inertia of the joint's body and of all bodies that it carries, as
+        far as their joints transmit it; `carrier`: inertia of the carrier without this part.
+        """
+        wholes, block, rests = momenta(columns, carried)
+        factors = OrderedFactorisation(block)
+        transmitted = carried.without(columns, wholes, rests)
+        solved = [factors.solve(row) for row in zip(*map(_components, rests), strict=True)]
+        gains = tuple(Twist(Vector(*g[:3]), Vector(*g[3:])) for g in zip(*solved, strict=True))
+        for rest, gain in zip(rests, gains, strict=True):
+            transmitted = transmitted.minus_outer(rest, gain)
+        joint = LoadedJoint(columns, offset, factors, tuple(rests), gains)
+        return joint, carrier + transmitted.shifted(offset)
+
+
+def absorbed(
+    joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
+) -> tuple[Speeds, Twist]:
+    """Return the rates r that a load causes if the carrier does not accelerate, and the load on the
+    carrier with the part that the joint transmits.
+
+    **Arguments:** `load`: on the body, and through it from all bodies that it carries, about the
+    body's reference point; `carrier`: load on the carrier without this part, about its reference
+    point; `forces`: generalised forces, one for each speed of the joint.
+    """
+    along = [product(column, load) for column in joint.columns]
+    alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
+    transmitted = constrained(joint.columns, load, along)
+    for rest, rate in zip(joint.rests, alone, strict=False):
+        transmitted = transmitted - rest * rate
+    return alone, carrier + load_about(transmitted, joint.offset)
+
+
+def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
+    """Return the rates r of a joint, and the acceleration of its body due to all r.
+
+    **Arguments:** `alone`: rates r without an acceleration of the carrier; `carrier`: acceleration
+    of the carrier due to all r, at its reference point.
+    """
+    twist, rates = at_offset(carrier, joint.offset), alone
+    if joint.gains:
+        pairs = zip(alone, joint.gains, strict=True)
+        rates = [subtract(rate, product(gain, twist)) for rate, gain in pairs]
+    return rates, accelerated(joint.columns, rates, joint.offset, carrier)[0]
+
+
+def accelerated(
+    columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
+) -> tuple[Twist, Speeds]:
+    """Return the acceleration of a body due to all r, and the rates u' of its joint.
+
+    **Arguments:** `columns`, `offset`: as in a `Link`; `rates`: the rates r of the joint;
+    `carrier`: acceleration of the carrier at its reference point.
+    """
+    pairs = zip(columns, rates, strict=True)
+    relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
+    twist = at_offset(carrier, offset)
+    for column, rate in zip(columns, relative, strict=True):
+        twist = twist + column * rate
+    return twist, relative
+
+
+def _components(twist: Twist) -> tuple[Scalar, ...]:
+    return *twist.angular, *twist.linear
+
+
+LARGEST_DENSE = 4
+"""Number of bodies up to which a tree gets a mass matrix.
+
+Of four bodies, the matrix takes 1.14 times as many operations as the recursion for a planar chain
+of hinges, but 0.9 times as many for a spatial one, and 0.8 times as many for Bricard's linkage,
+whose constraints need solutions for many forces. Of the two bodies of `clearjoint.mechanisms`, it
+takes 0.95 times as many. For eight bodies, it takes 1.5 times (planar hinges), 0.95 times (spatial
+hinges) and 1.8 times (spherical joints) as many.
+
+In random chains with masses and inertias of different magnitudes, the rounding errors of both are
+equal for two bodies. Those of the matrix are twice as large for four bodies, six times for ten and
+twenty times for thirty, where the recursion has 3e-15 of the largest acceleration. The matrix
+refers all inertias of a tree to one point, and those of distant bodies cancel in its factorisation.
+"""
+
+
+def is_small(bodies: int) -> bool:
+    """Return whether a tree of a number of bodies gets a mass matrix."""
+    return bodies <= LARGEST_DENSE
+
+
+Evaluate: TypeAlias = Callable[..., PyTree]
+"""Function that returns the result of a function, its first argument, for all other arguments."""
+
+
+def evaluation(bodies: int) -> Evaluate:
+    """Return how to evaluate functions of the branches of a tree with a number of bodies.
+
+    In a large tree, JAX traces a function once for all branches of a kind.
+    """
+    return _written_out if is_small(bodies) else _traced_once
+
+
+def _written_out(function: Callable[..., Result], *arguments: PyTree) -> Result:
+    return function(*arguments)
+
+
+def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
+    # Native code does not call a function for each branch: of a function, a program keeps the
+    # results that it needs, and products are fused with sums otherwise if fewer results are kept.
+    # Lanes of sweeps, which are computed by another program, would differ in the last bit.
+    with suppress(NotSharedError):
+        return traced_for_a_kind(function, *arguments, is_called=False)
+    return function(*arguments)
+
+
+class AbstractTreeSolver(abc.ABC):
+    """Solution of the equations of motion of one tree.
+
+    **Arguments:** `links`: bodies of the tree, the root first and each parent before its children;
+    `parents`: index of the parent of each; `inertias`: inertia of each body alone.
+    """
+
+    def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
+        self._links, self._parents = links, parents
+        self._evaluate = evaluation(len(links))
+        self._prepare(list(inertias))
+
+    @abc.abstractmethod
+    def _prepare(self, carried: list[Inertia]) -> None:
+        """Factorise the equations. `carried` may be changed."""
+
+    @abc.abstractmethod
+    def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
+        """Return the rates r of each link's joint.
+
+        **Arguments:** `loads`: about the reference points of links, by index of the link; `forces`:
+        generalised forces in the joint of each link, one for each of its speeds.
+        """
+
+
+class MassMatrix(AbstractTreeSolver):
+    """Composite rigid body algorithm. The links must have one reference point in common."""
+
+    def _prepare(self, carried: list[Inertia]) -> None:
+        links = self._links
+        # Index of the first speed of each link, and the number of all speeds at the end.
+        self._firsts = list(accumulate((len(link.columns) for link in links), initial=0))
+        matrix: list[list[Scalar]] = [[0.0] * (i + 1) for i in range(self._firsts[-1])]
+        # The loop goes from the leaves to the root. When it reaches a link, `carried` has the
+        # inertia of the link and of all bodies that it carries, as far as their joints transmit it.
+        for k in reversed(range(len(links))):
+            columns, first, parent = links[k].columns, self._firsts[k], self._parents[k]
+            wholes, block, rests = momenta(columns, carried[k])
+            for j, rest in enumerate(rests):
+                matrix[first + j][first:] = block[j][: j + 1]
+                self._fill_row(matrix[first + j], parent, rest)
+            if parent is not None:
+                carried[parent] = carried[parent] + carried[k].without(columns, wholes, rests)
+        self._factors = OrderedFactorisation(matrix)
+
+    def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
+        """Fill the row of one speed of the mass matrix, in place, with the products of a momentum
+        with the columns of link k and of all its carriers towards the root.
+
+        **Arguments:** `row`: the list of the row's entries; `k`: the carrier's index, ``None``
+        beyond the root; `momentum`: that of the carried bodies for a unit of the speed, as far as
+        it acts on link k (see `constrained`).
+        """
+        while k is not None:
+            columns, first = self._links[k].columns, self._firsts[k]
+            for j, column in enumerate(columns, first):
+                row[j] = product(column, momentum)
+            momentum = constrained(columns, momentum, row[first : first + len(columns)])
+            k = self._parents[k]
+
+    def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
+        """Return the rates r of each link's joint."""
+        evaluate = [self._evaluate] * len(self._links)
+        along = along_columns(self._links, self._parents, loads, evaluate)
+        pairs = zip(chain(*forces), chain(*along), strict=True)
+        rates = self._factors.solve([add(force, part) for force, part in pairs])
+        return [rates[i:j] for i, j in pairwise(self._firsts)]
+
+
+class ArticulatedBodies(AbstractTreeSolver):
+    """Articulated body algorithm."""
+
+    def _prepare(self, carried: list[Inertia]) -> None:
+        self._joints: list[LoadedJoint] = []
+        for k in reversed(range(len(self._links))):
+            link, parent = self._links[k], self._parents[k]
+            if parent is None:
+                self._joints.append(LoadedJoint.of_root(link.columns, carried[k]))
+            else:
+                given = link.columns, link.offset, carried[k], carried[parent]
+                joint, carried[parent] = self._evaluate(LoadedJoint.under, *given)
+                self._joints.append(joint)
+        self._joints.reverse()
+
+    def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
+        """Return the rates r of each link's joint."""
+        # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
+        # leaves, the accelerations of the bodies and the rates with them.
+        totals = [loads.get(k, REST) for k in range(len(self._links))]
+        alone: list[Speeds] = []
+        for k in reversed(range(len(self._links))):
+            parent = self._parents[k]
+            carrier = REST if parent is None else totals[parent]
+            part, total = self._evaluate(absorbed, self._joints[k], totals[k], carrier, forces[k])
+            alone.append(part)
+            if parent is not None:
+                totals[parent] = total
+        rates: list[Speeds] = []
+        twists: list[Twist] = []
+        for parent, joint, part in zip(self._parents, self._joints, reversed(alone), strict=True):
+            carrier = REST if parent is None else twists[parent]
+            part, twist = self._evaluate(followed, joint, part, carrier)
+            rates.append(part)
+            twists.append(twist)
+        return rates
+
+
+def tree_solver(
+    links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
+) -> AbstractTreeSolver:
+    """Return the solver for a tree of this size.
+
+    **Arguments:** `central`: inertia of each body about its centre of mass, in the tree's axes.
+    """
+    evaluate = evaluation(len(links))
+    inertias = [
+        evaluate(inertia, body.mass, link.arm, own)
+        for body, link, own in zip(bodies, links, central, strict=True)
+    ]
+    kind = MassMatrix if is_small(len(links)) else ArticulatedBodies
+    return kind(links, parents, inertias)
+
+
+def along_columns(
+    links: Sequence[Link],
+    parents: Parents,
+    loads: Mapping[int, Twist],
+    evaluate: Sequence[Evaluate],
+) -> list[Speeds]:
+    """Return the generalised forces in the joint of each link of loads on some links, by index of
+    the link, summed from the leaves to the root.
+
+    **Arguments:** `evaluate`: how to evaluate functions of each link.
+    """
+    totals = dict(loads)
+    forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
+    # Each link comes after its parent.
+    waiting = [-k for k in totals]
+    heapify(waiting)
+    while waiting:
+        k = -heappop(waiting)
+        link, parent = links[k], parents[k]
+        forces[k], transmitted = evaluate[k](projected, link.columns, link.offset, totals[k])
+        if parent is None:
+            continue
+        if parent in totals:
+            totals[parent] = totals[parent] + transmitted
+        else:
+            heappush(waiting, -parent)
+            totals[parent] = transmitted
+    return forces

@@ -1,0 +1,482 @@
+"""Trees of bodies: their branches, and the kinematics and inertia of their bodies.
+
+A scene's bodies, and those ideal joints that close no loop, form trees. A branch is one body with
+its parent: the next body towards the root of the tree or, for the root, the ground. Each kind of
+branch has its own variables, and converts them to the body's motion and rates. The spin of a body
+is its angular velocity, rad/s: in body axes in states and motions, in the tree's axes in a `Link`.
+
+Kinematics and inertia are computed in the axes of the root body of each tree, and about one
+reference point for each body. In a small tree, this is one point for all bodies, namely the point
+on the ground of the root's joint or, for a free root, the root's centre of mass. So the inertia of
+the root is constant if the root is free or its joint only lets it rotate. Constant vectors keep
+their exact zeros, and for a free root the mass matrix contains the total mass times the identity.
+In a large tree, the reference point of a body is the point of the body at its joint's point on the
+parent, so that no lever arm grows with the tree. A twist is the angular velocity of a body with the
+velocity of the body's reference point. "At constant speeds" means: the part of an acceleration that
+remains if the time derivatives of all joint speeds are zero.
+"""
+
+import weakref
+from collections import OrderedDict
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import ClassVar, NamedTuple, TypeAlias
+
+import jax
+
+from ..._math.rotations import (
+    composed,
+    conjugate,
+    euler_parameter_rates,
+    kept_unit,
+    normalised,
+    turned,
+)
+from ..._math.vectors import (
+    IDENTITY,
+    NOTHING,
+    UNIT_X,
+    UNIT_Y,
+    UNIT_Z,
+    ZERO,
+    EulerParameters,
+    Matrix,
+    Vector,
+    add,
+    multiply,
+    subtract,
+)
+from ..._model.bodies import GROUND, BodyState, Motion
+from ..._model.joints.base import AbstractConstraint
+from ..._model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
+from ..._model.scene import Scene
+from ..coordinates import Speeds, anchors, free_motion
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A body of a tree at one instant; all vectors are in the tree's axes.
+
+    - `rotation`: matrix that maps components in body axes to components in the tree's axes.
+    - `offset`: m, from the parent's reference point to the body's.
+    - `arm`: m, from the body's reference point to its centre of mass.
+    - `spin`: rad/s, angular velocity.
+    - `angular_bias`: rad/s^2, angular acceleration at constant speeds.
+    - `bias`: m/s^2, acceleration of the centre of mass at constant speeds.
+    - `gradient`: 1/s^2, matrix that maps the vector between two points of the body to the
+      difference of their accelerations at constant speeds.
+    - `columns`: for each speed of the link's joint, the twist that a unit of this speed causes.
+    """
+
+    rotation: Matrix
+    offset: Vector
+    arm: Vector
+    spin: Vector
+    angular_bias: Vector
+    bias: Vector
+    gradient: Matrix
+    columns: tuple[Twist, ...]
+
+    def load(self, force: Vector, moment: Vector) -> Twist:
+        """Return a force, N, and a moment about the centre of mass, N m, as a load about the
+        reference point."""
+        return Twist(moment + self.arm.cross(force), force)
+
+
+GROUND_LINK = Link(IDENTITY, ZERO, ZERO, ZERO, ZERO, ZERO, NOTHING, ())
+"""The ground, as the parent of links."""
+
+
+def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
+    """Return the matrix, 1/s^2, that maps r to angular_bias x r + spin x (spin x r)."""
+    w, b = spin, angular_bias
+    xx, yy, zz = (multiply(part, part) for part in w)
+    xy, xz, yz = multiply(w.x, w.y), multiply(w.x, w.z), multiply(w.y, w.z)
+    return Matrix(
+        Vector(subtract(0.0, add(yy, zz)), subtract(xy, b.z), add(xz, b.y)),
+        Vector(add(xy, b.z), subtract(0.0, add(xx, zz)), subtract(yz, b.x)),
+        Vector(subtract(xz, b.y), add(yz, b.x), subtract(0.0, add(xx, yy))),
+    )
+
+
+UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
+"""Euler parameters of a body whose axes are the global ones."""
+BodyPose: TypeAlias = tuple[EulerParameters, Motion]
+"""Orientation of a body, as Euler parameters, and the body's motion."""
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=["anchor"], meta_fields=["body"])
+@dataclass(frozen=True)
+class FreeBranch:
+    """A free body, the root of a tree, whose variables are a `BodyState`, as in absolute
+    coordinates.
+
+    The position is the centre of mass or, with an `anchor`, the vector in m from the anchor's
+    ground point to its body point. The anchor is the pair of these points: on the body, m in body
+    axes, and on the ground, m in global coordinates. The six speeds are velocity (m/s) and spin
+    (rad/s), both in body axes. Rates of the velocity are relative to free fall, since gravity
+    accelerates all bodies of a free tree alike.
+
+    The methods are those of `JointedBranch`. The parent is the ground, whose motion they ignore.
+    Their argument `axes` is the rotation matrix from body axes to global ones, since the body is
+    the root.
+    """
+
+    body: str
+    anchor: tuple[Vector, Vector] | None
+    parent: ClassVar[str] = GROUND
+
+    def nameless(self) -> "FreeBranch":
+        """Return the branch without names, so that alike branches are traced together."""
+        return replace(self, body="")
+
+    def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
+        """Return the state of the body, whose position is the centre of mass or, with an anchor,
+        the vector from the anchor's ground point to its body point, m."""
+        orientation, motion = body
+        position = motion.position
+        if self.anchor is not None:
+            local, origin = self.anchor
+            position = (position + motion.rotation @ local) - origin
+        return BodyState(position, orientation, motion.velocity, motion.spin)
+
+    def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
+        """Return the Euler parameters in the body's state."""
+        return state.orientation
+
+    def motion(self, parent: Motion, state: BodyState) -> Motion:
+        """Return the motion of the body, which does not depend on that of its parent, the
+        ground."""
+        return free_motion(state, self.anchor)
+
+    def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
+        """Return the body as the root link of its tree, with its centre of mass as reference point.
+        The arguments `parent` and `one_point` are ignored."""
+        axes = UNIT_X, UNIT_Y, UNIT_Z
+        columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
+        gradient = _gradient(state.spin, ZERO)
+        return Link(IDENTITY, ZERO, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
+
+    def rates(
+        self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
+    ) -> BodyState:
+        """Return the time derivatives of position (m/s), Euler parameters, velocity and spin.
+
+        **Arguments:** `speed_rates`: time derivatives of the six speeds in body axes, m/s^2
+        (relative to free fall) and rad/s^2; `gravity`: m/s^2, global.
+        """
+        shift = self._shift(axes, state.velocity, state.spin)
+        orientation = euler_parameter_rates(state.orientation, state.spin)
+        acceleration = axes @ Vector(*speed_rates[:3]) + gravity
+        return BodyState(shift, orientation, acceleration, Vector(*speed_rates[3:]))
+
+    def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
+        """Return the velocity of the point that the position variable describes, m/s, global.
+
+        **Arguments:** `velocity`: of the centre of mass, global; `spin`: in body axes. If a
+        displacement, m, and a rotation vector, rad, are given in place of velocity and spin, the
+        result is the displacement of the point, m.
+        """
+        if self.anchor is None:
+            return velocity
+        return velocity + axes @ spin.cross(self.anchor[0])
+
+    def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
+        """Return the state with position and orientation changed.
+
+        `changes` are the displacement of the centre of mass, m, and a rotation vector, rad, both in
+        body axes.
+        """
+        rotation = Vector(*changes[3:])
+        shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
+        orientation = turned(state.orientation, rotation)
+        return replace(state, position=state.position + shift, orientation=orientation)
+
+    def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
+        """Return the state with changes of velocity, m/s, and spin, rad/s, both in body axes."""
+        velocity = state.velocity + axes @ Vector(*changes[:3])
+        return replace(state, velocity=velocity, spin=state.spin + Vector(*changes[3:]))
+
+    def without_drift(self, state: BodyState) -> BodyState:
+        """Return the state with Euler parameters scaled to unit norm if their squared norm differs
+        from one by more than 1e-6, and otherwise unchanged."""
+        return replace(state, orientation=kept_unit(state.orientation))
+
+    def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
+        """Return a state with position and orientation of `state`, and velocity and spin of
+        `other`."""
+        return replace(state, velocity=other.velocity, spin=other.spin)
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["motion_subspace"],
+    meta_fields=["body", "parent", "joint"],
+)
+@dataclass(frozen=True)
+class JointedBranch:
+    """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
+    relative positions and speeds in this joint.
+
+    - `body`, `parent`, `joint`: names of the body, its parent and the joint.
+    - `motion_subspace`: the relative motions that the joint allows.
+
+    In all methods, `state` is the variables of the body, and `axes` is the rotation matrix from the
+    axes of the tree's root body to global ones. Lists of the type `Speeds` have one entry for each
+    speed of the joint, relative to the parent.
+    """
+
+    body: str
+    parent: str
+    joint: str
+    motion_subspace: AbstractMotionSubspace
+
+    def nameless(self) -> "JointedBranch":
+        """Return the branch without names, so that alike branches are traced together."""
+        return replace(self, body="", parent="", joint="")
+
+    def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
+        """Return the joint's coordinates and speeds. Relative motion that the joint forbids is
+        dropped."""
+        on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
+        (orientation_parent, first), (orientation_body, second) = parent, body
+        displacement = second.components(second.point(on_child) - first.point(on_parent))
+        spin = second.spin - second.components(first.direction(first.spin))
+        velocity = second.components(second.velocity_at(on_child) - first.velocity_at(on_parent))
+        # This is the rate of the displacement's components in body axes, which rotate with `spin`.
+        linear = velocity - second.spin.cross(displacement)
+        orientation = composed(conjugate(orientation_parent), orientation_body)
+        return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
+
+    def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
+        """Return the parent's orientation composed with the rotation in the joint, with unit
+        norm."""
+        return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
+
+    def motion(self, parent: Motion, state: JointState) -> Motion:
+        """Return the parent's motion composed with the motion in the joint."""
+        subspace, point = self.motion_subspace, self.motion_subspace.point_parent
+        relative, twist = subspace.rotation(state.position), subspace.twist(state)
+        rotation = parent.rotation @ relative
+        spin = relative.transposed_times(parent.spin) + twist.angular
+        # From the joint's point on the parent to the body's centre of mass, in body axes.
+        arm = subspace.displacement(state.position) - subspace.point_child
+        position = parent.point(point) + rotation @ arm
+        velocity = parent.velocity_at(point) + rotation @ (spin.cross(arm) + twist.linear)
+        return Motion(position, rotation, velocity, spin)
+
+    def link(self, parent: Link | None, state: JointState, one_point: bool) -> Link:
+        """Return the body as a link of its tree, whose vectors are in the axes of the tree's root
+        body.
+
+        **Arguments:** `parent`: the link of the body's parent, ``None`` if that is the ground;
+        `one_point`: whether the reference point is that of the parent, and so one point for the
+        whole tree. Otherwise it is the joint's point on the parent.
+        """
+        subspace = self.motion_subspace
+        # Rotation from the body's axes to the tree's, the joint's point on the parent relative to
+        # the parent's reference point, m, and acceleration of the former at constant speeds, m/s^2.
+        # For a root on the ground they are the identity and zeros, since the tree's axes are those
+        # of the root.
+        rotation, offset, bias = IDENTITY, ZERO, ZERO
+        if parent is None:
+            parent = GROUND_LINK
+        else:
+            rotation = parent.rotation @ subspace.rotation(state.position)
+            to_joint = parent.rotation @ subspace.point_parent
+            offset, bias = parent.arm + to_joint, parent.bias + parent.gradient @ to_joint
+        # Relative motion in the joint, and its acceleration at constant speeds. Both are given in
+        # the axes of the carried body, so its own rotation leads to the tree's axes.
+        twist, joint_bias = subspace.twist(state), subspace.bias(state)
+        angular, linear = rotation @ twist.angular, rotation @ twist.linear
+        spin = parent.spin + angular
+        angular_bias = (
+            parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
+        )
+        gradient = _gradient(spin, angular_bias)
+        # From the joint's point on the parent, via the joint's point on the body, to the body's
+        # centre of mass. The displacement has its components, and their rates `linear`, in the axes
+        # of the carried body. So the Coriolis acceleration has the spin of this body, and
+        # `gradient` acts on the whole arm.
+        displacement = subspace.displacement(state.position)
+        arm = rotation @ (displacement - subspace.point_child)
+        coriolis = (spin * 2.0).cross(linear) + rotation @ joint_bias.linear
+        bias = bias + coriolis + gradient @ arm
+        columns = []
+        for column in subspace.columns(state.position):
+            # The column has the velocity of the body's point that coincides with the joint's point
+            # on the parent.
+            axis, velocity = rotation @ column.angular, rotation @ column.linear
+            columns.append(Twist(axis, velocity + offset.cross(axis) if one_point else velocity))
+        if one_point:
+            offset, arm = ZERO, offset + arm
+        return Link(rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns))
+
+    def rates(
+        self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
+    ) -> JointState:
+        """Return the time derivatives of the joint's position and of its speeds.
+
+        The argument `speed_rates` consists of the time derivatives of the speeds, m/s^2 or rad/s^2.
+        `axes` and `gravity` are ignored; only a `FreeBranch` needs them.
+        """
+        return JointState(self.motion_subspace.rates(state), tuple(speed_rates))
+
+    def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
+        """Return the state with the position moved along the free directions of the joint, m or
+        rad."""
+        position = self.motion_subspace.after_displacement(state.position, tuple(changes))
+        return JointState(position, state.speeds)
+
+    def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
+        """Return the state with the changes, m/s or rad/s, added to the speeds."""
+        speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
+        return JointState(state.position, speeds)
+
+    def without_drift(self, state: JointState) -> JointState:
+        """Return the state with the position normalised: angles, except those of screws, are moved
+        to between -2 pi and 2 pi, so that they don't grow over a long run, and Euler parameters are
+        scaled to unit norm if their squared norm differs from one by more than 1e-6."""
+        return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
+
+    def with_speeds(self, state: JointState, other: JointState) -> JointState:
+        """Return a state with the position of `state` and the speeds of `other`."""
+        return JointState(state.position, other.speeds)
+
+
+TreeBranch: TypeAlias = FreeBranch | JointedBranch
+
+
+class Place(NamedTuple):
+    """Names of a body of a tree, of its parent, and of the joint that carries it, which is ``None``
+    for a free root."""
+
+    body: str
+    parent: str
+    joint: str | None
+
+
+class Topology:
+    """Names in the trees of a scene, see `topology`.
+
+    - `trees`: the places of each tree, the root first and each parent before its children.
+    - `places`: those of all trees, by name of body.
+    """
+
+    def __init__(self, trees: list[list[Place]]):
+        self.trees = trees
+        self.places = {place.body: place for tree in trees for place in tree}
+        self._numbers = {body: number for number, body in enumerate((GROUND, *self.places))}
+
+    def between(self, bodies: Collection[str]) -> frozenset[str]:
+        """Return the names of those bodies on the paths that connect `bodies` whose joints change
+        the poses of `bodies` relative to each other."""
+        # Each parent has a smaller number than its children, so the body of the largest number is
+        # not on the path of another one to the root.
+        ends, passed = set(bodies), set()
+        while len(ends) > 1:
+            body = max(ends, key=self._numbers.__getitem__)
+            ends.remove(body)
+            passed.add(body)
+            ends.add(self.places[body].parent)
+        return frozenset(passed)
+
+
+_known: OrderedDict[int, tuple[weakref.ref[Scene], Topology]] = OrderedDict()
+"""Topology of each scene that exists, by the scene's identity. Changes of an `OrderedDict` do not
+count as a change of the package's code: with a plain one, processes kept no programs."""
+
+
+def topology(scene: Scene) -> Topology:
+    """Return the names in the trees of a scene, which are found once for each scene object.
+
+    A program needs them at each evaluation of the scene, and for each contact joint.
+    """
+    key = id(scene)
+    if key not in _known or _known[key][0]() is not scene:
+        trees = Topology(_grown_trees(scene))
+        _known[key] = weakref.ref(scene, lambda _: _known.pop(key, None)), trees
+    return _known[key][1]
+
+
+def forest(scene: Scene) -> list[list[TreeBranch]]:
+    """Return the trees of a scene, each as a list of branches.
+
+    Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
+    drivers, belong to no tree; they remain constraints. In each tree, a parent comes before its
+    children. The first branch is the root; only its parent is the ground. Trees with an ideal joint
+    to the ground come first. Bodies are visited breadth first, so that chains are short. Of
+    connected bodies without a joint to the ground, one becomes a free root. A body with an `Anchor`
+    is preferred as root, since the anchor preserves digits of its position. The trees depend on the
+    types and names of joints and bodies, but on no numbers.
+    """
+    points = anchors(scene)
+    return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]
+
+
+def _branch(
+    scene: Scene, points: dict[str, tuple[Vector, Vector]], body: str, parent: str, name: str | None
+) -> TreeBranch:
+    if name is None:
+        return FreeBranch(body, points.get(body))
+    joint = scene.joints[name]
+    subspace = joint.motion_subspace(parent) if isinstance(joint, AbstractConstraint) else None
+    if subspace is None:
+        raise ValueError(
+            f"joints[{name!r}].motion_subspace({parent!r}) is None, but was not for the same scene "
+            "before; let it depend on nothing but the types and names in the scene"
+        )
+    return JointedBranch(body, parent, name, subspace)
+
+
+def _grown_trees(scene: Scene) -> list[list[Place]]:
+    # For each body, the ideal joints that may carry another body on it. A body looks only at its
+    # own joints, so that the work does not grow with the square of their number.
+    joints: _Incident = {body: [] for body in (GROUND, *scene.bodies)}
+    for name, joint in scene.joints.items():
+        if isinstance(joint, AbstractConstraint) and len(pair := joint.body_names()) == 2:
+            for parent, body in (pair, pair[::-1]):
+                joints[parent].append((name, joint, body))
+    # Each joint on the ground begins a tree of its own, since the ground does not move.
+    placed = {GROUND}
+    trees = [[root] for root in _children(joints, GROUND, placed)]
+    for tree in trees:
+        _grow(tree, joints, placed)
+    # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
+    points = anchors(scene)
+    for name in sorted(scene.bodies, key=lambda name: name not in points):
+        if name not in placed:
+            placed.add(name)
+            trees.append([Place(name, GROUND, None)])
+            _grow(trees[-1], joints, placed)
+    return trees
+
+
+_Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
+"""By name of body, the ideal joints between it and one other body: name of the joint, the joint,
+and name of the other body."""
+
+
+def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
+    """Append all further places of a tree to it, breadth first, and add their bodies to
+    `placed`."""
+    for place in tree:  # The loop also visits the places that it appends.
+        tree += _children(joints, place.body, placed)
+
+
+def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
+    """Return a place for each ideal joint that carries another body on the body `parent`.
+
+    Bodies in `placed` are left out; the bodies of the places are added to it. Ideal joints
+    without a `motion_subspace` get no place and remain constraints.
+    """
+    children = []
+    for name, joint, body in joints[parent]:
+        # The subspace is made last, because that takes operations, which JAX would trace for
+        # nothing.
+        if body not in placed and joint.motion_subspace(parent) is not None:
+            placed.add(body)
+            children.append(Place(body, parent, name))
+    return children

@@ -1,0 +1,433 @@
+"""Checks and corrections of the positions of journals in their bearings, at the start and end of a
+run.
+
+Ideal joints that replace clearance joints hold journals in a position while an initial state is
+assembled. Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in
+the code, `family` is the inner dictionary of one joint.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from functools import partial, reduce
+from typing import TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._compilation import HostFirst
+from .._fields.cautions import LeftBearingWarning, UnusualValueWarning, caution, quiet
+from .._fields.checks import caution_unless, require
+from .._fields.objects import on_device
+from .._math.vectors import ZERO, Condition, Scalar, pack, subtract, unpack
+from .._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
+from .._model.contact.laws import whole_law
+from .._model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    ByLabel,
+    Contact,
+    Motions,
+)
+from .._model.scene import Scene
+from .._native import Native
+from .absolute_coordinates import AbsoluteCoordinates
+from .contact_events import approaches_unknown, contact_gaps
+from .contact_forces import EntrySpeeds, LoadedContact
+from .coordinates import free_motion
+from .formulation import Formulation, Unstabilised
+from .system import System
+
+OUTSIDE = 1e-6
+"""Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
+bearing. A contact under load can have a smaller penetration, which is kept."""
+FAR_OUTSIDE = 1e-2
+"""Penetration, relative to the largest one that the joint allows, above which a warning is issued
+at the start of a run, and an error is raised for a journal that `assemble` has centred. Contacts in
+motion are usually far less deep."""
+SLOW_ONSET = 1e-2
+"""Entry speed below which a contact counts as overdamped, relative to that of an impact with the
+elastic energy of the contact."""
+FAST_APPROACH = 1e-6
+"""Penetration rate, m/s, above which a warning is issued at the start of a run if the contact's
+entry speed is unknown. It is the default of the smallest entry speed of contact laws."""
+HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
+Depths: TypeAlias = ByLabel[float]
+"""Penetration of the surfaces of each contact, m, by joint and contact label; negative without
+contact."""
+
+
+def depths(scene: Scene, state: State) -> Depths:
+    """Return the penetration of each contact of a state, m, by joint and contact label; an empty
+    dictionary without clearance joints."""
+    if not scene.contact_joints():
+        return {}
+    by_joint = contact_depths(scene, state.bodies)
+    return {name: _numbers(family) for name, family in by_joint.items()}
+
+
+def outside(scene: Scene, state: State) -> set[str]:
+    """Return the names of the joints with a contact that penetrates by more than `OUTSIDE`."""
+    by_joint = depths(scene, state)
+    return {
+        name
+        for name, family in by_joint.items()
+        if any(depth > OUTSIDE for depth in family.values())
+    }
+
+
+def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
+    """Return ideal joints that hold the journals of the named clearance joints centred, by name of
+    clearance joint.
+
+    Joints whose method `centred_joint` returns ``None`` have no centred position and are left out.
+    """
+    joints = scene.contact_joints()
+    ideal = {name: joints[name].centred_joint() for name in names}
+    return {name: joint for name, joint in ideal.items() if joint is not None}
+
+
+def resting_joints(
+    scene: Scene,
+    ideal: Mapping[str, AbstractConstraint],
+    names: Collection[str],
+    state: State,
+    t: Scalar,
+) -> dict[str, AbstractConstraint]:
+    """Return ideal joints that hold the journals of the named clearance joints at the wall, by name
+    of clearance joint.
+
+    A journal is held on the side to which its load presses it while the bodies are at rest, at the
+    penetration at which the contacts carry the load. The load is the reaction of an ideal joint in
+    the place of the clearance joint.
+
+    **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
+    `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
+
+    **Raises:** `ValueError` for a joint whose method `resting_joint` returns ``None``: its load
+    does not press the journal against the wall, or the class of the joint has no position of rest.
+    """
+    joints, resting = scene.contact_joints(), {}
+    loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
+    for name in names:
+        first, second = joints[name].pair()
+        # The force that presses the second body against the first, N.
+        load = np.asarray(loads[name])
+        joint = joints[name].resting_joint(load)
+        expected = f"a joint in which {second!r} is pressed against {first!r} across the axis"
+        load_there = f"the load there is {load.tolist()} N"
+        remedy = f"{load_there}; give the scene its gravity, or leave it out"
+        require(joint is not None, "resting", name, expected, remedy)
+        assert joint is not None
+        resting[name] = joint
+    return resting
+
+
+def resting_entry_speeds(
+    scene: Scene, names: Collection[str], state: State, t: Scalar
+) -> dict[str, dict[str, float]]:
+    """Return entry speeds for the closed contacts of the named joints, m/s, by joint and contact
+    label, with which a journal that rests on the wall is damped moderately.
+
+    They are those of an impact of the contact's effective mass whose energy is the elastic energy
+    of the contact. Oscillations about the position of rest are then damped like such an impact:
+    with a damping ratio of about half the factor chi of a Hunt-Crossley law. An entry speed of zero
+    would be replaced by the law's smallest one, with which the damping is so large that the
+    equations of motion are stiff, and an unknown one would mean no damping.
+    """
+    laws = scene.laws()
+    names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
+    if not names:
+        return {}
+    speeds = _speeds_of_rest(names, scene, state.bodies, on_device(t))
+    by_joint = {name: _numbers(family) for name, family in speeds.items()}
+    return {
+        name: {label: speed for label, speed in family.items() if speed > 0.0}
+        for name, family in by_joint.items()
+    }
+
+
+def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
+    """Return a sentence for each joint with a contact that began so slowly that its damping makes
+    the equations of motion stiff: with less than a fraction `SLOW_ONSET` of the entry speed that
+    `resting_entry_speeds` returns for its present depth. The sentence names the law and a remedy.
+    """
+    sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
+    for name, family in usual.items():
+        for label, speed in family.items():
+            law = whole_law(scene.laws()[name][label])
+            floor = float(getattr(law, "entry_speed_floor", 0.0))
+            present = max(float(state.entry_speeds[name][label]), floor)
+            if present < SLOW_ONSET * speed:
+                raising = f"give the law `entry_speed_floor={speed:.0e}`" if floor else ""
+                other = "take a law without an entry speed, such as `MemorylessHuntCrossley`"
+                sentences.append(
+                    f"Contact {label!r} of joint {name!r} began at {present:.1e} m/s, at which the "
+                    f"damping of its law {type(law).__name__} is so large that steps must be very "
+                    f"short: {' or '.join(filter(None, [raising, other]))}."
+                )
+                break
+    return sentences
+
+
+def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
+    """Return the scene with joints replaced by the joints of the same names in `ideal`."""
+    # The user has had the warnings of the scene's constructor already.
+    with quiet():
+        return replace(scene, joints={**scene.joints, **ideal})
+
+
+def require_in_bearings(
+    scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
+) -> None:
+    """Check the penetrations of an initial state, and warn of contacts deep inside the wall, and of
+    contacts that begin without their damping.
+
+    **Arguments:** `by_joint`, `approaches`: the results of `starting_contacts`.
+
+    The penetration is that of the surfaces. `too_deep`, which ends a run, measures the depth from
+    the onset of the force. It is slightly stricter for smoothed and rough contact laws, whose force
+    begins before the surfaces meet.
+
+    **Raises:** `ValueError` if a contact is deeper than the limit that the joint's method `deepest`
+    returns for it. A contact without a limit may have any depth.
+
+    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit.
+    Each joint gets one message at most, on the contact that is deepest relative to its limit.
+    Another `UnusualValueWarning` is issued for a contact that has begun before, approaches faster
+    than `FAST_APPROACH`, and has no entry speed.
+    """
+    for name, family in approaches.items():
+        label = max(family, key=lambda label: float(family[label]))
+        rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
+        if rate > FAST_APPROACH:
+            caution(
+                f"Contact {label!r} of joint {name!r} is closed at the start and approaches at "
+                f"{rate:.3g} m/s, but its entry speed is unknown, so that it has no damping until "
+                f"it ends: give {argument}, in m/s, or start outside of the wall.",
+                UnusualValueWarning,
+            )
+    for name, family in by_joint.items():
+        joint_depths = _numbers(family)
+        limits = _numbers(scene.contact_joints()[name].deepest())
+        # A joint may have no limits, and then any penetration is allowed.
+        if not limits:
+            continue
+        # One message for each joint is enough: on the contact that is deepest relative to its own
+        # limit, since contacts of one joint may have different limits.
+        label = max(limits, key=lambda label: joint_depths[label] / limits[label])
+        depth, limit = joint_depths[label], limits[label]
+        where = f"contact {label!r} of joint {name!r}"
+        expected = f"one with its journals in their bearings ({where} at most {limit:g} m deep)"
+        require(depth <= limit, "state", depth, expected, "call assemble(scene, state) first")
+        usual = FAR_OUTSIDE * limit
+        remedy = "call assemble(scene, state), which puts the journal into its bearing"
+        meaning, expected = f"m deep in the wall at {where}", f"at most {usual:g} m"
+        caution_unless(depth <= usual, "state", depth, meaning, expected, remedy)
+
+
+def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
+    """Check that the named joints, whose bodies `assemble` has centred, have no contact deep in a
+    wall: deeper than `FAR_OUTSIDE` times the largest penetration that the joint allows.
+
+    **Raises:** `ValueError` that names the contact, for example for a pin beyond the end of its
+    slot, since `assemble` centres a pin only across the slot.
+    """
+    by_joint, joints = depths(scene, state), scene.contact_joints()
+    for name in names:
+        for label, limit in joints[name].deepest().items():
+            depth, usual = by_joint[name][label], FAR_OUTSIDE * float(limit)
+            where = f"contact {label!r} of joint {name!r}"
+            expected = f"one that can be assembled with {where} at most {usual:g} m deep"
+            remedy = "move the body in the guess, until it is out of this wall"
+            require(depth <= usual, "state", depth, expected, remedy)
+
+
+def warn_of_journals_outside(
+    scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
+) -> None:
+    """Warn of journals that have slid out of their bearings during a run.
+
+    **Arguments:**
+
+    - `time`, `final`: end of the run, s, and the state then.
+    - `kept`: pairs of saved times, (N,), s, and the states then, with a first axis of length N in
+      each array.
+
+    **Warns:** `LeftBearingWarning` for each joint whose journal is outside at a saved time or at
+    the end, with the earliest such time.
+    """
+    last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
+    joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
+    departures: dict[str, tuple[float, float]] = {}
+    for times, states in (*kept, last):
+        for name, excess in slid_out(joints, states.bodies).items():
+            if (excess > 0.0).any():
+                first = int(np.argmax(excess > 0.0))
+                # Of several departures the earliest is reported; pairs compare by time first.
+                departure = float(times[first]), float(excess[first])
+                departures[name] = min(departure, departures.get(name, departure))
+    for name, (when, excess) in departures.items():
+        caution(
+            f"The journal of joint {name!r} has slid out of its bearing: nothing holds it axially. "
+            f"At t = {when:.6g} s it is {excess:.3g} m beyond the end of a bearing of its own "
+            f"length. {HOLD_IT}",
+            LeftBearingWarning,
+        )
+
+
+def slid_out(
+    joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
+) -> dict[str, np.ndarray]:
+    """Return the axial distance, (N,), m, from the end of each bearing to the journal beyond it, by
+    name of joint.
+
+    It is negative until the journal has left the bearing completely; the bearing is taken to be as
+    long as the journal. Joints whose journal cannot slide out are left out.
+
+    **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
+    `bodies`: N states of each body, by name, with a first axis of length N in each array.
+    """
+    # NumPy is used so that nothing is compiled.
+    in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
+    return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
+
+
+def _excesses(
+    joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
+) -> dict[str, Scalar]:
+    """Return the result of `slid_out` for joints and states of bodies in which each vector is three
+    separate scalars, or three arrays (N,)."""
+    # Motions are computed for joints only whose class has a journal that may slide out.
+    inherited = AbstractContactJoint.slid_out
+    joints = {
+        name: joint for name, joint in joints.items() if type(joint).slid_out is not inherited
+    }
+    names = {name for joint in joints.values() for name in joint.body_names()}
+    free = {name: free_motion(body, None) for name, body in bodies.items() if name in names}
+    motions = {GROUND: GROUND_MOTION, **free}
+    excesses = {name: joint.slid_out(motions) for name, joint in joints.items()}
+    return {name: excess for name, excess in excesses.items() if excess is not None}
+
+
+def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
+    """Return whether any journal has left its bearing completely, in a form that JAX can trace.
+
+    Joints whose journal cannot slide out are left out.
+
+    **Arguments:** `scene`, `bodies`: the scene, and the states of its bodies by name; each vector
+    is three separate scalars.
+    """
+    excesses = _excesses(scene.contact_joints(), bodies).values()
+    beyond = [jnp.asarray(excess > 0.0) for excess in excesses]
+    return reduce(jnp.logical_or, beyond, jnp.asarray(False))
+
+
+def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
+    """Return the same dictionary with its scalars converted to Python floats."""
+    return {name: float(number) for name, number in by_name.items()}
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
+    """Return the penetration of each contact, m, by joint and contact label.
+
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    motions = system.motions(system.encode(unpack(bodies)))
+    return {
+        name: {label: contact.gap.depth for label, contact in joint.contacts(motions).items()}
+        for name, joint in system.scene.contact_joints().items()
+    }
+
+
+def starting_contacts(
+    scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
+) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
+    """Return the results of `contact_depths` and of `approaches_unknown` for a scene and motions in
+    which each vector is three separate scalars."""
+    gaps, laws = contact_gaps(scene, motions), scene.laws()
+    # Gaps are measured from the onset of the force.
+    surfaces = {
+        name: {
+            label: subtract(gap.depth, laws[name][label].onset_offset())
+            for label, gap in family.items()
+        }
+        for name, family in gaps.items()
+    }
+    return surfaces, approaches_unknown(scene, gaps, entry_speeds)
+
+
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
+@partial(Native, warns=False)
+def _speeds_of_rest(
+    names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
+) -> ByLabel[Scalar]:
+    """Return the speed of an impact, m/s, whose energy is the elastic energy, for each contact of
+    the named joints whose law uses the entry speed, by joint and contact label; zero if the contact
+    is open.
+
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
+    system = System(unpack(scene), formulation)
+    variables = system.encode(unpack(bodies))
+    motions, speeds = system.motions(variables), {}
+
+    def per_mass(name: str, label: str, contact: Contact) -> Scalar:
+        """Return the inverse of the mass, 1/kg, that the normal force of a contact accelerates."""
+
+        def second_rate(push: Scalar) -> Scalar:
+            forces = {name: {label: LoadedContact(contact, push, push, None)}}
+            rates = system.dynamics_under(system.mechanics(variables), forces, t).variable_rates
+            return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
+
+        # The second rate of the depth is linear in the force.
+        push = jnp.zeros(())
+        return -jax.jvp(second_rate, (push,), (jnp.ones_like(push),))[1]
+
+    for name in names:
+        joint = system.scene.contact_joints()[name]
+        laws, contacts = joint.laws(), joint.contacts(motions)
+        speeds[name] = {}
+        for label, contact in contacts.items():
+            if laws[label].uses_entry_speed:
+                energy = laws[label].stored_energy(contact.gap)
+                square = 2.0 * energy * per_mass(name, label, contact)
+                speeds[name][label] = jnp.sqrt(jnp.maximum(square, 0.0))
+    return speeds
+
+
+# This function is compiled to native code or, if that is not possible, by XLA without a warning.
+@partial(Native, warns=False)
+def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
+    """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
+    rest at time t, s.
+
+    A load is the force that the last of the joint's bodies exerts on the first, (3,) in the axes of
+    the first body. Gravity, force elements, films and drivers cause it, but no contact has a force.
+    In scene and states of the bodies, vectors are arrays (3,).
+    """
+    # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
+    # norm makes the reactions unique if constraints are redundant. Stabilisation would add forces
+    # that correct small errors of the given position.
+    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
+    system = System(unpack(scene), formulation)
+    resting = {
+        name: BodyState(body.position, body.orientation, ZERO, ZERO)
+        for name, body in unpack(bodies).items()
+    }
+    mechanics = system.mechanics(system.encode(resting))
+    dynamics = system.dynamics_under(mechanics, {}, t)
+    loads = {}
+    for name, rows in dynamics.rows.items():
+        body_names = system.scene.joints[name].body_names()
+        load = ZERO
+        for label, row in rows.items():
+            # The Jacobian times the multiplier is the force on a body; its reaction is the load.
+            on_last = row.jacobian.get(body_names[-1], NO_WRENCH)
+            load = load - on_last.force * dynamics.multipliers[name][label]
+        loads[name] = pack(dynamics.motions[body_names[0]].components(load))
+    return loads

@@ -1,0 +1,129 @@
+"""Functions of elements, traced once for all elements of a kind.
+
+Elements are of one kind if they differ only in the names of their bodies and in the numbers of
+their arrays. A program with many elements of a class has one function for each kind of them, which
+is called for each element, so that the time of compilation does not grow with the whole text of all
+elements. A scene with few elements of a class is written out: its program is faster, because parts
+that several elements have in common are computed once, and its compilation is short.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+
+from .._compilation import NotSharedError, are_many, traced_for_a_kind
+from .._model.bodies import GROUND
+from .._model.joints.base import AbstractElement, Motions
+from .._model.scene import Scene
+
+Element = TypeVar("Element", bound=AbstractElement)
+Module = TypeVar("Module", bound=eqx.Module)
+Result = TypeVar("Result")
+_PROBE = "<probe>"
+_NOT_RENAMED = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    NotSharedError,
+    TypeError,
+    ValueError,
+)
+"""Errors of elements that are evaluated with other names, such as those that look up a body on
+which they don't act. Others are raised at once: a handler of signals may raise one, for instance
+`TimeoutError` to end a run."""
+
+
+class Kinds:
+    """Evaluates functions of the elements of a scene.
+
+    Elements of a class with many elements are evaluated by functions of native code.
+    The class counts, rather than the kind, so that the choice does not depend on which numbers are
+    folded as constants: products are rounded at other places in functions, and a lane of a sweep
+    must have the bits of a single run.
+
+    **Arguments:** `scene`: in scalar form.
+    """
+
+    def __init__(self, scene: Scene):
+        elements = [*scene.joints.values(), *scene.forces.values()]
+        self._counts = Counter(map(type, elements))
+
+    def evaluate(
+        self,
+        function: Callable[..., Result],
+        element: AbstractElement,
+        motions: Motions,
+        *others: object,
+    ) -> Result:
+        """Return ``function(element, motions, *others)``.
+
+        **Arguments:** `function`: defined once, for instance in a module. Its result may contain
+        names of the element's bodies as leaves, but not as keys of dictionaries: JAX would sort
+        these by other names. `element`: an element of the scene; `motions`: motion of each body by
+        name; `others`: PyTrees without names of bodies.
+
+        **Raises:** what the function raises.
+        """
+        if are_many(self._counts[type(element)]):
+            names = {
+                name: name if name == GROUND else f"<body {k}>"
+                for k, name in enumerate(dict.fromkeys(element.body_names()))
+            }
+            # Whatever the function raises for other names, it raises below for the true ones.
+            try:
+                alike = _renamed(element, names)
+                under = {new: motions[old] for old, new in names.items()}
+                result = traced_for_a_kind(function, alike, under, *others)
+            except _NOT_RENAMED:
+                return function(element, motions, *others)
+            true_names = {new: old for old, new in names.items()}
+            return jax.tree.map(
+                lambda leaf: true_names.get(leaf, leaf) if isinstance(leaf, str) else leaf, result
+            )
+        return function(element, motions, *others)
+
+
+def _renamed(element: Element, names: dict[str, str]) -> Element:
+    """Return an element with other names of its bodies.
+
+    **Arguments:** `names`: the new names by the old ones.
+
+    **Raises:** `NotSharedError` if the element's names are in other places than fields of itself
+    and of its parts.
+    """
+    renamed = element
+    for path, name in list(_texts(element)):
+        # A text that equals a name of a body may have another meaning, such as an axis "x".
+        if name in names and _PROBE in _changed(element, path, _PROBE).body_names():
+            renamed = _changed(renamed, path, names[name])
+    expected = tuple(names[name] for name in element.body_names())
+    if renamed.body_names() != expected:
+        raise NotSharedError
+    return renamed
+
+
+def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the texts in the fields of a module and of the modules in them, each with its path."""
+    for field in fields(node):
+        value = getattr(node, field.name, None)
+        if isinstance(value, str):
+            yield (field.name,), value
+        elif isinstance(value, eqx.Module):
+            for path, text in _texts(value):
+                yield (field.name, *path), text
+
+
+def _changed(node: Module, path: tuple[str, ...], text: str) -> Module:
+    """Return a copy of a module with another text at a path."""
+    first, *rest = path
+    copy = object.__new__(type(node))
+    for name, value in vars(node).items():
+        object.__setattr__(copy, name, value)
+    inner = _changed(getattr(node, first), tuple(rest), text) if rest else text
+    object.__setattr__(copy, first, inner)
+    return copy

@@ -1,0 +1,143 @@
+"""Lagrange multipliers of constraint rows (eqs 30 and 32 of P. Flores et al., Spatial revolute
+joints with clearances for dynamic analysis of multi-body systems, 2006).
+
+A row is one scalar constraint equation; its Jacobian by the speeds of the coordinates is a list
+with one number for each speed.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import jax
+
+from .._math.block_matrices import gram_matrix
+from .._math.linear_solvers import AbstractSolver
+from .._math.smoothing import where
+from .._math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root
+from .._model.bodies import GROUND, Body
+from .._model.joints.base import Motions, Row
+from .coordinates import AbstractMechanics, Speeds
+
+
+class ConstraintEquations:
+    """Equations for the multipliers of constraint rows, which are factorised once for any number of
+    right sides.
+
+    With the mass matrix M of the coordinates and the rows D, the multipliers lambda that cause
+    given changes D u' of the rows solve D M^-1 D^T lambda = targets.
+
+    A row of exact zeros is left out, and its multiplier is zero. An example is the row that closes
+    a planar loop in the direction normal to its plane, since the coordinates always satisfy it.
+
+    **Arguments:**
+
+    - `mechanics`: equations of motion, which solve linear equations with the mass matrix M.
+    - `directions`: the rows of D, one list for each constraint row (at least one), with one
+      number for each speed.
+    - `solver`: solver of the linear equations.
+    - `weights`: one number for each row, by which the row and its target are multiplied before
+      `solver` is called, see `row_weights`; ``None``, the default, for a solver whose result
+      doesn't depend on them.
+    """
+
+    def __init__(
+        self,
+        mechanics: AbstractMechanics,
+        directions: Sequence[Speeds],
+        solver: AbstractSolver,
+        weights: Sequence[Scalar] | None = None,
+    ):
+        self._rows, self._speeds, self._weights = len(directions), len(directions[0]), weights
+        # A zero row would make the matrix singular.
+        self._kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
+        # A solver for singular matrices replaces entries that are rounding errors by zeros.
+        rows = [solver.significant(directions[k]) for k in self._kept]
+        if weights is not None:
+            rows = [
+                [multiply(weights[k], a) for a in row]
+                for k, row in zip(self._kept, rows, strict=True)
+            ]
+        # The rows of D M^-1.
+        self._solved_rows = [mechanics.solved(row) for row in rows]
+        self._solve = solver.solving(gram_matrix(rows, self._solved_rows)) if rows else list
+
+    def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
+        """Return the smallest change of the speeds' rates that changes the second time derivative
+        of each constraint row by its target, and the multipliers of the rows.
+
+        The change is M^-1 D^T lambda, the smallest in the metric of M. Projections use the same
+        method with changes of speeds or positions in place of rates.
+
+        **Arguments:** `targets`: one number for each constraint row.
+
+        **Returns:** the change, one number for each speed, and one multiplier for each constraint
+        row.
+        """
+        weights = self._weights
+        aims = [
+            targets[k] if weights is None else multiply(weights[k], targets[k]) for k in self._kept
+        ]
+        nonzero = self._solve(aims)
+        change: Speeds = [0.0] * self._speeds
+        for part, multiplier in zip(self._solved_rows, nonzero, strict=True):
+            change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
+        multipliers: list[Scalar] = [0.0] * self._rows
+        # A weighted row has the multiplier of the row itself divided by the weight.
+        for k, multiplier in zip(self._kept, nonzero, strict=True):
+            multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
+        return change, multipliers
+
+
+def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]:
+    """Return the weight of each constraint row: the square root of the mass, kg, that its
+    multiplier would accelerate if all bodies were free, or of the moment of inertia, kg m^2, for a
+    row in rad or without unit.
+
+    Rows multiplied by their weights all have the same unit. If constraints are redundant, the
+    multipliers of least norm are computed. Without weights, this norm would add forces in N to
+    moments in N m. In a mechanism with links of a millimetre, the solver would also take the
+    equations of translation for rounding errors, beside those of rotation.
+    """
+    weights = []
+    for row in rows:
+        total: Scalar = 0.0
+        for name, pair in row.jacobian.items():
+            if name != GROUND:
+                # The sum of these terms is J M^-1 J^T, for the row's Jacobian J and the matrix M of
+                # masses and inertias: the inverse of the mass that the multiplier accelerates.
+                by_force = pair.force.dot(pair.force) / bodies[name].mass
+                by_moment = pair.moment.dot(pair.moment) / _mean_inertia(bodies[name])
+                total = add(total, add(by_force, by_moment))
+        # A row may vanish in a singular position; its multiplier is zero with any weight.
+        weights.append(1.0 / square_root(where(total > 0.0, total, 1.0)))
+    return weights
+
+
+def _mean_inertia(body: Body) -> Scalar:
+    """Return the mean of a body's principal moments of inertia, kg m^2.
+
+    Its inertia is a `Vector` of these moments, or a `Matrix`, whose trace is their sum. The mean
+    suffices for weights, which need not be exact.
+    """
+    inertia = body.inertia
+    if isinstance(inertia, Matrix):
+        return (inertia.row_x.x + inertia.row_y.y + inertia.row_z.z) / 3.0
+    return (inertia.x + inertia.y + inertia.z) / 3.0
+
+
+def as_array(numbers: Sequence[Scalar]) -> jax.Array:
+    """Stack n scalars to an array (n,) of floats: a JAX array if any of them is one, otherwise a
+    NumPy array."""
+    numpy = library(numbers)
+    return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
+
+
+def row_rate(row: Row, motions: Motions) -> Scalar:
+    """Return the time derivative, m/s, rad/s or 1/s, of a constraint row's value for given motions
+    of the bodies by name."""
+    total = row.time_rate
+    for name, pair in row.jacobian.items():
+        if name != GROUND:
+            motion = motions[name]
+            part = add(pair.force.dot(motion.velocity), pair.moment.dot(motion.spin))
+            total = add(total, part)
+    return total

@@ -1,0 +1,329 @@
+"""Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
+
+Each compiled program makes one `System` at its beginning, from which steps, outputs and reports
+compute motions, forces and rates. Values by joint and label (of a contact or constraint) are nested
+dictionaries, ``values[joint][label]``; in the code, `family` is the inner dictionary of one joint.
+"""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._math.linear_solvers import inner
+from .._math.vectors import ZERO, Condition, Scalar, add, is_zero
+from .._model.bodies import BodyState, Motion
+from .._model.joints.base import ByLabel, Motions, Row, each_label
+from .._model.scene import Scene
+from .contact_events import ContactGap, ContactGaps, contact_gaps
+from .contact_forces import (
+    NO_BRISTLES,
+    Bristles,
+    Closed,
+    EntrySpeeds,
+    LoadedContact,
+    contact_forces,
+)
+from .coordinates import AbstractMechanics, MotionVariables, Speeds
+from .energy import ledger_powers, mechanical_energy
+from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened
+from .formulation import Formulation
+from .multipliers import ConstraintEquations, row_rate, row_weights
+
+FARTHEST = 1e-3
+"""Largest violation of a constraint, m or rad, at which a run continues. If the smallest clearance
+of the scene, m, is less than this value, the clearance is the limit. With the default stabilisation
+and tolerances, the violations are about a thousandth of this value."""
+
+
+class System(eqx.Module):
+    """A scene with the formulation of its equations of motion, evaluated at single instants.
+
+    - `scene`: in scalar form: each vector is three separate scalars (see
+      `clearjoint.extend.unpack`).
+    - `formulation`: coordinates, stabilisation and solver.
+    - `origin`: the scene's time, s, at which the methods' time t is zero; ``None`` if t is the
+      scene's time. A run that starts at a large time has an origin, so that t is near zero, where
+      floating-point numbers are dense enough for the shortest steps.
+
+    In all methods, `variables` are those of the formulation's coordinates, t is in s since
+    `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s, by
+    joint and contact label (zero for an open contact), and joints and bodies are identified by
+    name. A row is one scalar constraint equation.
+
+    >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
+    >>> system = extend.System(scene, extend.Formulation())
+    >>> variables = system.encode(state.bodies)
+    >>> list(system.motions(variables))
+    ['ground', 'arm 2', 'arm 3']
+    """
+
+    scene: Scene
+    formulation: Formulation
+    origin: Scalar | None = None
+
+    def with_scene(self, scene: Scene) -> "System":
+        """Return this system with another scene of the same structure: the same names and
+        types."""
+        return System(scene, self.formulation, self.origin)
+
+    def clock(self, t: Scalar) -> Scalar:
+        """Return the scene's time, s, for a time t since `origin`, s."""
+        return t if self.origin is None else self.origin + t
+
+    def own_time(self, time: Scalar) -> Scalar:
+        """Return the time since `origin`, s, for a time of the scene, s."""
+        return time if self.origin is None else time - self.origin
+
+    def encode(self, bodies: dict[str, BodyState]) -> MotionVariables:
+        """Return the variables for given states of the bodies, by name, in scalar form."""
+        return self.formulation.coordinates.encode(self.scene, bodies)
+
+    def decode(self, variables: MotionVariables) -> dict[str, BodyState]:
+        """Return the states of the bodies, by name, in scalar form."""
+        return self.formulation.coordinates.decode(self.scene, variables)
+
+    def without_drift(self, variables: MotionVariables) -> MotionVariables:
+        """Return normalised variables of the same motion: Euler parameters are scaled to unit norm
+        if their squared norm differs from one by more than 1e-6, and angles, except those of
+        screws, are moved to between -2 pi and 2 pi."""
+        return self.formulation.coordinates.without_drift(self.scene, variables)
+
+    def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
+        """Return variables with the positions of `variables` and the speeds of `others`."""
+        return self.formulation.coordinates.with_speeds(self.scene, variables, others)
+
+    def motions(self, variables: MotionVariables) -> Motions:
+        """Return pose and velocities of each body and of "ground", by name."""
+        return self.formulation.coordinates.motions(self.scene, variables)
+
+    def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
+        """Return kinematics and mass matrix of the scene for given variables. The result includes
+        gravity, but no other forces: it solves the equations of motion for wrenches (force and
+        moment on each body) that the caller computes."""
+        return self.formulation.coordinates.mechanics(self.scene, variables)
+
+    def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
+        """Return the rows, at time t, of those constraints that the coordinates do not eliminate,
+        by joint and label."""
+        return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
+
+    def dynamics(
+        self,
+        variables: MotionVariables,
+        entry_speeds: EntrySpeeds,
+        t: Scalar,
+        closed: Closed | None = None,
+        bristles: Bristles = NO_BRISTLES,
+    ) -> Dynamics:
+        """Solve the equations of motion, with the contact forces that follow from the variables.
+
+        The result has the rates of the speeds, the contact forces, and the multipliers of the rows.
+
+        **Arguments:**
+
+        - `entry_speeds`: as in the class. If a contact with a force has an entry speed of zero, its
+          present penetration rate is used or, if `closed` is given, its force is elastic.
+        - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the
+          contacts that penetrate have one.
+        - `bristles`: deflection of the bristles of each contact with a bristle friction law, m, in
+          the axes of the joint's first body, by joint and contact label; may be left out if there
+          are no such contacts.
+
+        **Raises:** `ValueError` if `bristles` lacks a contact with a bristle friction law, or if
+        such a contact is one of flat faces (has a `face_radius`).
+        """
+        mechanics = self.mechanics(variables)
+        forces = contact_forces(self.scene, mechanics.motions, entry_speeds, closed, bristles)
+        return self.dynamics_under(mechanics, forces, t)
+
+    def dynamics_under(
+        self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
+    ) -> Dynamics:
+        """Solve the equations of motion with given contact forces, by joint and contact label;
+        ``{}`` for a motion without contact forces.
+
+        **Arguments:** `mechanics`: kinematics and mass matrix, as the method `mechanics` returns.
+        """
+        wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
+        rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
+        if not rows:
+            return Dynamics(mechanics, forces, rows, rates, {})
+        # The second time derivative of each row that the stabilisation demands, minus the part that
+        # does not depend on the rates.
+        targets = [
+            self.formulation.stabilisation.target(row.value, row_rate(row, mechanics.motions))
+            - add(row.bias, mechanics.bias(row))
+            for row in flattened(rows)
+        ]
+        change, multipliers = self._response(mechanics, flattened(rows), targets, rates)
+        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        # `each_label` calls the function in the order of `flattened`, which is that of the list.
+        values = iter(multipliers)
+        by_label = each_label(lambda name, label: next(values), rows)
+        return Dynamics(mechanics, forces, rows, rates, by_label)
+
+    def rates(
+        self,
+        variables: MotionVariables,
+        entry_speeds: EntrySpeeds,
+        t: Scalar,
+        closed: Closed | None = None,
+        bristles: Bristles = NO_BRISTLES,
+    ) -> tuple[MotionVariables, dict[str, Scalar]]:
+        """Return the time derivatives of the variables, and the powers of the energy ledger, W, by
+        name.
+
+        The arguments are those of `dynamics`. The ledger has the powers of damping, friction,
+        films, drives and stabilisation. Without a ledger the powers are an empty dictionary.
+        """
+        dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
+        powers = self.powers(dynamics, t)
+        return dynamics.variable_rates, powers
+
+    def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
+        """Return the powers of the energy ledger, W, by name, for solved equations of motion; an
+        empty dictionary if the formulation has no ledger."""
+        return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
+
+    def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
+        """Return the energies of the scene, J, by name: "kinetic", and as far as the scene has them
+        "gravity", "springs" and "contacts"."""
+        return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
+
+    def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
+        """Return penetration, m, and its rate, m/s, of each contact, by joint and contact label.
+
+        The penetration is measured from the onset of the contact's force.
+        """
+        return contact_gaps(self.scene, self.motions(variables))
+
+    def second_rates(
+        self, variables: MotionVariables, variable_rates: MotionVariables
+    ) -> ByLabel[Scalar]:
+        """Return the second time derivative of each contact's penetration, m/s^2, by joint and
+        contact label, for given time derivatives of the variables."""
+
+        def rates(variables: MotionVariables) -> ByLabel[Scalar]:
+            return jax.tree.map(
+                lambda gap: gap.rate,
+                self.contact_gaps(variables),
+                is_leaf=lambda node: isinstance(node, ContactGap),
+            )
+
+        return jax.jvp(rates, (variables,), (variable_rates,))[1]
+
+    def contact_forces(
+        self,
+        variables: MotionVariables,
+        entry_speeds: EntrySpeeds,
+        bristles: Bristles = NO_BRISTLES,
+    ) -> ByLabel[LoadedContact]:
+        """Return geometry and forces of each contact, by joint and contact label. Contacts that
+        penetrate have a force.
+
+        **Arguments:** `bristles`: as in `dynamics`.
+
+        **Raises:** `ValueError` as in `dynamics`.
+        """
+        return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
+
+    def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
+        """Return the variables corrected towards the constraints, first in position, then in
+        velocity."""
+        return self.project_velocities(self.project_positions(variables, t), t)
+
+    def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
+        """Return the variables after one Newton step of the positions towards constraint values of
+        zero.
+
+        The step is the smallest, in the metric of the mass matrix, of all steps that satisfy the
+        linearised constraints.
+        """
+        mechanics = self.mechanics(variables)
+        rows = flattened(self.rows(mechanics.motions, t))
+        if not rows:
+            return variables
+        changes, _ = self._response(mechanics, rows, [-row.value for row in rows])
+        return mechanics.after_displacement(changes)
+
+    def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
+        """Return the variables with velocities corrected so that the constraints' rates are zero.
+
+        The correction is the smallest, in the metric of the mass matrix, of all that do so.
+        """
+        mechanics = self.mechanics(variables)
+        rows = flattened(self.rows(mechanics.motions, t))
+        if not rows:
+            return variables
+        targets = [-row_rate(row, mechanics.motions) for row in rows]
+        changes, _ = self._response(mechanics, rows, targets)
+        return mechanics.after_speed_change(changes)
+
+    def _response(
+        self,
+        mechanics: AbstractMechanics,
+        rows: Sequence[Row],
+        targets: Sequence[Scalar],
+        rates: Speeds | None = None,
+    ) -> tuple[Speeds, list[Scalar]]:
+        """Return the smallest change of positions, speeds or rates of the speeds, in the metric of
+        the mass matrix, by which each row reaches its target, and the multipliers of the rows.
+
+        **Arguments:**
+
+        - `rows`: at least one.
+        - `targets`: if `rates` is ``None``, the demanded change of each row's value or rate. If
+          `rates` is given, the demanded second time derivative of each row's value, minus the part
+          of this derivative that does not depend on the rates of the speeds.
+        - `rates`: rates of the speeds before the change; ``None`` for a change of positions or
+          speeds.
+        """
+        directions = [mechanics.projected(row.jacobian) for row in rows]
+        if rates is not None:
+            targets = [a - inner(d, rates) for a, d in zip(targets, directions, strict=True)]
+        weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
+        equations = ConstraintEquations(mechanics, directions, self.formulation.solver(), weights)
+        return equations.response(targets)
+
+    def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
+        """Return whether any constraint remains that the coordinates do not eliminate."""
+        return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
+
+    def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
+        """Return the rows of constraints that depend on time, by joint and label, for bodies at
+        rest, without their Jacobians.
+
+        At rest, the value of such a row changes only as its driver prescribes: `time_rate` and
+        `bias` are the first and second time derivative of the value. These numbers, without any
+        Jacobian, show whether a driver is smooth over a step.
+        """
+        at = self.motions(variables).items()
+        motions = {name: Motion(one.position, one.rotation, ZERO, ZERO) for name, one in at}
+        prescribed: ByLabel[Row] = {}
+        for name, family in self.rows(motions, t).items():
+            for label, row in family.items():
+                # The rate is the Python number zero for a row that does not depend on time.
+                if not is_zero(row.time_rate):
+                    prescribed.setdefault(name, {})[label] = replace(row, jacobian={})
+        return prescribed
+
+    def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
+        """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
+        smallest radial clearance of a contact if that is less. A constraint whose value is NaN
+        counts as violated. The result is ``None`` if there are no constraints."""
+        if not self.is_constrained(variables, t):
+            return None
+        motions = self.motions(variables)
+        values = [jnp.abs(row.value) for row in flattened(self.rows(motions, t))]
+        # A violation as large as a clearance would be as large as the motion in that joint.
+        farthest: Scalar = FARTHEST
+        for joint in self.scene.contact_joints().values():
+            for contact in joint.contacts(motions).values():
+                if contact.gap.clearance is not None:
+                    farthest = jnp.minimum(farthest, contact.gap.clearance)
+        # A violation that is not a number is larger than any limit.
+        return jnp.logical_not(functools.reduce(jnp.maximum, values) <= farthest)

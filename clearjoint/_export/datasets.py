@@ -1,0 +1,277 @@
+"""Export of results as labelled arrays with units, data frames, CSV and netCDF files."""
+
+import abc
+import itertools
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache, partial
+from importlib.metadata import PackageNotFoundError, version
+from os import PathLike
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import numpy as np
+
+from .._fields.checks import require
+from .._fields.types import ArrayLike
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+LONGEST = 200
+"""Largest number of characters by which an array is described."""
+Notes = tuple[tuple[str, str | int | float], ...]
+"""Pairs (name, text or number) that become attributes of a dataset and of its netCDF file."""
+
+
+def describe(value: object) -> str:
+    """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
+
+    Results record arguments and settings by such texts, and the store of a sweep compares them.
+    Numbers, strings, lists, tuples and mappings are written out, and arrays like lists, cut off
+    after `LONGEST` characters. Instances of dataclasses are described by the name of their class
+    and by their fields, functions and classes by their names, a `functools.partial` by its function
+    and arguments, and other objects by the name of their class alone.
+    """
+    if isinstance(value, partial):
+        return f"partial({describe([value.func, value.args, value.keywords])})"
+    # Numbers are shown as in Python, since the `repr` of an array depends on NumPy's print options.
+    if isinstance(value, np.ndarray | jax.Array | np.generic):
+        text = repr(np.asarray(value).tolist())
+        return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = [f"{f.name}={describe(getattr(value, f.name))}" for f in fields(value)]
+        return f"{type(value).__name__}({', '.join(parts)})"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k}: {describe(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(describe(part) for part in value) + "]"
+    if isinstance(value, str | int | float | bool | None):
+        return repr(value)
+    # A function has a name; of any other object only the class is known.
+    return getattr(value, "__qualname__", type(value).__name__)
+
+
+def described(values: Mapping[str, object]) -> dict[str, str]:
+    """Return the text of each value by name, from `describe`."""
+    return {name: describe(value) for name, value in values.items()}
+
+
+def setting_notes(values: object) -> Notes:
+    """Return the fields of a dataclass as notes: a pair ("setting_<field>", value) for each field.
+
+    Integers and floats stay as they are; other values, also booleans, are described by texts.
+    """
+    by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
+    return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
+
+
+def _note(value: object) -> str | int | float:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return value if plain else describe(value)  # pyright: ignore
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>".
+
+    The version of a package that is not installed, such as a source tree on PYTHONPATH, is
+    "unknown".
+    """
+    found = {}
+    for name in ("clearjoint", "jax", "diffrax"):
+        try:
+            found[f"version of {name}"] = version(name)
+        except PackageNotFoundError:
+            found[f"version of {name}"] = "unknown"
+    return found
+
+
+COMPONENT = "component"
+"""Name of the dimension along the components of a vector."""
+COMPONENTS = ("x", "y", "z")
+"""Labels of the components of a vector."""
+
+
+class Labelled(NamedTuple):
+    """An array with its labels for a dataset.
+
+    - `dims`: names of the dimensions.
+    - `values`: the array, with one axis for each name in `dims`.
+    - `unit`: unit as text; ``None`` if unknown.
+    - `description`: text for the attribute "long_name", which is left out if the text is empty.
+    - `attributes`: further attributes by name.
+    """
+
+    dims: tuple[str, ...]
+    values: ArrayLike
+    unit: str | None = None
+    description: str = ""
+    attributes: Mapping[str, object] = {}
+
+
+def labelled_dataset(
+    title: str,
+    variables: Mapping[str, Labelled],
+    coordinates: Mapping[str, Labelled],
+    notes: Notes = (),
+) -> "xr.Dataset":
+    """Return a dataset of labelled arrays with a title, `notes`, and the versions of the programs
+    as attributes."""
+    # Importing xarray takes long, so it is imported only when it is needed.
+    import xarray as xr
+
+    parts = [{name: _variable(one) for name, one in d.items()} for d in (variables, coordinates)]
+    source = {name.removeprefix("version of "): text for name, text in versions().items()}
+    whole = {
+        "Conventions": "CF-1.11",
+        "title": title,
+        "source": ", ".join(f"{name} {text}" for name, text in source.items()),
+    }
+    return xr.Dataset(*parts, attrs={**whole, **dict(notes)})
+
+
+def texts(labels: ArrayLike) -> np.ndarray:
+    """Return labels, such as names of bodies, as an array of texts with the same shape, also if
+    there are none, for which `np.asarray` would return an array of floats."""
+    return np.array(np.asarray(labels).tolist(), dtype=str)
+
+
+def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
+    given = {"units": one.unit, "long_name": one.description or None, **one.attributes}
+    attributes = {name: value for name, value in given.items() if value is not None}
+    return one.dims, np.asarray(one.values), attributes
+
+
+IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
+"""Dimensions whose labels precede the name of the variable in the name of a column, as the body
+"arm" does in "arm.position.x". Labels of other dimensions follow it, as the component "x" does."""
+
+
+class AbstractTabular(abc.ABC):
+    """Base class of results that can be exported as dataset, data frame, CSV and netCDF file.
+
+    A subclass defines `to_xarray`, from which the other exports follow.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+
+    crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"x": np.ones(2)}, {"x": "m"})
+    print(crossings.to_dataframe().columns.tolist())  # ["x [m]"]
+    ```
+    """
+
+    @abc.abstractmethod
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the results as an `xarray.Dataset`, whose attributes include the versions of the
+        programs.
+
+        The attributes "units" and "long_name" of a variable are its unit and a description, as far
+        as they are known.
+        """
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a `pandas.DataFrame` with a row for each time, impact, crossing or parameter.
+
+        The index has the labels of the rows, such as times in s or names of parameters. Each
+        component of each variable has a column, whose name has the unit, such as "arm.position.x
+        [m]".
+        """
+        return to_frame(self.to_xarray())
+
+    def to_csv(self, path: str | PathLike[str]) -> None:
+        """Write the data frame of `to_dataframe` to a CSV file, for spreadsheets and
+        `clearjoint.read_csv`.
+
+        Units are in the header, and numbers are written without loss.
+
+        **Arguments:** `path`: file, which is overwritten if it exists.
+        """
+        self.to_dataframe().to_csv(path)
+
+    def to_netcdf(self, path: str | PathLike[str]) -> None:
+        """Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
+        without loss.
+
+        The writer of this format supports only Latin-1 in names. Other characters in names of
+        variables and dimensions are escaped ("\\u8f74"), and a variable's attribute
+        "original_name" has the unescaped name.
+
+        **Arguments:** `path`: file, which is overwritten if it exists.
+
+        **Raises:** `ValueError` for a variable or dimension without a name.
+        """
+        write_netcdf(self.to_xarray(), path)
+
+
+def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
+    """Write a dataset to a netCDF file (classic format), with names escaped as in
+    `AbstractTabular.to_netcdf`.
+
+    **Raises:** `ValueError` for a variable or dimension without a name.
+    """
+    # Names of variables and dimensions that have characters outside Latin-1, with the names that
+    # are written instead.
+    escaped = {}
+    for name in map(str, (*dataset.variables, *dataset.sizes)):
+        require(name != "", "name", name, "at least one character", "name the variable")
+        written = name.encode("latin-1", "backslashreplace").decode("latin-1")
+        if written != name:
+            escaped[name] = written
+            if name in dataset.variables:
+                dataset = dataset.assign({name: dataset[name].assign_attrs(original_name=name)})
+    dataset.rename(escaped).to_netcdf(path, engine="scipy", format="NETCDF3_64BIT")
+
+
+def header(name: str, attributes: dict) -> str:
+    """Return the name of a column with the unit in the attributes, if any, such as "pin.penetration
+    [m]"."""
+    return f"{name} [{attributes['units']}]" if attributes.get("units") else name
+
+
+def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
+    """Return a data frame with a row for each position along one dimension of a dataset.
+
+    A variable gets a column for each combination of labels along its other dimensions, such as
+    "arm.position.x [m]". The coordinate along the rows becomes the index. Variables and coordinates
+    without the dimension of the rows are left out. Numbers of a variable with the attribute
+    "flag_meanings", such as result codes, are replaced by their meanings, or by their digits if
+    they have none.
+
+    **Arguments:** `rows`: name of the dimension; by default the dataset's first.
+    """
+    import pandas as pd
+
+    rows = next(iter(map(str, dataset.sizes))) if rows is None else rows
+    # Coordinates other than the index become columns.
+    columns = {}
+    for name in (*dataset.coords, *dataset.data_vars):
+        if name != rows and rows in dataset[name].dims:
+            columns |= _columns(str(name), dataset[name], rows)
+    index = pd.Index(dataset[rows].values, name=header(rows, dataset[rows].attrs))
+    return pd.DataFrame(columns, index=index)
+
+
+def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
+    """Return the columns of a variable, (rows,) each, by name: one for each combination of labels
+    of its other dimensions."""
+    others = [str(dim) for dim in array.dims if dim != rows]
+    values = array.transpose(rows, *others).values
+    attributes = array.attrs
+    if "flag_meanings" in attributes:
+        values, attributes = _meanings(values, attributes), {}
+    columns = {}
+    for index in itertools.product(*(range(array.sizes[dim]) for dim in others)):
+        labels = {d: str(array[d].values[k]) for d, k in zip(others, index, strict=True)}
+        front = [label for dim, label in labels.items() if dim in IN_FRONT]
+        behind = [label for dim, label in labels.items() if dim not in IN_FRONT]
+        columns[header(".".join([*front, name, *behind]), attributes)] = values[(..., *index)]
+    return columns
+
+
+def _meanings(codes: np.ndarray, attributes: dict) -> np.ndarray:
+    flags = np.atleast_1d(attributes["flag_values"]).tolist()
+    texts = dict(zip(flags, attributes["flag_meanings"].split(), strict=True))
+    return np.vectorize(lambda code: texts.get(code, str(code)), otypes=[object])(codes)

@@ -1,0 +1,421 @@
+"""Objects whose fields are declared, checked, converted to arrays and printed.
+
+User-defined subclasses of `AbstractConverting` need only annotate their fields.
+"""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import KW_ONLY, Field, FrozenInstanceError, dataclass, fields
+from functools import cache, lru_cache, partial
+from types import MappingProxyType, ModuleType
+from typing import Any, ClassVar, get_origin
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import PyTree
+
+from .._result_codes import RESULTS
+from .cautions import warns
+from .checks import (
+    as_number,
+    as_shown,
+    caution_outside,
+    is_of_package,
+    require_positive,
+    require_range,
+    require_shape,
+)
+from .leaves import with_leaves
+from .types import ArrayLike
+
+Check = Callable[[str, ArrayLike], None]
+"""Function of a field's name and value that raises a ``ValueError`` for an invalid value."""
+_COUNTS = {(): "a single number", (3,): "three components", (4,): "four components"}
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """Allowed and usual values of a field.
+
+    The attributes are the arguments of `quantity` with the same names.
+    """
+
+    unit: str
+    shape: tuple[int, ...] | None = None
+    positive: bool = False
+    zero: bool = False
+    within: tuple[float, float] | None = None
+    usual: tuple[float, float] | None = None
+    check: Check | None = None
+    remedy: str = ""
+
+    def check_value(self, name: str, value: ArrayLike) -> None:
+        """Check a value of the field `name` against the declaration.
+
+        **Raises:** `ValueError` for a value that is not allowed.
+        **Warns:** `UnusualValueWarning` for an unusual value.
+        """
+        if self.check is not None:
+            self.check(name, value)
+        if self.shape is not None:
+            in_unit = "" if self.unit == "1" else f" in {self.unit}"
+            require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
+        # The other checks are for single numbers.
+        remedy = self.remedy or f"give it in {self.unit}"
+        if self.positive:
+            require_positive(name, value, remedy, zero=self.zero)
+        if self.within is not None:
+            require_range(name, value, *self.within, remedy)
+        if self.usual is not None:
+            caution_outside(name, value, self.unit, *self.usual, remedy)
+
+
+def quantity(
+    unit: str,
+    *,
+    shape: tuple[int, ...] | None = None,
+    positive: bool = False,
+    zero: bool = False,
+    within: tuple[float, float] | None = None,
+    usual: tuple[float, float] | None = None,
+    check: Check | None = None,
+    remedy: str = "",
+    table: bool = False,
+    **options: Any,
+) -> Any:
+    """Declare a field of a user-defined element, law or quantity that holds a number or an array.
+
+    Numbers of Python and NumPy are converted to NumPy arrays of 64-bit floats; JAX arrays are kept.
+    Values are checked against the declaration when an object is made and again before runs. Of
+    values that JAX traces, only the shape is checked, except that a sweep checks the numbers of all
+    its runs.
+
+    **Arguments:**
+
+    - `unit`: SI unit of the value, "1" for a number without unit.
+    - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
+    - `positive`: whether the value must be a single positive number; with `zero`, it may be zero
+      too.
+    - `within`: closed interval in which the value, a single number, must be.
+    - `usual`: smallest and largest usual value of a single number, in the unit; other values give
+      an `UnusualValueWarning`.
+    - `check`: a function of the field's name and value that raises a ``ValueError``, such as
+      `require_axis`.
+    - `remedy`: advice in error messages; the default is to give the value in its unit.
+    - `table`: whether the methods of the object get an array of any shape as an array, for instance
+      a table of N numbers for `jax.numpy.interp`. By default, in compiled programs, they get an
+      array of shape (3,) as a `Vector`, one of shape (4,) as `EulerParameters`, one of shape (3, 3)
+      as a `Matrix`, and one of any other shape as an array.
+    - `options`: options of `equinox.field`, such as `default`.
+
+    >>> class Blade(extend.AbstractFriction):
+    ...     coefficient: float = extend.quantity("1", positive=True, zero=True)
+    ...     def ratio(self, slip_speed):
+    ...         return self.coefficient * jnp.tanh(slip_speed / 1e-3)
+    >>> Blade(0.1)
+    Blade(coefficient=0.1)
+    """
+    declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
+    metadata = {"unit": unit, "table": table, "declared": declared}
+    return eqx.field(**{"converter": as_number, "metadata": metadata, **options})
+
+
+def optional_quantity(unit: str, **options: Any) -> Any:
+    """Declare a field with the default ``None``, otherwise as `quantity` does.
+
+    ``None`` stands for an effect that is absent, and that compiled programs therefore don't
+    compute. `unit` and `options` are arguments of `quantity`, such as `shape` and `positive`;
+    `default` and `converter` are set here and cannot be given.
+
+    >>> class Damper(extend.AbstractForce):
+    ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
+    ...     def body_names(self):
+    ...         return ()
+    ...     def wrenches(self, motions, t):
+    ...         return {}
+    >>> Damper().damping is None
+    True
+    """
+    return quantity(unit, converter=_as_optional_number, default=None, **options)
+
+
+def _as_optional_number(
+    value: object, argument: str = "value", unit: str = "1"
+) -> np.ndarray | jax.Array | None:
+    return None if value is None else as_number(value, argument, unit)
+
+
+def described(unit: str, text: str = "") -> Any:
+    """Declare a field of a result, with the unit and the description that it has in tables."""
+    return eqx.field(metadata={"unit": unit, "text": text})
+
+
+@cache
+def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
+    """Return the fields of a class that have a declaration: the name and declaration of each."""
+    return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]
+
+
+LONGEST = 16
+"""Largest number of entries of an array that is printed with its entries; of a larger array, dtype
+and shape are printed."""
+
+
+class AbstractReadable(eqx.Module):
+    """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
+
+    When an object is made, the value of each field is checked against its declaration, such as
+    ``quantity("m", positive=True)``, unless it is ``None``. A subclass may define two further
+    checks, which run afterwards: `_check_together` for conditions on several fields, and
+    `_caution_together` for warnings about unusual combinations. The `repr` shows numbers and short
+    arrays as they were given.
+    """
+
+    def __init_subclass__(cls, **options: object):
+        super().__init_subclass__(**options)
+        # Give the converters of `quantity` fields the units and names of these fields; `quantity`
+        # does not know the names. Thus the error for a value that is no number names its field.
+        for name, field in list(vars(cls).items()):
+            converter = field.metadata.get("converter") if isinstance(field, Field) else None
+            if converter is not None and converter in (as_number, _as_optional_number):
+                named = partial(converter, argument=name, unit=field.metadata["unit"])
+                field.metadata = MappingProxyType({**field.metadata, "converter": named})
+
+    # Equinox makes a PyTree of a method each time it is looked up, which takes ten times as long as
+    # most methods of elements. Nothing here needs PyTrees of methods.
+    __getattribute__ = object.__getattribute__
+
+    def __check_init__(self):
+        # Equinox calls it when an object has been made.
+        for name, declared in _declarations(type(self)):
+            if (value := getattr(self, name)) is not None:
+                declared.check_value(name, value)
+        self._check_together()
+        if warns():
+            self._caution_together()
+
+    def _check_together(self) -> None:
+        """Raise a ``ValueError`` if the values of several fields don't fit together.
+
+        By default there is no such condition.
+        """
+
+    def _caution_together(self) -> None:
+        """Issue a warning if the values of several fields are unusual together; by default none."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        # Equinox sets fields in `__init__`; later it raises the error, which gets a remedy here.
+        try:
+            super().__setattr__(name, value)
+        except FrozenInstanceError as error:
+            raise FrozenInstanceError(
+                f"{error}: a {type(self).__name__} cannot be changed; make a copy with another "
+                f"number, cj.set_value(it, lambda it: it.{name}, value), or a new one."
+            ) from None
+
+    def __repr__(self) -> str:
+        # A result code prints its name only while its number is an array: it is left unchanged.
+        return eqx.tree_pformat(
+            jax.tree.map(_plain, self, is_leaf=lambda node: isinstance(node, RESULTS))
+        )
+
+
+def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
+    """Return a function ``__dir__`` for a package that lists its names without those of its
+    modules.
+
+    Importing a module of a package adds the module's name to those of the package. Among many of
+    these, users who complete a name with the tab key would hardly find classes and functions.
+
+    **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
+    listed all the same.
+    """
+    return lambda: sorted(
+        name
+        for name, value in namespace.items()
+        if name in public or not isinstance(value, ModuleType)
+    )
+
+
+def _plain(leaf: object) -> object:
+    """Return a short array as a number or a list of numbers, and any other leaf unchanged.
+
+    Short arrays have at most `LONGEST` entries. Traced numbers are unchanged too.
+    """
+    is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
+    if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
+        return leaf
+    return as_shown(np.asarray(leaf))
+
+
+NAMES = (str, bool, "str", "bool")
+"""Annotations of fields that hold no numbers. Such fields become static: part of a PyTree's
+structure."""
+
+
+class AbstractConverting(AbstractReadable):
+    """Base class of PyTree classes that accept Python numbers and store arrays.
+
+    A field of a subclass that declares neither ``static=True`` nor a converter is
+
+    - static if it is annotated as `str` or `bool`, as for the name of a body;
+    - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays, so that a change
+      of a number compiles nothing again.
+
+    `clearjoint.extend.quantity("N m")` also declares unit, shape and range. In compiled programs,
+    the methods of the subclass get an array of shape (3,) as a `Vector`, one of shape (4,) as
+    `EulerParameters` and one of shape (3, 3) as a `Matrix`; in a field declared with ``table=True``
+    they stay arrays. Declare functions, and numbers that determine the structure of a program, such
+    as a number of repetitions, by ``equinox.field(static=True)``.
+    """
+
+    def __init_subclass__(cls, **options: object):
+        super().__init_subclass__(**options)
+        for name, annotation in inspect.get_annotations(cls).items():
+            if not _is_no_field(annotation):
+                setattr(cls, name, _declared(cls, name, annotation))
+
+    @classmethod
+    def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
+        """Return the function that converts the values given for the field `name`.
+
+        This method is called when a class is defined, for each field that the class itself
+        annotates (not for inherited ones), unless the field is static or declares a converter. A
+        subclass may override it for its own fields; by default it returns `as_numbers`.
+        """
+        del name
+        return as_numbers
+
+
+def as_numbers(value: PyTree) -> PyTree:
+    """Return a value in which numbers, and tuples and lists of numbers, are replaced by float64
+    arrays.
+
+    The numbers are those of Python and NumPy, and NumPy arrays. Tuples and lists of numbers, or of
+    arrays of equal shape, are stacked to one array.
+    Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
+    unchanged, such as JAX arrays, texts and bools.
+
+    **Raises:** `ValueError` for a NumPy array of anything but numbers.
+    """
+    if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
+        return as_number(value)
+    if isinstance(value, dict):
+        return {key: as_numbers(inner) for key, inner in value.items()}
+    # A named tuple is a structure of its own, which must keep its type.
+    if not isinstance(value, tuple | list) or type(value) not in (tuple, list):
+        return value
+    parts = [as_numbers(part) for part in value]
+    shapes = {part.shape if isinstance(part, np.ndarray | jax.Array) else None for part in parts}
+    if len(shapes) != 1 or None in shapes:
+        return type(value)(parts)
+    # All parts are arrays of one shape. Traced numbers can be stacked by JAX only.
+    library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
+    return library.stack(parts)
+
+
+def with_arrays(tree: PyTree) -> PyTree:
+    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
+
+    It is called before each run. A Python number that `equinox.tree_at` has put into a scene would
+    otherwise be part of the program, which would be compiled for each of its values. Traced numbers
+    are not converted. In Equinox modules of other packages, numbers in fields without a converter
+    are not converted either, since they may be meant as parts of the program. Python's bools stay
+    parts of the program, so that a class may branch on them; NumPy's become 0.0 or 1.0. If all
+    leaves are 64-bit NumPy arrays or JAX arrays of floats, the PyTree itself is returned, and its
+    JAX arrays keep their precision. If not, JAX arrays that are not traced are converted like other
+    numbers.
+    """
+    leaves, structure = jax.tree.flatten(tree)
+    # Usually nothing is left to convert.
+    if all(map(is_float_array, leaves)):
+        return tree
+    numbers = _number_fields(structure)
+    return with_leaves(
+        tree,
+        [
+            np.asarray(leaf, np.float64) if k in numbers and _is_other_number(leaf) else leaf
+            for k, leaf in enumerate(leaves)
+        ],
+    )
+
+
+def is_float_array(leaf: PyTree) -> bool:
+    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats, as `with_arrays`
+    leaves it."""
+    if type(leaf) is np.ndarray:
+        return leaf.dtype == np.float64
+    return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)
+
+
+def _is_other_number(leaf: PyTree) -> bool:
+    if isinstance(leaf, np.ndarray | np.generic | jax.Array):
+        return leaf.dtype.kind in "biuf" and not isinstance(leaf, Tracer)
+    return isinstance(leaf, int | float) and not isinstance(leaf, bool)
+
+
+@lru_cache(maxsize=256)
+def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
+    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves.
+
+    In Equinox modules of this package, these are the leaves in all fields that are not static; in
+    other modules, those in fields with a converter. Leaves outside of all modules count too.
+    """
+    # The tree is visited with the indices of its leaves in place of the leaves.
+    numbers: set[int] = set()
+
+    def visit(node: PyTree, is_number: bool) -> None:
+        if isinstance(node, eqx.Module):
+            ours = is_of_package(node)
+            for field in fields(node):
+                if not field.metadata.get("static", False):
+                    visit(getattr(node, field.name), ours or "converter" in field.metadata)
+        elif isinstance(node, dict | list | tuple):
+            for part in node.values() if isinstance(node, dict) else node:
+                visit(part, is_number)
+        elif is_number:
+            numbers.update(jax.tree.leaves(node))
+
+    visit(jax.tree.unflatten(structure, range(structure.num_leaves)), True)
+    return numbers
+
+
+def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
+    """Return a value as a JAX array of the given type.
+
+    It is converted to a NumPy array first, because `jax.numpy.asarray` of Python's and NumPy's
+    numbers compiles a small program for each shape.
+    """
+    return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
+
+
+def _is_no_field(annotation: object) -> bool:
+    if isinstance(annotation, str):
+        return "ClassVar" in annotation
+    return annotation in (ClassVar, KW_ONLY) or get_origin(annotation) in (
+        ClassVar,
+        eqx.AbstractVar,
+        eqx.AbstractClassVar,
+    )
+
+
+def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
+    """Return the dataclass field `name` of a class, static or with a converter.
+
+    A field that declares neither becomes static if its annotation is in `NAMES`, and gets the
+    converter of `field_converter` otherwise.
+    """
+    # The class may have declared a field, or only a default value, or neither.
+    given = cls.__dict__.get(name)
+    if isinstance(given, Field):
+        field = given
+    else:
+        field = eqx.field(default=given) if name in cls.__dict__ else eqx.field()
+    if "converter" in field.metadata or field.metadata.get("static", False):
+        return field
+    added = {"static": True} if annotation in NAMES else {"converter": cls.field_converter(name)}
+    field.metadata = MappingProxyType({**field.metadata, **added})
+    return field

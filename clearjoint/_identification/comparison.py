@@ -1,0 +1,279 @@
+"""Comparison of an experiment with measurements: curves of chi squared over the record, for many
+values of the parameters, without derivatives.
+
+The runs are lanes: they are computed side by side (`clearjoint._simulation.lanes.scheduler`) and
+cost a small fraction of runs with derivatives. Of each run only the curve of chi squared over the
+record is kept. A length of the record is given as a number of its sample times: chi squared over
+the first k times is that of all samples up to the k-th time.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from .._compilation import Compiled
+from .._fields.checks import require
+from .._math.vectors import fold_constants
+from .._measurements.series import Measurements
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter
+from .._parametrisation.readings import readings_of_runs, units_of
+from .._simulation.lanes.lane import Common, Plan, Task
+from .._simulation.lanes.scheduler import Batch, Ended
+from .._simulation.step.settings import Settings
+from .residuals import UNREACHED, Experiment, Samples, experiment, samples
+
+LOG = "samples"
+"""Name of the table in which each lane records its outputs."""
+TOGETHER = 64
+"""Number of runs whose samples are compared with the data in one call."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An experiment, and the samples with which its runs are compared.
+
+    Fits, screenings, posteriors and the test of a fit's covariance share it. Screenings and
+    posteriors compute chi squared at many points, without derivatives. A point is the coordinates
+    of the p parameters: their values on their scales. `comparison` makes it.
+
+    - `runs`: scene with its parameters, and the measured outputs.
+    - `data`: the samples of S series, in the order of `runs.names`, at the times of `runs`: T times
+      with samples, followed by times without samples as padding.
+    - `parameters`, `units`: the parameters and the units of their values, by name.
+    """
+
+    runs: Experiment
+    data: Samples
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
+    """The latest batch of lanes, whose compiled programs the next one reuses, also with other
+    measurements; empty at first. It is in a list because no field of a frozen dataclass can be
+    replaced."""
+
+    def of(self, measurements: Measurements) -> "Comparison":
+        """Return the comparison with other measurements of the same channels and times."""
+        return replace(self, data=samples(measurements, len(self.runs.times)))
+
+    @property
+    def times(self) -> Float[np.ndarray, " T"]:
+        """Times of the samples, s, followed by copies of the last one as padding."""
+        return np.asarray(self.runs.times)
+
+    @property
+    def count(self) -> int:
+        """Number T of times up to the last sample, without the padding."""
+        return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
+
+    def time(self, count: float) -> float:
+        """Return the end of the record's part with the first `count` times, s.
+
+        A fraction is rounded up. For 0, the end is the start of the run.
+        """
+        times = int(np.ceil(count))
+        return float(self.times[times - 1]) if times else float(self.runs.start_time)
+
+    def chi_squared(
+        self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
+    ) -> Float[np.ndarray, "n {count}+1"]:
+        """Return chi squared of n runs, (n, count + 1): column k is that of the first k sample
+        times.
+
+        Samples that a run does not reach have the residual `UNREACHED`, 1e6 standard deviations.
+        Larger residuals are reduced to this size.
+
+        **Arguments:** `coordinates`: (n, p) coordinates of the parameters on their scales, such as
+        logarithms of the values, a row for each run; `count`: number of times after which runs end;
+        `smoothing`: number of successive times in the moving average of the residuals: each
+        residual is replaced by the mean of the residuals at its time and at the `smoothing` - 1
+        times before it, which are zero before the first time. 1 means no averaging.
+        """
+        runs = self.runs
+        instants, sample_indices = self._instants(coordinates, count)
+        curves = np.zeros((len(coordinates), count + 1))
+        waiting: dict[int, np.ndarray] = {}
+
+        def take() -> None:
+            """Compare the waiting predictions with the data, and store their curves."""
+            lanes = list(waiting)
+            rows = np.stack([waiting.pop(lane) for lane in lanes])
+            # Always the same number of rows, so that one compiled program serves all calls.
+            filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            if runs.sensors.of_values:
+                quantities = dict(zip(runs.names, np.moveaxis(filled, 1, 0), strict=True))
+                at = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
+                elapsed = self.times - float(runs.start_time)
+                readings = readings_of_runs(runs.sensors, quantities, elapsed, at)
+                filled = np.stack([np.asarray(readings[name]) for name in runs.names], axis=1)
+            columns = np.asarray(_cumulated(self.data, filled, smoothing))
+            curves[lanes, 1:] = columns[: len(lanes), :count]
+
+        def on_ended(ended: Ended) -> None:
+            # A lane has recorded rows up to the time that it reached.
+            rows, counts = ended.logs[LOG]
+            for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
+                predicted = np.full((len(sample_indices), len(self.times)), np.nan)
+                parts = zip(predicted, runs.names, sample_indices, strict=True)
+                for row, name, indices in parts:
+                    at = indices[lane if len(indices) > 1 else 0]
+                    row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
+                # Lanes end in any order. They are compared in groups, because the predictions of
+                # all lanes would take much memory.
+                waiting[lane] = predicted
+                if len(waiting) == TOGETHER:
+                    take()
+
+        # A batch made by `with_tasks` reuses the compiled programs of the latest batch.
+        tasks = self._tasks(coordinates, instants)
+        batch = self._batches[0].with_tasks(tasks) if self._batches else Batch(self._common, tasks)
+        self._batches[:] = [batch]
+        batch.run(range(len(coordinates)), on_ended)
+        if waiting:
+            take()
+        return curves
+
+    def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
+        """Return the data of n lanes at coordinates (n, p).
+
+        **Arguments:** `instants`: (n, K) s, rising times at which to record, infinite after the
+        last; a lane ends at its last finite time.
+        """
+        lanes = len(coordinates)
+        # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
+        rows = max(TOGETHER, 1 << (lanes - 1).bit_length())
+        filled = np.resize(coordinates, (rows, coordinates.shape[1]))
+        made = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
+        varied, states = jax.tree.map(lambda leaf: leaf[:lanes], made)
+        return Task(
+            varied,
+            states,
+            np.where(np.isfinite(instants), instants, -np.inf).max(axis=1),
+            np.full(lanes, float(self.runs.first_step)),
+            instants,
+        )
+
+    def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the times at which n runs are recorded, and where the samples are among them.
+
+        A series with a delay is compared at its sample times minus the delay, which differ from
+        run to run, because each has its own parameters.
+
+        Delayed times before the start of the runs are replaced by the start, where the state is the
+        initial one.
+
+        **Arguments:** `coordinates`: (n, p) of the runs; `count`: number of sample times, from the
+        first one on, at which the runs are compared with the series.
+
+        **Returns:** a tuple of two elements:
+
+        - (n, K) times for each run, s, rising, infinite after the last one. K is the number of
+          `times`, padding included, multiplied by one plus the number of delays.
+        - For each series, (n, count) indices of its samples in each run's row of the first element;
+          (1, count) if they are the same for all runs.
+        """
+        runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
+        if not runs.sensors.delays:
+            times = self.times.copy()
+            times[count:] = np.inf  # Never reached: nothing is recorded for padding.
+            return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
+        shift = dict.fromkeys(runs.names, np.zeros(lanes))
+        for number, names in runs.sensors.delays:
+            shift |= dict.fromkeys(
+                names, np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
+            )
+        # Before the start there is only the initial state.
+        start = float(runs.start_time)
+        queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}
+        # All series with the same delay have the same delayed times, so those of the first suffice.
+        delayed = np.concatenate([queries[names[0]] for _, names in runs.sensors.delays], axis=1)
+        every = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
+        instants = np.full((lanes, len(self.times) * (1 + len(runs.sensors.delays))), np.inf)
+        sample_indices = [np.zeros((lanes, count), int) for _ in runs.names]
+        for lane, row in enumerate(every):
+            # A lane records rising times, each once: those of all series are merged.
+            rising = np.unique(row)
+            instants[lane, : len(rising)] = rising
+            for indices, name in zip(sample_indices, runs.names, strict=True):
+                indices[lane] = np.searchsorted(rising, queries[name][lane])
+        return instants, sample_indices
+
+    @cached_property
+    def _varied(self) -> PyTree[bool]:
+        """Whether each leaf of the scene depends on the parameters; a PyTree like the scene."""
+        return self.runs.family.varied()
+
+    @cached_property
+    def _common(self) -> Common:
+        """Data that all lanes share: the method, the outputs, and the part of the scene that is
+        independent of the parameters."""
+        runs = self.runs
+        # The lanes record the outputs at given times, but no reductions, such as peak values, no
+        # crossings of sections and no impacts.
+        plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
+        folded_scene = fold_constants(runs.family.base[0], self._varied)
+        return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)
+
+
+def comparison(
+    scene: Scene,
+    state: State,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    start_time: float,
+    settings: Settings,
+) -> Comparison:
+    """Return the `Comparison` of a scene with measurements.
+
+    **Arguments:** as in `identify`.
+
+    **Raises:** `ValueError` if `start_time` is after the first sample; also as `experiment` and
+    `units_of`.
+    """
+    times, series = measurements.times(), measurements.series
+    expected = f"no later than the first sample, at {times[0]} s"
+    remedy = "start earlier, or leave samples out by measurements.between(...)"
+    require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
+    outputs = {name: one.channel for name, one in series.items()}
+    runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
+    data = samples(measurements, len(runs.times))
+    units = units_of(parameters, scene, state, {name: one.unit for name, one in series.items()})
+    return Comparison(runs, data, dict(parameters), units)
+
+
+@Compiled
+def _scenes_and_states(
+    runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
+) -> tuple[PyTree, State]:
+    """Return n scenes, of which only the leaves that depend on the parameters are kept, and n
+    initial states, at coordinates (n, p).
+
+    Each leaf is an array (n, ...). The other leaves of the scenes are ``None``.
+
+    **Arguments:** `varied`: PyTree like the scene, true for the leaves to return.
+    """
+    scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
+    return eqx.filter(scenes, varied), states
+
+
+@Compiled
+def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
+    """Return chi squared of n runs, cumulated up to each time, (n, T).
+
+    **Arguments:** `predicted`: (n, S, T) outputs, SI, NaN at times that a run did not reach;
+    `smoothing`: number of times of the moving average of residuals, which ends at each time; zeros
+    precede the first time.
+    """
+    # Clipped, so that no residual is larger than that of a sample that a run did not reach.
+    residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
+    if smoothing > 1:
+        sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)
+        residuals = (sums[..., smoothing:] - sums[..., :-smoothing]) / smoothing
+    return jnp.cumsum((residuals**2).sum(axis=1), axis=1)

@@ -1,0 +1,844 @@
+"""Result of a fit: estimates, uncertainty, tests of the residuals, and report."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from .._export.tables import aligned, duration, estimates_table, numbered
+from .._information import fisher_information as information
+from .._information.horizon import FitHorizon
+from .._measurements.series import Measurements
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Bounded, Parameter, step_limits, values_at
+from .._parametrisation.variations import (
+    AbstractSeriesVariation,
+    SeriesBias,
+    SeriesDelay,
+    SeriesDrift,
+    SeriesGain,
+    StateNumber,
+)
+from .._result_codes import RESULTS
+from . import checking
+from . import goodness_of_fit as statistics
+from .checking import LikelihoodCheck
+from .levenberg_marquardt import Ending, Search
+from .posterior.result import Posterior
+from .residuals import RunMisfit
+from .screening.screening import Screened
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+AT_BOUND = 1e-3
+"""Distance from a bound of a `Bounded` scale, relative to its range, below which an estimate counts
+as being at the bound."""
+ALIKE = 1.3
+"""Ratio of the half widths of two intervals up to which the report says that they agree."""
+SHOWN = 3
+"""Largest number of other minima that the warnings describe."""
+FAR = 2.0
+"""Ratio of residuals to stated noise above which they count as far above the noise."""
+GOOD = 1.5
+"""Ratio of residuals to stated noise up to which a series counts as well fitted."""
+PIECES = 20
+"""Number of equal pieces of the record, of which the first with large residuals is found. Also the
+smallest number of samples of a series that is examined for errors of its sensor, and of a fit that
+is examined for outliers."""
+DOUBLINGS = 5
+"""Number of growing windows to suggest, each twice as long as the one before it."""
+MOST = 0.5
+"""Share of chi squared above which one cause counts as the main cause."""
+OUTLIER_SHARE = 0.02
+"""Share of the samples that may be outliers: the largest residuals are summed over this share."""
+MOST_LOST = 0.25
+"""Smallest share of a series of correlated samples that counts as left after a fit."""
+UNCORRELATED = 1e-3
+"""p-value of the test of whiteness below which residuals are not white."""
+
+
+@dataclass(frozen=True)
+class Fit(AbstractTabular):
+    """Result of a fit: estimates, their uncertainty, and tests of the residuals.
+
+    - `scene`, `state`: scene and initial state with the estimated values.
+    - `parameters`: the p parameters by name. The entries of arrays (p,) are in their order.
+    - `units`: unit of each parameter's value by name.
+    - `measurements`: the fitted measurements.
+    - `searches`: the result of the search from each start.
+    - `best`: the search with the smallest chi squared, among `searches` and ``check.searches``.
+    - `screened`: the result of each pass of a `Screening`, which finds starts by runs without
+      derivatives; empty without a screening.
+    - `horizon`: the `FitHorizon` given to `identify`, the longest record that a fit by a single run
+      can use, or ``None``.
+    - `check`: the test of the covariance by runs around the estimates, or ``None`` if not made.
+    - `start_time`: s, start of the fitted run.
+
+    Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
+    A coordinate is a parameter's value on its scale, such as the logarithm of the value.
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export estimates, errors and correlations.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     guess={"stiffness": 90.0},
+    ...     progress=False,
+    ... )
+    >>> fit.ending.name, list(fit.standard_errors)
+    ('CONVERGED', ['stiffness'])
+    """
+
+    scene: Scene
+    state: State
+    parameters: dict[str, Parameter]
+    units: dict[str, str]
+    measurements: Measurements
+    searches: tuple[Search, ...]
+    best: Search
+    screened: tuple[Screened, ...] = ()
+    horizon: FitHorizon | None = None
+    check: LikelihoodCheck | None = None
+    start_time: float = 0.0
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
+
+        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval`
+        ("parameter", "bound") in the `unit` of each parameter, and the `correlation` ("parameter",
+        "with"). Attributes are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and
+        `warnings`.
+        """
+        names, along = [*self.parameters], ("parameter",)
+        variables = {
+            "estimate": Labelled(along, [*self.estimates.values()]),
+            "standard_error": Labelled(along, [*self.standard_errors.values()]),
+            "interval": Labelled((*along, "bound"), [*self.intervals.values()]),
+            "correlation": Labelled((*along, "with"), self.correlation),
+        }
+        labels = {
+            "parameter": Labelled(along, texts(names)),
+            "unit": Labelled(along, texts([*self.units.values()])),
+            "bound": Labelled(("bound",), texts(["low", "high"])),
+            "with": Labelled(("with",), texts(names)),
+        }
+        notes = {
+            "ending": self.ending.value,
+            "chi_squared": self.chi_squared,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "p_value": self.p_value,
+            "warnings": " ".join(self.warnings) or "none",
+        }
+        return labelled_dataset("fit", variables, labels, tuple(notes.items()))
+
+    @property
+    def ending(self) -> Ending:
+        """Reason why the best search ended; ``ending.value`` is a text."""
+        return self.best.ending
+
+    @property
+    def coordinates(self) -> Float[np.ndarray, " p"]:
+        """Coordinates of the estimates on the parameters' scales, (p,)."""
+        return self.best.best.coordinates
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimated value of each parameter by name, in `units`."""
+        return values_at(self.parameters, self.coordinates)
+
+    @property
+    def correlated(self) -> list[str]:
+        """Names of the series whose residuals are correlated: their `whiteness` is below 0.001."""
+        reached = self.best.best.result == RESULTS.successful
+        return [name for name, p in self.whiteness.items() if reached and p < UNCORRELATED]
+
+    @cached_property
+    def widening(self) -> Float[np.ndarray, " p"]:
+        """Factor, 1 or more, by which the correlation of residuals widens the standard error of
+        each coordinate, (p,).
+
+        It is 1 if no series is in `correlated`. Otherwise the errors of the estimates follow from
+        the Jacobian J and the covariance R of the residuals, (J^T J)^-1 J^T R J (J^T J)^-1. The
+        noise of a series with correlated residuals has the autocovariances of an autoregressive
+        process that is fitted to them; that of other series is as stated.
+        """
+        if not self.correlated:
+            return np.ones(len(self.parameters))
+        stated = self.best.best.covariance
+        information = np.zeros_like(stated)
+        for name, rows in self._jacobians.items():
+            noise, count = self._correlated_noise.get(name), len(rows)
+            if noise is None:
+                information += rows.T @ rows
+                continue
+            own = noise.information(rows)
+            # The fit has made the residuals smaller than the noise, by as many samples of it as
+            # this trace; without correlation, that is the number of parameters.
+            lost = float(np.trace(stated @ own)) / noise.variance
+            information += own * count / max(count - lost, MOST_LOST * count)
+        errors = np.sqrt(np.diag(stated))
+        actual = np.sqrt(np.maximum(np.diag(stated @ information @ stated), 0.0))
+        return np.maximum(actual / errors, 1.0)
+
+    @cached_property
+    def _correlated_noise(self) -> dict[str, statistics.CorrelatedNoise]:
+        """The noise of each series with correlated residuals, by name."""
+        return {name: statistics.correlated_noise(self.residuals[name]) for name in self.correlated}
+
+    @property
+    def _interval_widening(self) -> Float[np.ndarray, " p"]:
+        """Factor, 1 or more, by which the correlation of residuals widens each interval, (p,).
+
+        It is the `widening` and, because the size of correlated noise is known from few independent
+        samples, a factor of Student's distribution.
+        """
+        fewest = min((one.effective for one in self._correlated_noise.values()), default=math.inf)
+        factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
+        return np.where(self.widening > 1.0, factor * self.widening, 1.0)
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Covariance of the coordinates, (p, p), if the noise is as stated in the measurements, or
+        larger by the `widening` if residuals are correlated."""
+        return self.best.best.covariance * np.outer(self.widening, self.widening)
+
+    @cached_property
+    def value_covariance(self) -> Float[np.ndarray, "p p"]:
+        """Covariance of the values, (p, p), in products of `units`, by linearisation of the
+        scales."""
+        pairs = zip(self.parameters.values(), self.coordinates, strict=True)
+        slopes = [float(one.scale.slope(u)) for one, u in pairs]
+        return self.covariance * np.outer(slopes, slopes)
+
+    @property
+    def correlation(self) -> Float[np.ndarray, "p p"]:
+        """Correlation of the estimated coordinates, (p, p)."""
+        return information.correlation(self.covariance)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard deviation of each estimated value by name, in `units`."""
+        deviations = np.sqrt(np.diag(self.value_covariance))
+        return dict(zip(self.parameters, deviations.tolist(), strict=True))
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % confidence interval (low, high) of each value by name, in `units`.
+
+        Usually the ends are the values at which the coordinate differs from its estimate by 1.96
+        standard errors, by the `covariance`. If `check` has found that chi squared is not
+        quadratic, the intervals are the central ones of `posterior`, which need not contain the
+        estimates; without a posterior, they also contain all points that `check` has explored with
+        a chi squared at most 3.84 above the lowest. In all cases, the intervals are extended to
+        contain those around other minima in which a search has converged, if the chi squared of
+        such a minimum is at most 3.84 above that of the fit. Minima inside the box of coordinates
+        to which a posterior is restricted are left out, since they are part of the posterior. At
+        the end, each interval of coordinates is extended about its middle by the `widening`, and by
+        a factor of Student's distribution for the few independent samples of correlated noise.
+        """
+        minima, posterior = [self.best.best, *self._other_minima], self.posterior
+        # Minima in the posterior's box are part of the posterior.
+        if posterior is not None:
+            low, high = posterior.box
+            minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
+        parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
+        if posterior is not None:
+            pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
+            ends = [[one.scale.coordinate(end) for end in two] for one, two in pairs]
+            parts.append(np.array(ends).T)
+        elif self.check is not None and self.check.exploration is not None:
+            parts.append(np.array(self.check.exploration.intervals()))
+        # The hull of all parts, in coordinates.
+        rows = np.concatenate(parts)
+        ends = np.stack([rows.min(axis=0), rows.max(axis=0)])
+        middle, half = ends.mean(axis=0), 0.5 * np.diff(ends, axis=0)[0] * self._interval_widening
+        low, high = (values_at(self.parameters, middle + sign * half) for sign in (-1.0, 1.0))
+        return {name: (low[name], high[name]) for name in self.parameters}
+
+    @property
+    def posterior(self) -> Posterior | None:
+        """Posterior, with few points, that `check` computes if chi squared is not quadratic.
+
+        The `intervals` come from it. ``None`` if `check` has computed none.
+        """
+        return None if self.check is None else self.check.posterior
+
+    @property
+    def rivals(self) -> list[dict[str, float]]:
+        """Values of the parameters, by name, at each other minimum that fits the data about as
+        well.
+
+        By its chi squared each of them is in the joint 95 % confidence region of the best minimum.
+        By the covariances it is outside the 95 % interval of at least one parameter around the best
+        minimum, and around every minimum before it in the list. The list begins with the smallest
+        chi squared.
+        """
+        minima = statistics.competing_minima(self.best.best, self._other_minima)
+        return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
+
+    @cached_property
+    def predictions(self) -> dict[str, np.ndarray]:
+        """Predicted values of each series by name at its sample times, (N,), SI, from the fitted
+        run.
+
+        They are meaningless at times that this run does not reach (`Ending.FAILED`).
+        """
+        return self._at_samples(self.best.best.predicted.ravel())
+
+    @cached_property
+    def residuals(self) -> dict[str, np.ndarray]:
+        """Residuals of each series by name, (N,): (prediction - value) / noise.
+
+        They are 1e6 at times that the fitted run does not reach, and enter `chi_squared` so.
+        """
+        return self._at_samples(self.best.best.residuals)
+
+    @cached_property
+    def _jacobians(self) -> dict[str, np.ndarray]:
+        """Derivatives of the residuals of each series by name, (N, p), by the coordinates."""
+        return self._at_samples(self.best.best.jacobian)
+
+    def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the rows (S T, ...) at the samples of each of the S series, by name."""
+        times, series = self.measurements.times(), self.measurements.series
+        parts = zip(series.items(), np.split(rows, len(series)), strict=True)
+        return {name: part[np.searchsorted(times, one.times)] for (name, one), part in parts}
+
+    @property
+    def rms(self) -> dict[str, float]:
+        """Root mean square of each series' residuals by name; 1 is expected for the stated
+        noise."""
+        return {name: _rms(row) for name, row in self.residuals.items()}
+
+    @property
+    def samples(self) -> int:
+        """Total number of samples of all series."""
+        return sum(len(series) for series in self.measurements.series.values())
+
+    @property
+    def chi_squared(self) -> float:
+        """Sum of the squared residuals of all series."""
+        return self.best.best.chi_squared
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of samples less the number of parameters; the expected chi squared."""
+        return self.samples - len(self.parameters)
+
+    @property
+    def p_value(self) -> float:
+        """Probability that noise alone gives a chi squared at least as large, for a right model.
+
+        It is NaN without degrees of freedom.
+        """
+        return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
+
+    @property
+    def whiteness(self) -> dict[str, float]:
+        """p-value of the Ljung-Box test for white residuals, of each series by name; NaN for fewer
+        than 20 samples and for residuals of zero."""
+        return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
+
+    @property
+    def normality(self) -> dict[str, float]:
+        """p-value of the D'Agostino-Pearson test for normal residuals, of each series by name; NaN
+        for fewer than 20 samples and for equal residuals."""
+        return {name: statistics.normality(row) for name, row in self.residuals.items()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences on problems of the fit; an empty list if there are none."""
+        problems = *self._problems(), *self._uncertain_directions(), *self._noise()
+        return [*self._correlation(), *self.doubts, *problems]
+
+    @cached_property
+    def advice(self) -> list[str]:
+        """Sentences on remedies, in the order in which to try them.
+
+        The list is empty unless the square root of chi squared per degree of freedom is above 2, so
+        that residuals are more than twice the stated noise, or the best run fails.
+        """
+        # Without degrees of freedom, residuals say nothing about the model.
+        scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
+        fine = not scatter > FAR and self.ending is not Ending.FAILED
+        return [] if fine else list(_remedies(self, scatter))
+
+    def __str__(self) -> str:
+        """Return the report as text: estimates, goodness of fit, correlations, searches, warnings
+        and remedies."""
+        # The result of the check comes first, and is then left out of the warnings at the end.
+        first = [] if self.check is None else [self._test_report()]
+        first = [*self._correlation(), *first]
+        series, end = len(self.measurements.series), self.measurements.times()[-1]
+        parts = [
+            f"Fit of {self.samples} samples in {series} series to {end:g} s: "
+            f"{self.ending.value}, {self.best.evaluations} runs",
+            *first,
+            estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
+            f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
+            "freedom, "
+            f"p = {self.p_value:.2g}",
+            _series_table(self),
+        ]
+        if len(self.parameters) > 1:
+            rows = [["correlation", *self.parameters]]
+            for name, row in zip(self.parameters, self.correlation, strict=True):
+                rows.append([name, *(f"{number:.4f}" for number in row)])
+            parts.append("\n".join(aligned(rows)))
+        if len(self.searches) > 1:
+            parts.append(_searches_table(self))
+        rest = [warning for warning in self.warnings if warning not in first]
+        parts.append("\n".join(f"Warning: {warning}" for warning in rest))
+        if self.advice:
+            parts.append("Remedies, in this order:\n" + numbered(self.advice))
+        return "\n\n".join(part for part in parts if part)
+
+    def _test_report(self) -> str:
+        """Return sentences on `check`, which must not be ``None``: whether chi squared rises as the
+        covariance predicts, and if not, where the intervals come from."""
+        assert self.check is not None
+        check, test, explored = self.check, self.check.test, self.check.exploration
+        cost = f"{check.runs} runs around the estimates, {duration(check.seconds)}"
+        if explored is None:
+            return (
+                f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
+                "rises as predicted."
+            )
+        # An exploration was made, so at least one point differs from the prediction.
+        bad = test.differing
+        worst = int(np.argmax(np.where(bad, np.abs(test.actual - test.predicted), 0.0)))
+        result = (
+            f"at {bad.sum()} of {len(bad)} points up to 4 standard errors away, chi squared does "
+            f"not rise as the covariance predicts (in the worst case by {test.actual[worst]:.3g} "
+            f"instead of {test.predicted[worst]:.3g})"
+        )
+        number = f"{check.minima} {'minimum' if check.minima == 1 else 'minima'}"
+        source = f"all points with a chi squared at most 3.84 above the lowest, with {number}"
+        # The first explored point is the end of the search, and `best` the minimum to which the fit
+        # has moved since.
+        moved = float(explored.chi_squared[0]) - self.chi_squared
+        # Standard errors are still right if there is one minimum, and the exploration found
+        # intervals of about their width. The exploration is trusted if the intervals no longer
+        # grew, and if integration errors change chi squared by at most 1, as much as a displacement
+        # by one standard error does. The test tolerates a decrease of chi squared up to `FLOOR`,
+        # which is no move to another minimum.
+        single = check.minima == 1 and moved <= checking.FLOOR
+        reliable = explored.settled and abs(check.difference) <= 1.0
+        alike = single and reliable and check.widening(self.best.best) < ALIKE
+        head = "Chi squared is rough" if alike else "Standard errors are not valid"
+        if check.posterior is not None:
+            intervals = (
+                f"The intervals are those of a posterior by {check.posterior.runs} more runs "
+                f"without derivatives, {duration(check.posterior.seconds)}, around the lowest of "
+                f"{number} ({cost})."
+            )
+        else:
+            intervals = f"The intervals {'agree with those from' if alike else 'contain'} {source}"
+            intervals += f" ({cost})."
+        parts = [f"{head}: {result}. {intervals}"]
+        if alike:
+            parts.append("There may be lower minima farther away.")
+        if moved > checking.FLOOR:
+            parts.append(
+                f"The fit has moved to a minimum whose chi squared is {moved:.3g} lower than "
+                "at the end of the search."
+            )
+        return " ".join([*parts, *self._interval_doubts(check, explored)])
+
+    def _interval_doubts(
+        self, check: LikelihoodCheck, explored: checking.Exploration
+    ) -> Iterator[str]:
+        """Yield sentences on possible reasons why the intervals are wrong after an exploration.
+
+        The reasons are a record beyond the horizon, intervals that were still growing, and
+        integration errors.
+        """
+        # Of the horizon by runs around the estimates and the predicted one, the earlier counts.
+        until = check.horizon
+        if self.horizon is not None:
+            until = min(until, self.horizon.single_shot)
+        if math.isfinite(until):
+            past = sum(int((s.times >= until).sum()) for s in self.measurements.series.values())
+            yield (
+                f"{past} of {self.samples} samples, from {until:.4g} s on, lie beyond the horizon "
+                "of a fit by a single run."
+            )
+        if not explored.settled and check.posterior is None:
+            yield (
+                "The exploration ended when it had cost as much as the fit itself, before the "
+                f"intervals were final: pass check_runs={checking.MOST_NUMBER}, or shorten the "
+                "record."
+                if check.bounded
+                else "The intervals were still growing: increase check_runs, or shorten the record."
+            )
+        # A rise of chi squared by 1 is that of a displacement by one standard error.
+        if abs(check.difference) > 1.0:
+            yield (
+                f"Integration errors change chi squared by {check.difference:.2g}: reduce rtol, or "
+                "shorten the record."
+            )
+
+    @property
+    def doubts(self) -> list[str]:
+        """Sentences on a failed test of the covariance; empty if the test passed or was not
+        made."""
+        return [] if self.check is None or self.check.passed else [self._test_report()]
+
+    def _correlation(self) -> Iterator[str]:
+        """Yield a sentence on correlated residuals, if there are any."""
+        if not self.correlated:
+            return
+        largest, probabilities = float(self.widening.max()), self.whiteness
+        series = ", ".join(f"{name!r} (p = {probabilities[name]:.2g})" for name in self.correlated)
+        cause = "the noise is coloured, or the model or a sensor lacks an effect"
+        # The advice, if there is any, contains this sentence already.
+        faults = [] if self.advice else [*_sensor_faults(self)]
+        yield " ".join(
+            [
+                f"Residuals are not white in {series}: {cause}. Standard errors and intervals "
+                f"allow for the correlation of neighbouring samples, and are up to {largest:.3g} "
+                "times as large as for independent noise of the stated size. They don't allow for "
+                "an error of the estimates due to a missing effect.",
+                *faults,
+            ]
+        )
+
+    def _problems(self) -> Iterator[str]:
+        """Yield warnings of an unfinished search or screening, other minima, and estimates at a
+        bound."""
+        if self.ending is not Ending.CONVERGED:
+            yield f"Not converged: {self.ending.value}."
+        if self.screened and not self.screened[-1].complete:
+            end = self.screened[-1].times[-1]
+            yield f"Screening reached only {end:.4g} s: increase its rounds."
+        others = statistics.competing_minima(self.best.best, self._other_minima)
+        for rival in others[:SHOWN]:
+            values = values_at(self.parameters, rival.coordinates).items()
+            yield (
+                f"Another minimum is only {rival.chi_squared - self.chi_squared:.2g} higher in chi "
+                "squared, at "
+                + ", ".join(f"{name} {value:.5g}" for name, value in values)
+                + ": the data do not decide between them."
+            )
+        if len(others) > SHOWN:
+            yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
+        for name, parameter in self.parameters.items():
+            scale, value = parameter.scale, self.estimates[name]
+            if isinstance(scale, Bounded):
+                for bound in (scale.low, scale.high):
+                    if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
+                        yield f"{name} is at its bound {bound:g}."
+
+    @property
+    def _other_minima(self) -> list[RunMisfit]:
+        """The minima in which other searches than the best one have converged."""
+        searches = (*self.searches, *(() if self.check is None else self.check.searches))
+        others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
+        return [search.best for search in others]
+
+    def _uncertain_directions(self) -> Iterator[str]:
+        """Yield a warning for each combination of parameters that the data hardly determine.
+
+        They hardly determine it if a change along the combination by one standard deviation changes
+        any coordinate by more than the scale's `max_step`, the largest change in one step of a fit.
+        If `max_step` is infinite, as on a `Linear` scale, the coordinate's own size takes its
+        place.
+        """
+        limits = step_limits(self.parameters)
+        # A coordinate near zero is thus reported too, even if its error is small in its unit. A
+        # fixed size would never report parameters whose usual values are small, such as clearances.
+        sizes = np.where(np.isfinite(limits), limits, np.abs(self.coordinates))
+        for change, deviation in statistics.directions(self.best.best.jacobian):
+            if np.any(deviation * np.abs(change) > sizes):
+                # Parameters with a negligible part in the combination are not named.
+                pairs = zip(change, self.parameters, strict=True)
+                combination = " ".join(f"{w:+.3g} {name}" for w, name in pairs if abs(w) > 1e-3)
+                yield (
+                    f"The data hardly determine the combination {combination} (standard deviation "
+                    f"{deviation:.2g}, in the coordinates of the scales)."
+                )
+
+    @property
+    def _scatter(self) -> float:
+        """Size of the residuals in multiples of the stated noise: the square root of chi squared
+        per degree of freedom, of which there must be one at least."""
+        return math.sqrt(self.chi_squared / self.degrees_of_freedom)
+
+    def _noise(self) -> Iterator[str]:
+        """Yield a warning if the residuals are improbably large or small."""
+        if self.degrees_of_freedom > 0:
+            ratio = f"Residuals are {self._scatter:.3g} times the stated noise"
+            if self.p_value < statistics.UNLIKELY:
+                yield f"{ratio}: the noise is understated, or the model lacks an effect."
+            elif self.p_value > 1.0 - statistics.UNLIKELY:
+                yield f"{ratio}: the noise is overstated."
+
+
+def _series_table(fit: Fit) -> str:
+    """Return a table with a row for each measured series."""
+    rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
+    rms, white, normal = fit.rms, fit.whiteness, fit.normality
+    for name, row in fit.residuals.items():
+        tests = f"{white[name]:.2g}", f"{normal[name]:.2g}"
+        rows.append([name, str(len(row)), f"{rms[name]:.3f}", *tests])
+    return "\n".join(aligned(rows))
+
+
+def _searches_table(fit: Fit) -> str:
+    """Return a table with a row for the search from each start.
+
+    A star marks the fit's best search; no row has one if that is a local search of `Fit.check`.
+    With results of a screening, a line about its runs and rounds precedes the table.
+    """
+    rows = [["start", "chi squared", "runs", "ended"]]
+    for number, search in enumerate(fit.searches):
+        mark = " *" if search is fit.best else ""
+        chi_squared, runs = f"{search.best.chi_squared:.6g}", str(search.evaluations)
+        rows.append([f"{number}{mark}", chi_squared, runs, search.ending.value])
+    table = "\n".join(aligned(rows))
+    if not fit.screened:
+        return table
+    runs = sum(one.runs for one in fit.screened)
+    rounds = sum(len(one.times) for one in fit.screened)
+    return f"starts from screening by {runs} runs in {rounds} rounds:\n{table}"
+
+
+def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
+    """Yield sentences on remedies for a poor fit, the cheapest and most likely first.
+
+    **Arguments:** `scatter`: square root of chi squared per degree of freedom, about 1 for
+    residuals of the size of the stated noise; 0 without degrees of freedom.
+    """
+    # A missing effect would leave a trace in the residuals, which would then be correlated.
+    if all(statistics.whiteness(row) > UNCORRELATED for row in fit.residuals.values()):
+        yield (
+            "Residuals are white: the model fits, and the noise may be understated. If the sensors "
+            f"can be that noisy, state a noise {scatter:.3g} times as large."
+        )
+    sizes = fit.rms
+    worst = max(sizes, key=lambda name: sizes[name])
+    others = [size for name, size in sizes.items() if name != worst]
+    # The size of residuals at times that a failed run does not reach has no meaning.
+    reached = fit.best.best.result == RESULTS.successful
+    # If the model fits all other series, the fault is probably in the sensor of this one.
+    if reached and others and max(others) <= GOOD:
+        yield (
+            f"Only series {worst!r} does not fit: its residuals are {sizes[worst]:.3g} times its "
+            "noise. Check its unit, sign, axes and noise, and the position of the sensor."
+        )
+    if reached:
+        yield from _sensor_faults(fit)
+        yield from _outliers(fit)
+    yield from _shorter_records(fit)
+    if len(fit.searches) == 1 and not fit.screened:
+        yield (
+            "Search from several starts, by starts=cj.Starts(8). If impacts make chi squared "
+            "rough, screen starts without derivatives, by starts=cj.Screening(...)."
+        )
+    else:
+        # Searches that end in one minimum differ in chi squared by less than a hundredth.
+        ends = [search.best.chi_squared for search in fit.searches]
+        yield (
+            f"The {len(ends)} searches ended at chi squared from {min(ends):.3g} to "
+            f"{max(ends):.3g}: "
+            + (
+                "all in one minimum. The model probably lacks an effect."
+                if max(ends) < 1.01 * min(ends)
+                else "in several minima. Use more starts, or a wider spread."
+            )
+        )
+    if fit.ending is Ending.EXHAUSTED:
+        number = fit.best.evaluations
+        yield f"The search had not converged after {number} runs: increase max_iterations."
+    if not any(isinstance(one.variation, StateNumber) for one in fit.parameters.values()):
+        yield (
+            "Estimate the initial state too, unless it is known more accurately than the noise, "
+            'for example by cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]).'
+        )
+
+
+def _explanation(
+    residuals: Float[np.ndarray, " M"],
+    part: slice,
+    effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
+) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
+    """Return the decrease of chi squared by the fewest errors that explain most of the misfit of a
+    series, their values, and the share that they explain.
+
+    The decrease is 0, and the values are empty, if even all errors don't explain most of it.
+
+    **Arguments:** `residuals`: of all series; `part`: those of the series; `effects`: of each error
+    on the residuals per unit of its value.
+    """
+    chosen: list[type[AbstractSeriesVariation]] = []
+    before = float(np.sum(residuals[part] ** 2))
+
+    def without(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
+        columns = np.stack([effects[kind] for kind in kinds], axis=1)
+        sizes = np.linalg.norm(columns, axis=0)
+        least = information.LEAST_SINGULAR_VALUE
+        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=least)[0] / sizes
+        return values, residuals + columns @ values
+
+    while len(chosen) < len(effects):
+        rest = [kind for kind in effects if kind not in chosen]
+        chosen.append(min(rest, key=lambda kind: float(np.sum(without([*chosen, kind])[1] ** 2))))
+        values, left = without(chosen)
+        explained = 1.0 - float(np.sum(left[part] ** 2)) / before
+        if explained > MOST:
+            decrease = float(np.sum(residuals**2) - np.sum(left**2))
+            return decrease, dict(zip(chosen, values.tolist(), strict=True)), explained
+    return 0.0, {}, 0.0
+
+
+def _effects_of_errors(
+    fit: Fit, name: str
+) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
+    """Return the derivatives (N,) of the residuals of a series by each error of its sensor, at the
+    error's neutral value."""
+    series = fit.measurements[name]
+    quantity, times = fit.predictions[name], np.asarray(series.times)
+    pairs = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
+    effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
+    effects[SeriesDelay] = -np.gradient(quantity, times)
+    for kind in (SeriesBias, SeriesGain, SeriesDrift):
+        one = kind((name,))
+        effects[kind] = np.array([one.error(kind.neutral + 1.0, *pair) for pair in pairs])
+    return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
+
+
+def _sensor_faults(fit: Fit) -> Iterator[str]:
+    """Yield a sentence on the series whose misfit is mainly that of errors of its sensor, as few of
+    them as possible; nothing if there is none.
+
+    Of several series it is the one whose errors lower the chi squared of all series the most.
+    """
+    residuals = np.concatenate([*fit.residuals.values()])
+    jacobian = np.concatenate([*fit._jacobians.values()])
+    basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
+    estimated = {
+        (type(one.variation), name)
+        for one in fit.parameters.values()
+        if isinstance(one.variation, AbstractSeriesVariation)
+        for name in one.variation.series
+    }
+    most, name, values, explained, end = 0.0, "", {}, 0.0, 0
+    for series, row in fit.residuals.items():
+        part = slice(end, end + len(row))
+        end = part.stop
+        # Too few samples don't tell one cause from another.
+        if len(row) < PIECES or not (_rms(row) > FAR or series in fit.correlated):
+            continue
+        effects = {}
+        for kind, effect in _effects_of_errors(fit, series).items():
+            column = np.zeros(len(residuals))
+            column[part] = effect
+            # The fit has changed its parameters to make up for the error as far as possible. What
+            # they can make up for is left out of the error's effect, or the error would seem
+            # smaller than it is, and to be one of other series.
+            column -= basis @ (basis.T @ column)
+            if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
+                effects[kind] = column
+        fault = _explanation(residuals, part, effects)
+        if fault[0] > most:
+            name, (most, values, explained) = series, fault
+    if not values:
+        return
+    unit = fit.measurements[name].unit
+    described, makers = [], []
+    for kind, value in values.items():
+        value_unit = kind((name,)).unit_of(unit)
+        size = f"{kind.neutral + value:.3g}" + ("" if value_unit == "1" else f" {value_unit}")
+        described.append(f"a {kind.noun} of {size}")
+        makers.append(f"cj.Parameter.{kind.noun}({name!r})")
+    device = "clock and trigger" if [*values] == [SeriesDelay] else "sensor"
+    yield (
+        f"Series {name!r} differs from the motion as if its {device} had "
+        f"{' and '.join(described)}, which would explain {explained:.0%} of its misfit: "
+        f"check the {device}, or estimate it, by {' and '.join(makers)} among the parameters."
+    )
+
+
+def _outliers(fit: Fit) -> Iterator[str]:
+    """Yield a sentence if the largest residuals contribute most of chi squared.
+
+    Their number is the share `OUTLIER_SHARE` of all samples, but at least one. Yield nothing for
+    fewer than `PIECES` samples.
+    """
+    rows = np.concatenate(list(fit.residuals.values())) ** 2
+    count = max(int(OUTLIER_SHARE * len(rows)), 1)
+    largest = np.sort(rows)[::-1][:count]
+    if len(rows) >= PIECES and largest.sum() >= MOST * rows.sum():
+        name, worst = max(fit.residuals.items(), key=lambda item: float(np.abs(item[1]).max()))
+        time = float(fit.measurements[name].times[np.argmax(np.abs(worst))])
+        yield (
+            f"{count} of {len(rows)} samples contribute {largest.sum() / rows.sum():.0%} of chi "
+            f"squared, the worst at {time:.6g} s in {name!r}: remove outliers, or state a larger "
+            "noise for these samples. Times of impact peaks are the first to deviate."
+        )
+
+
+def _shorter_records(fit: Fit) -> Iterator[str]:
+    """Yield sentences that advise to fit a shorter record, or growing windows of the record, or to
+    compute the longest record that a single run can fit."""
+    all_series, horizon = fit.measurements.series, fit.horizon
+    times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
+    rows = np.concatenate([fit.residuals[name] for name in all_series])
+    edges = np.linspace(times.min(), times.max(), PIECES + 1)
+    start, end = float(edges[0]), float(fit.measurements.times()[-1])
+    # The run fits the data up to the first piece of the record with large residuals.
+    pieces = ((low, (times >= low) & (times <= high)) for low, high in pairwise(edges))
+    until = float(next((low for low, inside in pieces if _rms(rows[inside]) > FAR), edges[-1]))
+    # With large residuals from the first piece on, no part of the record fits.
+    if until == start:
+        length = (end - start) / PIECES
+        wrong = "the scene, the initial state or a unit is wrong, not the value of a parameter"
+        if len(fit.best.windows) > 1:
+            yield (
+                "The run deviates from the data from the first samples on, although windows of the "
+                "record were fitted first: begin with a shorter one, by grow=("
+                f"{start + length:.4g}, ...). If that fails too, {wrong}."
+            )
+        else:
+            # The first window is one piece, and each further one is twice as long.
+            grow = ", ".join(f"{start + length * 2**k:.4g}" for k in range(DOUBLINGS))
+            yield (
+                "The run deviates from the data from the first samples on: fit growing windows of "
+                "the record, from which a search converges from farther away, by "
+                f"identify(..., grow=({grow})). If the data up to {start + length:.4g} s do not "
+                f"fit either, {wrong}."
+            )
+    elif until < end:
+        # The first window is the part that fits, and the next ones are longer in small steps.
+        ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
+        grow = ", ".join(f"{one:.4g}" for one in ends)
+        yield (
+            f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
+            f"windows of the record, by identify(..., grow=({grow}))."
+        )
+    if horizon is None:
+        yield (
+            "Compute the longest record that a single run can fit, by "
+            "cj.fit_horizon(scene, state, parameters, measurements, uncertainty=...)."
+        )
+    elif end >= horizon.single_shot:
+        yield (
+            f"The record ends at {end:.4g} s, but a single run can only fit a record that ends "
+            f"before {horizon.single_shot:.4g} s: shorten the record, or fit growing windows, of "
+            "which the first ends before this time, by grow=[...]."
+        )
+
+
+def _rms(row: Float[np.ndarray, " N"]) -> float:
+    """Return the root mean square of a row, 0 for an empty one."""
+    return math.sqrt(float(np.mean(row**2))) if len(row) else 0.0

@@ -1,0 +1,217 @@
+"""Statistics of a fit: tests of its residuals, uncertain directions, and competing minima."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .._information.fisher_information import floored
+from .residuals import RunMisfit
+
+UNLIKELY = 1e-3
+"""p-value of chi squared below which the noise, the model or the fit is considered wrong."""
+LAGS = 10
+"""Number of lags, in samples, whose autocorrelations enter the test of whiteness."""
+CONFIDENCE = 0.95
+"""Level of confidence intervals."""
+DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
+"""Half the width of a confidence interval in standard deviations."""
+
+FEWEST_FREEDOM = 2.0
+"""Smallest number of degrees of freedom that an interval assumes."""
+
+
+class Direction(NamedTuple):
+    """A direction in the coordinates of p parameters, and the uncertainty of estimates along it.
+
+    The coordinate of a parameter is its value on its scale, such as the logarithm.
+
+    - `change`: (p,) change of the coordinates; the entry with the largest absolute value is 1.
+    - `deviation`: standard deviation of the estimates along the direction, in multiples of
+      `change`.
+    """
+
+    change: Float[np.ndarray, " p"]
+    deviation: float
+
+
+def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
+    """Return p directions along which the estimates err independently.
+
+    They are the principal axes of the estimates' errors in scaled coordinates: the unit of each
+    coordinate is the standard error that its parameter would have if all others were known. The
+    axes are sorted by the error in these units, the largest first. Each `Direction.deviation` has
+    another unit, so the deviations need not decrease. With M < p residuals there are only M
+    directions. A direction without effect on the residuals gets a very large but finite deviation.
+
+    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
+    noise, by the coordinates.
+    """
+    norms, sizes, axes = floored(jacobian)
+    changes = []
+    for size, axis in zip(sizes[::-1], axes[::-1], strict=True):
+        along = axis / norms
+        largest = along[np.argmax(np.abs(along))]
+        changes.append(Direction(along / largest, abs(largest) / float(size)))
+    return changes
+
+
+def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
+    """Return the probability of a larger chi squared by noise alone; NaN without degrees of
+    freedom."""
+    from scipy.special import chdtrc
+
+    return float(chdtrc(degrees_of_freedom, chi_squared)) if degrees_of_freedom > 0 else math.nan
+
+
+def likely_chi_squared(degrees_of_freedom: int) -> float:
+    """Return the largest chi squared that noise alone explains.
+
+    A larger one has a probability below `UNLIKELY`. The result is infinite without degrees of
+    freedom.
+    """
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
+
+
+def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
+    """Return the p-value of the Ljung-Box test for whiteness of residuals (M,).
+
+    It is NaN for M < 20, and if all residuals are zero. The test uses the autocorrelations at the
+    first 10 lags: G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978).
+    """
+    from scipy.special import chdtrc
+
+    count = len(residuals)
+    spread = float(residuals @ residuals)
+    if count < 2 * LAGS or spread == 0.0:
+        return math.nan
+    lags = np.arange(1, LAGS + 1)
+    autocorrelations = np.array([residuals[lag:] @ residuals[:-lag] for lag in lags]) / spread
+    statistic = count * (count + 2) * np.sum(autocorrelations**2 / (count - lags))
+    return float(chdtrc(LAGS, statistic))
+
+
+@dataclass(frozen=True)
+class CorrelatedNoise:
+    """Noise whose covariance depends only on the distance of samples, which are at equal intervals.
+
+    `autocovariances`: (M,) covariance of samples that are 0 to M - 1 intervals apart.
+    """
+
+    autocovariances: Float[np.ndarray, " M"]
+
+    @property
+    def variance(self) -> float:
+        """Variance of a sample."""
+        return float(self.autocovariances[0])
+
+    @property
+    def effective(self) -> float:
+        """Number of independent samples from which the variance would be known as accurately."""
+        first, rest = self.autocovariances[0], self.autocovariances[1:]
+        return float(len(rest) + 1) / (1.0 + 2.0 * float(np.sum((rest / first) ** 2)))
+
+    def information(self, rows: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
+        """Return J^T R J for the covariance R (M, M) of the samples and a matrix J = `rows`."""
+        from scipy.linalg import matmul_toeplitz
+
+        return rows.T @ matmul_toeplitz(self.autocovariances, rows)
+
+
+def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
+    """Return the noise of which residuals (M,), not all zero, are a sample.
+
+    It is an autoregressive process, fitted by Burg's method. Its order is that of the smallest
+    corrected criterion of Akaike (C. Hurvich and C. Tsai, *Regression and time series model
+    selection in small samples*, 1989).
+    """
+    count = len(residuals)
+    ahead = behind = residuals
+    weights = np.ones(1)  # x_k + w_1 x_(k-1) + ... is the part that cannot be predicted.
+    power = float(residuals @ residuals) / count
+    known = [power]
+    best, least = (weights, 1), math.inf
+    for order in range(min(int(10.0 * math.log10(count)), count // 4) + 1):
+        criterion = count * math.log(power) + count * (count + order) / (count - order - 2)
+        if criterion < least:
+            best, least = (weights, order + 1), criterion
+        ahead, behind = ahead[1:], behind[:-1]
+        size = float(ahead @ ahead + behind @ behind)
+        if size == 0.0:
+            break
+        reflection = -2.0 * float(ahead @ behind) / size
+        known.append(-reflection * power - float(weights[1:] @ np.array(known[:0:-1])))
+        padded = np.append(weights, 0.0)
+        weights = padded + reflection * padded[::-1]
+        ahead, behind = ahead + reflection * behind, behind + reflection * ahead
+        power *= max(1.0 - reflection**2, np.finfo(float).eps)
+    weights, first = best
+    autocovariances = np.zeros(count)
+    autocovariances[:first] = known[:first]
+    if first > 1:
+        for lag in range(first, count):
+            autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - first : -1]
+    return CorrelatedNoise(autocovariances)
+
+
+def student_factor(effective: float) -> float:
+    """Return the ratio of the half widths of 95 % intervals by Student's distribution and by the
+    normal one, for a variance that is known from an effective number of samples."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(effective, FEWEST_FREEDOM), 0.5 + 0.5 * CONFIDENCE)) / DEVIATIONS
+
+
+def normality(residuals: Float[np.ndarray, " M"]) -> float:
+    """Return the p-value of a test for normality of residuals (M,).
+
+    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis:
+    R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
+    """
+    from scipy.stats import normaltest
+
+    if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:
+        return math.nan
+    return float(normaltest(residuals).pvalue)
+
+
+def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
+    """Return other minima of chi squared that fit the data about as well, the lowest first.
+
+    Late in a record a small change of parameters moves impacts, so that chi squared has many
+    minima close together, and noise decides which is the lowest. A minimum is returned if, by
+    its chi squared, it is in the joint 95 % confidence region of the best one, and if, by the
+    covariances, it is outside the 95 % interval of at least one parameter around the best minimum
+    and around each lower minimum that is returned.
+
+    **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
+    """
+    from scipy.special import chdtri
+
+    limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
+    return distinct([best, *others], best.chi_squared + limit, _apart)[1:]
+
+
+def distinct(
+    minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
+) -> list[RunMisfit]:
+    """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
+    is returned, the lowest first."""
+    chosen: list[RunMisfit] = []
+    for one in sorted(minima, key=lambda minimum: minimum.chi_squared):
+        if one.chi_squared <= limit and all(apart(lower, one) for lower in chosen):
+            chosen.append(one)
+    return chosen
+
+
+def _apart(one: RunMisfit, other: RunMisfit) -> bool:
+    """Return whether the minimum `other` is outside the 95 % interval of at least one parameter, by
+    the covariance of the minimum `one`."""
+    half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
+    return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

@@ -1,0 +1,486 @@
+"""Estimation of parameters and initial states by least squares."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from .._export.tables import numbered
+from .._fields.cautions import PoorFitWarning, caution
+from .._fields.checks import require, require_count, require_positive, require_type
+from .._information.horizon import FitHorizon
+from .._measurements.series import Measurements
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter, step_limits, values_at
+from .._result_codes import RESULTS
+from .._simulation.run.terminal import ProgressBar, telling_of_compiling
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings, settings_or
+from .checking import check
+from .comparison import Comparison, comparison
+from .fit import Fit
+from .levenberg_marquardt import (
+    Ending,
+    Iteration,
+    Search,
+    WindowSearch,
+    best_search,
+    search_with_damping,
+)
+from .residuals import RunMisfit, run_misfit
+from .screening.screening import LOOSER, Screening, search_screened
+from .starts import Guess, Starts, start_coordinates
+
+OnIteration = Callable[[Iteration], None]
+"""Function of the user that is called after each run of a search."""
+OnFitIteration = Callable[[int, Iteration], None]
+"""Function of the number of samples in the present window and of an `Iteration`, called after each
+run of a search."""
+WINDOW_TOLERANCE = 0.1
+"""Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
+the last one end, unless the user's `tolerance` is larger. Their results are only starts of the next
+window."""
+
+
+class FitInterrupted(KeyboardInterrupt):
+    """Interruption of a fit by Ctrl-C (SIGINT).
+
+    `fits`: list of `Fit`: the finished fits and, last, the best result so far of the interrupted
+    fit, if at least one run of its searches had ended; runs of a `Screening` don't count.
+
+    **Arguments:** `partly`: whether the last of the `fits` is that of the interrupted fit.
+
+    >>> cj.FitInterrupted([]).fits
+    []
+    """
+
+    def __init__(self, fits: Sequence[Fit], partly: bool = True):
+        text = "The fit was interrupted before the first run of a search had ended."
+        if fits and not partly:
+            text += " The exception's `fits` has the finished fits of earlier sets."
+        elif fits:
+            values = ", ".join(f"{n} {value:.6g}" for n, value in fits[-1].estimates.items())
+            last = fits[-1]
+            text = (
+                "The fit was interrupted; the best so far has chi squared "
+                f"{last.chi_squared:.6g} ({last.degrees_of_freedom} expected), at {values}. It is "
+                "in the exception's `fits`. Another fit may start from its estimates."
+            )
+        super().__init__(text)
+        self.fits = list(fits)
+
+
+def identify(
+    scene: Scene,
+    state: State,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    settings: Settings | None = None,
+    *,
+    start_time: float = 0.0,
+    guess: Guess | Sequence[Guess] | None = None,
+    starts: Starts | Screening | None = None,
+    grow: Sequence[float] = (),
+    max_iterations: int = 100,
+    tolerance: float = 1e-3,
+    horizon: FitHorizon | None = None,
+    check_runs: int | None = None,
+    progress: bool | OnIteration = True,
+) -> Fit:
+    """Estimate parameters of a scene and of its initial state from measurements, by least squares.
+
+    The method is that of Levenberg and Marquardt, with the derivatives of runs.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time` s: as in `simulate`; the run ends at the last sample.
+    - `measurements`: the measured series with their noise.
+    - `parameters`: the parameters to estimate, by name; see `Parameter`.
+    - `guess`: values to start from, by name. A parameter without one starts from its
+      `Parameter.value`, by default the number in the scene or state. Each guess of a list is a
+      start. A `Screening` takes one guess only.
+    - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
+      guess finds starts by many runs without derivatives, for data with impacts, where derivatives
+      don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
+      them, and `Fit.rivals` has other minima that fit the data about as well.
+    - `grow`: ends, s, of windows of the record that are fitted before the whole record, rising and
+      between `start_time` and the last sample: first the samples up to the first end, then up to
+      the next, each fit from the result of the one before. After some impacts small errors of
+      parameters have grown so much that a fit of the whole record from a distant start fails. In
+      these windows each parameter is held near the value from which the window's search starts,
+      with its scale's `max_step` as standard deviation, so that parameters that the window doesn't
+      determine stay in range. For example, a record of 187 ms of
+      `clearjoint.mechanisms.double_pendulum`, five times as long as a single run can fit from a
+      distant guess (`clearjoint.fit_horizon`), takes 140 runs with windows.
+    - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
+      `max_steps` limits the cost of runs with extreme parameters.
+    - `max_iterations`: limit for each window of each start; an iteration is one run.
+    - `tolerance`: length of the Gauss-Newton step, in standard deviations of the estimates, below
+      which a search ends.
+    - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
+      fit by a single run.
+    - `check_runs`: number of runs in the first round of exploring chi squared if the test of the
+      covariance after the searches fails, 50 or more, such as 400; 0 for no test. By default the
+      exploration costs about as much as the searches and the test. No test is made if the best
+      search failed or reached `max_iterations`. About twenty runs for each parameter compare chi
+      squared, up to four standard errors around the estimates, with the prediction of the
+      covariance. If chi squared differs from the prediction, it has several minima close together
+      or is not quadratic. Then runs without derivatives, in up to six rounds, and local searches
+      explore it. The fit moves to the lowest minimum, and its report begins with the result of the
+      test. Intervals contain all explored points with a chi squared at most 3.84 above the lowest.
+      With `check_runs`, or after a long search, they are those of a posterior around this minimum,
+      by at most 75 times `check_runs` runs without derivatives. See `Fit.check` and
+      `clearjoint.posterior`.
+    - `progress`: whether to show a line with the iterations, or a function that is called with
+      each `Iteration`.
+
+    **Returns:** a `Fit`, with the estimates, their uncertainty and tests of the residuals.
+
+    **Raises:** `ValueError` for unsupported arguments. `FitInterrupted`, a `KeyboardInterrupt` with
+    the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
+    `Fit.warnings`.
+
+    **Warns:** `PoorFitWarning`, with the remedies of `Fit.advice`, if the residuals are far above
+    the noise or the best run does not reach the last sample; another `PoorFitWarning` if the test
+    of the covariance has failed; `UserWarning` if the record is longer than `horizon` allows.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     guess={"stiffness": 90.0},
+    ...     progress=False,
+    ... )
+    >>> print(f"{fit.estimates['stiffness']:.3f} N/m")
+    100.000 N/m
+    """
+    return identify_many(
+        scene,
+        state,
+        [measurements],
+        parameters,
+        settings,
+        start_time=start_time,
+        guess=guess,
+        starts=starts,
+        grow=grow,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+        horizon=horizon,
+        check_runs=check_runs,
+        progress=progress,
+    )[0]
+
+
+def identify_many(
+    scene: Scene,
+    state: State,
+    measurements: Sequence[Measurements],
+    parameters: Mapping[str, Parameter],
+    settings: Settings | None = None,
+    *,
+    start_time: float = 0.0,
+    guess: Guess | Sequence[Guess] | None = None,
+    starts: Starts | Screening | None = None,
+    grow: Sequence[float] = (),
+    max_iterations: int = 100,
+    tolerance: float = 1e-3,
+    horizon: FitHorizon | None = None,
+    check_runs: int | None = None,
+    progress: bool | OnIteration = True,
+) -> list[Fit]:
+    """Estimate parameters from each of several sets of measurements, such as draws of the noise.
+
+    **Arguments:** `measurements`: sets with the same channels and times. Other arguments are those
+    of `identify` and apply to every set.
+
+    **Returns:** a list with one `Fit` for each set, in their order.
+
+    **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
+    `FitInterrupted.fits` has the finished fits and, last, the best result so far of the interrupted
+    fit, if there is one.
+
+    **Warns:** as `identify`; of several poor fits, a warning shows the first and tells their
+    number.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
+    >>> draws = [cj.Measurements({"x": series}) for series in noisy]
+    >>> fits = cj.identify_many(scene, state, draws, {"stiffness": stiffness}, progress=False)
+    >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
+    True
+    """
+    _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
+    first = measurements[0]
+    settings = settings_or(settings, presets.identification)
+    if horizon is not None:
+        horizon.warn_if_beyond(float(first.times()[-1]))
+    # All sets have the same channels and times, so that one compiled program serves all fits.
+    compared = comparison(scene, state, first, parameters, start_time, settings)
+    around = starts if isinstance(starts, Starts) else None
+    rows, coarse = start_coordinates(scene, state, parameters, guess, around), compared
+    if isinstance(starts, Screening):
+        require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
+        # A screening only ranks points, for which cheaper runs are accurate enough.
+        looser = settings.looser(LOOSER)
+        coarse = comparison(scene, state, first, parameters, start_time, looser)
+    ends = (*grow, float(first.times()[-1]))
+    problem = _Problem(
+        compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
+    )
+    fits: list[Fit] = []
+    with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
+        for one in measurements:
+            fit, stopped = problem.fit(one, on_iteration, progress is True)
+            fits += [] if fit is None else [fit]
+            if stopped:
+                raise FitInterrupted(fits, fit is not None)
+    _warn(fits)
+    return fits
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Data that are common to the fits of `identify_many`; `fit` fits one set of measurements.
+
+    Fields that are not listed are arguments of `identify_many`.
+
+    - `compared`: the scene with its parameters, compared with the first set; `coarse`: the same
+      with the looser tolerances of a screening, and equal to `compared` without a screening.
+    - `rows`: (starts, p) coordinates from which searches start.
+    - `ends`: ends of the growing windows, s, of which the last is the end of the record.
+    """
+
+    compared: Comparison
+    coarse: Comparison
+    rows: np.ndarray
+    starts: Starts | Screening | None
+    ends: Sequence[float]
+    tolerance: float
+    max_iterations: int
+    check_runs: int | None
+    horizon: FitHorizon | None
+
+    def fit(
+        self, one: Measurements, on_iteration: OnFitIteration, show: bool
+    ) -> tuple[Fit | None, bool]:
+        """Fit one set of measurements.
+
+        **Arguments:** `one`: the measurements; `on_iteration`: called after each run of a search;
+        `show`: whether to show the progress of a screening.
+
+        **Returns:** the fit, and whether the user interrupted it. The fit is ``None`` if that
+        happened before the first run of a search had ended.
+        """
+        compared, parameters = self.compared.of(one), self.compared.parameters
+        searches: list[Search] = []
+        screened, checked, stopped = (), None, False
+
+        def search_from(start: np.ndarray) -> Search:
+            # The search is kept before the interruption goes on, so that its best run is not lost.
+            search = self._search(compared, start, on_iteration)
+            searches.append(search)
+            if search.ending is Ending.INTERRUPTED:
+                raise KeyboardInterrupt
+            return search
+
+        try:
+            if isinstance(self.starts, Screening):
+                coarse = self.coarse.of(one)
+                screened = search_screened(self.starts, coarse, self.rows[0], show, search_from)
+            else:
+                for row in self.rows:
+                    search_from(row)
+            best = best_search(searches)
+            # Searches that failed or reached their limit of iterations have no minimum to check.
+            if self.check_runs != 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+                cost = sum(search.evaluations for search in searches)
+                cost += sum(one.runs for one in screened) // (1 + len(parameters))
+                on_run = partial(on_iteration, compared.data.count)
+                checked = check(best.best, compared, self.check_runs, on_run, cost, show)
+                # The check may have found lower minima by local searches. Of equal chi squared the
+                # first counts: the fit's own search, then the last local one, which started from
+                # the lowest minimum.
+                best = best_search((best, *checked.searches[::-1]))
+        except KeyboardInterrupt:
+            if not searches:
+                return None, True
+            best, stopped = best_search(searches), True
+        runs = compared.runs
+        fitted = runs.family.scene_and_state(best.best.coordinates)
+        inputs = dict(parameters), dict(compared.units), one
+        results = tuple(searches), best, screened, self.horizon, checked
+        return Fit(*fitted, *inputs, *results, float(runs.start_time)), stopped
+
+    def _search(
+        self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
+    ) -> Search:
+        """Search from coordinates (p,), window by window, each from the result of the one before.
+
+        **Arguments:** `compared`: with all samples; `on_iteration`: called after each run.
+
+        **Returns:** the search; after Ctrl-C, with `Ending.INTERRUPTED` and the best run so far.
+
+        **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
+        """
+        max_changes, runs = step_limits(compared.parameters), compared.runs
+        windows, at = [], start
+        best: RunMisfit | None = None
+        for end in self.ends:
+            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # short window converges from farther away than in the whole record.
+            part, last = compared.data.until(runs.times, end), end == self.ends[-1]
+            misfit = partial(run_misfit, runs, part, end)
+            try:
+                best, iterations, ending = search_with_damping(
+                    # Without a prior, a parameter that the window hardly determines could leave its
+                    # range here.
+                    misfit if last else partial(_with_prior, misfit, at, max_changes),
+                    at,
+                    max_changes,
+                    self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
+                    self.max_iterations,
+                    partial(on_iteration, part.count),
+                )
+            except KeyboardInterrupt:
+                # The user has interrupted the first run of the window, where `search_with_damping`
+                # does not catch it. The result of the window before is kept. Its predictions end
+                # with that window, so `last` is set to false, and a run over the whole record
+                # follows below.
+                if best is None:
+                    raise
+                iterations, ending, last = (), Ending.INTERRUPTED, False
+            # Samples that a failed run did not reach have constant residuals, on which a search may
+            # converge.
+            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
+                ending = Ending.FAILED
+            windows.append(WindowSearch(end, iterations, ending))
+            at = best.coordinates
+            if ending is Ending.INTERRUPTED:
+                if not last:  # A fit needs predictions for all samples.
+                    best = run_misfit(runs, compared.data, self.ends[-1], at)
+                break
+        assert best is not None
+        return Search(start, tuple(windows), best)
+
+
+def _warn(fits: Sequence[Fit]) -> None:
+    """Emit a `PoorFitWarning` if residuals of a fit are far above the noise or its best run fails,
+    and another one if the test of a fit's covariance has failed.
+
+    If several fits have the same problem, its warning shows the first and tells their number.
+    """
+    poor = [fit for fit in fits if fit.advice]
+    if poor:
+        many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
+        caution(
+            f"The residuals of the fit are far above the noise ({many}{poor[0].ending.value}, chi "
+            f"squared {poor[0].chi_squared:.3g}, {poor[0].degrees_of_freedom} expected). Remedies, "
+            f"in this order:\n{numbered(poor[0].advice)}\n",
+            PoorFitWarning,
+        )
+    rough = [warning for fit in fits for warning in fit.doubts]
+    if rough:
+        many = "" if len(fits) == 1 else f"In {len(rough)} of {len(fits)} fits; the first: "
+        caution(f"{many}{rough[0]}", PoorFitWarning)
+
+
+def _with_prior(
+    misfit: Callable[[np.ndarray], RunMisfit],
+    centre: np.ndarray,
+    deviations: np.ndarray,
+    at: np.ndarray,
+) -> RunMisfit:
+    """Return the misfit at coordinates `at` (p,) with a normal prior on the coordinates.
+
+    The prior adds p residuals (at - centre)/deviations to those of the samples. It keeps parameters
+    that a short window hardly determines near their start.
+
+    **Arguments:** `misfit`: function that runs the scene; `centre`, `deviations`: (p,) mean and
+    standard deviation of the prior. A coordinate with an infinite deviation has no prior.
+    """
+    plain = misfit(at)
+    return replace(
+        plain,
+        residuals=np.append(plain.residuals, (at - centre) / deviations),
+        jacobian=np.vstack([plain.jacobian, np.diag(1.0 / deviations)]),
+    )
+
+
+@contextmanager
+def iteration_callback(
+    progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
+) -> Iterator[OnFitIteration]:
+    """Yield the function to call after each run of a search.
+
+    If `progress` is a function of the user, the yielded function calls it with each `Iteration`. If
+    `progress` is ``True``, the yielded function shows a line with the number of runs, the chi
+    squared per sample, the length of the Gauss-Newton step in standard deviations and the values of
+    the parameters. If `progress` is ``False``, nothing is shown.
+
+    **Arguments:** `progress`, `parameters`: as in `identify`; `searches`: number of searches to
+    come, which the line shows.
+    """
+    if callable(progress):
+        yield lambda _, iteration: progress(iteration)
+        return
+    name = "fit" if searches == 1 else f"{searches} fits"
+    bar = ProgressBar(desc=name, unit=" runs", leave=False, disable=not progress)
+    with telling_of_compiling(bar):
+
+        def show(count: int, iteration: Iteration) -> None:
+            values = values_at(parameters, iteration.coordinates)
+            bar.set_postfix_str(
+                f"chi2/N {iteration.chi_squared / count:.4g}, step {iteration.decrement:.2g} sd, "
+                + ", ".join(f"{name} {value:.6g}" for name, value in values.items())
+            )
+            bar.update()
+
+        yield show
+
+
+def _check(
+    scene: Scene,
+    measurements: Sequence[Measurements],
+    start_time: float,
+    grow: Sequence[float],
+    max_iterations: int,
+    tolerance: float,
+    check_runs: int | None,
+) -> None:
+    """Check the arguments of `identify_many`.
+
+    **Raises:** `ValueError` that names the wrong argument.
+    """
+    remedy = "pass at least one set of measurements"
+    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    for one in measurements:
+        require_type("measurements", one, Measurements, "Measurements", remedy)
+    first = measurements[0]
+    first.check(scene)
+    for k, one in enumerate(measurements):
+        same = list(one.series) == list(first.series) and all(
+            series.channel == first[name].channel
+            and np.array_equal(series.times, first[name].times)
+            for name, series in one.series.items()
+        )
+        expected = "measurements of the same channels and times as the first"
+        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
+    ends = [start_time, *grow, first.times()[-1]]
+    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
+    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", list(grow), expected, remedy)
+    require_count("max_iterations", max_iterations, "allow one run")
+    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    # An exploration by fewer points would hardly describe chi squared of several parameters.
+    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    remedy = "pass 0 to leave out the test"
+    expected = "None, 0, or a whole number from 50"
+    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)

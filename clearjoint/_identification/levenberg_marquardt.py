@@ -1,0 +1,308 @@
+"""Levenberg-Marquardt search by optimistix, one step at a time.
+
+The caller computes residuals and Jacobian at each point that optimistix proposes, and optimistix
+works with their linear model instead of the function. A step is therefore compiled once for each
+number of parameters, separately from the runs (`clearjoint._simulation.run.sensitivities`).
+
+A parameter's coordinate is its value on its scale, such as the logarithm of the value for `Log`.
+The search differs from `optimistix.LevenbergMarquardt`:
+
+- Coordinates are scaled by the column norms of the first Jacobian, so that damping affects all of
+  them alike.
+- The damping decreases if the linear model was good, not only if it was almost exact.
+- In one step no coordinate changes by more than the `max_step` that the parameter's scale sets.
+- A step that increases chi squared is never accepted.
+- The search ends when the Gauss-Newton step is a small fraction of the standard deviation of the
+  estimates.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Float, PyTree
+
+from .._compilation import Compiled
+from .._fields.objects import on_device
+from .residuals import RunMisfit
+
+PATIENCE = 15
+"""Number of successive rejected steps after which a search ends. Each rejection multiplies the
+damping by four, so that the last of these steps are negligibly short."""
+SHORT = 1e-3
+"""A search ends if every component of the next step is smaller in magnitude than this fraction of
+the tolerance. The two are comparable: the step is in scaled coordinates, whose unit is about a
+standard deviation of an estimate, and the tolerance is in standard deviations."""
+NEARLY = 0.1
+"""Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
+below this step, because integration errors prevent a higher accuracy."""
+UNDETERMINED = 1e-12
+"""Singular value of the Jacobian, relative to the largest, below which the data don't determine a
+direction in the parameters' coordinates. Also the norm of a column of the Jacobian, relative to the
+largest norm, below which a coordinate is scaled by the largest norm instead of its own."""
+
+
+class Ending(Enum):
+    """Reason why a search ended; the value is a text.
+
+    >>> cj.results.Ending.CONVERGED.value
+    'converged'
+    """
+
+    CONVERGED = "converged"
+    STALLED = "no step improves the fit: the misfit may be rough; fit growing windows first"
+    EXHAUSTED = "the limit of iterations was reached"
+    INTERRUPTED = "it was interrupted"
+    FAILED = "the best run does not reach the last sample"
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One run of a search, as passed to the function `progress` of `identify`.
+
+    - `number`: number of the run in its search, from 0. With growing windows (argument `grow` of
+      `identify`) each window is a search of its own, and so is each local search of the test of the
+      covariance (argument `check_runs`).
+    - `accepted`: whether this run becomes the best so far, from which the search continues. Its chi
+      squared must have decreased by at least 1 % of what the linear model predicts, or must not
+      have increased if the model predicts no decrease; the first run is always accepted.
+    - `chi_squared`: sum of the squared residuals of this run. In growing windows before the last,
+      the residuals of a prior are included.
+    - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
+    - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
+      of the estimates.
+    - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping of the next
+      step.
+
+    >>> step = cj.results.Iteration(3, True, 101.2, np.zeros(2), decrement=0.1, trust=1.0)
+    >>> step.accepted
+    True
+    """
+
+    number: int
+    accepted: bool
+    chi_squared: float
+    coordinates: np.ndarray
+    decrement: float
+    trust: float
+
+
+@dataclass(frozen=True)
+class WindowSearch:
+    """Result of a search that uses only the samples up to a time.
+
+    - `end_time`: s, end of the window.
+    - `iterations`: all runs of the search; empty if the user interrupted the first of them.
+    - `ending`: reason why the search ended.
+    """
+
+    end_time: float
+    iterations: tuple[Iteration, ...]
+    ending: Ending
+
+
+@dataclass(frozen=True)
+class Search:
+    """Result of the search from one start.
+
+    - `start`: (p,) coordinates of the start.
+    - `windows`: the successive searches over growing windows of the record.
+    - `best`: the best run of the last window, which is the last one accepted. If the user
+      interrupts a window that is shorter than the record, or the first run of the last window, it
+      is a run over the whole record at the best coordinates so far.
+    """
+
+    start: Float[np.ndarray, " p"]
+    windows: tuple[WindowSearch, ...]
+    best: RunMisfit
+
+    @property
+    def ending(self) -> Ending:
+        """Reason why the search in the last window ended."""
+        return self.windows[-1].ending
+
+    @property
+    def evaluations(self) -> int:
+        """Number of iterations in all windows."""
+        return sum(len(window.iterations) for window in self.windows)
+
+
+def best_search(searches: Iterable[Search]) -> Search:
+    """Return the search with the smallest chi squared; of equal ones, the first."""
+    return min(searches, key=lambda search: search.best.chi_squared)
+
+
+class _ClippedDescent(optx.DampedNewtonDescent):
+    """A descent of optimistix whose steps are clipped to `limits` (p,), in scaled coordinates.
+
+    Without limits, a parameter that the data hardly determine would run away while the other
+    parameters are still far from their estimates.
+    """
+
+    limits: jax.Array = eqx.field(kw_only=True)
+
+    def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
+        step, result = super().step(step_size, state)
+        return jnp.clip(step, -self.limits, self.limits), result
+
+
+class _TrustRegion(optx.ClassicalTrustRegion):
+    """The trust region of optimistix, without steps that increase chi squared.
+
+    Because a clipped step has another direction, the linear model may predict an increase for it.
+    optimistix would then accept a step with up to 1 % of this increase.
+    """
+
+    def predict_reduction(self, y_diff: jax.Array, f_info: PyTree) -> jax.Array:
+        return jnp.minimum(super().predict_reduction(y_diff, f_info), 0.0)
+
+
+def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
+    """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
+
+    Residuals must be in standard deviations of the noise. The length tells how far a point is from
+    the minimum, relative to the accuracy of the estimates. It is the norm of the projection of the
+    residuals (M,) on the columns of the Jacobian (M, p). Directions that the data don't determine
+    are left out.
+    """
+    axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
+    return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
+
+
+_Model = tuple[jax.Array, jax.Array, jax.Array]
+"""Coordinates (p,), and residuals (M,) and Jacobian (M, p) at them."""
+
+
+def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
+    """Return the residuals (M,) of the linear model at coordinates y (p,), in optimistix' form."""
+    at, residuals, jacobian = model
+    return residuals + jacobian @ (y - at), None
+
+
+@Compiled
+def _advance(
+    y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
+) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
+    """Compute one step of the search from the linear model at the latest point.
+
+    All coordinates are scaled by the column norms of the first Jacobian.
+
+    **Arguments:**
+
+    - `y`: (p,) best coordinates so far.
+    - `arrays`: arrays of the solver's state from the previous step, ``None`` at first.
+    - `model`: latest point, which may be worse than `y`, with residuals and Jacobian there.
+    - `limits`: (p,) largest change of each coordinate.
+    - `tolerance`: `decrement` below which to end. The search also ends if the next step is very
+      short, or after `PATIENCE` rejected steps in succession.
+
+    **Returns:** the best coordinates, the new arrays of the state, whether to end, and the
+    `decrement` at the best point. The state has the next point to evaluate.
+    """
+    # The damping decreases if chi squared has decreased by at least 0.7 times what the linear model
+    # predicts. With optimistix' own cutoff of 0.99, it would decrease only after an almost exact
+    # prediction.
+    solver = eqx.tree_at(
+        lambda solver: (solver.descent, solver.search),
+        optx.LevenbergMarquardt(rtol=0.0, atol=0.0),
+        (_ClippedDescent(limits=limits), _TrustRegion(high_cutoff=0.7)),
+    )
+    rows = jax.eval_shape(lambda: model[1])
+    state = initial = solver.init(_residuals, y, model, {}, rows, None, frozenset())
+    # The state also contains functions, which cannot leave a compiled program. They are the same in
+    # every state, so that only the arrays are passed from step to step.
+    if arrays is not None:
+        state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
+    y, state, _ = solver.step(_residuals, y, model, {}, state, frozenset())
+    length = decrement(state.f_info.residual, state.f_info.jac.as_matrix())
+    short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * tolerance
+    stuck = state.num_steps_since_acceptance >= PATIENCE
+    done = (length < tolerance) | short | stuck
+    return y, eqx.filter(state, eqx.is_array), done, length
+
+
+def search_with_damping(
+    evaluate: Callable[[Float[np.ndarray, " p"]], RunMisfit],
+    start: Float[np.ndarray, " p"],
+    step_limits: Float[np.ndarray, " p"],
+    tolerance: float,
+    max_iterations: int,
+    on_iteration: Callable[[Iteration], None],
+) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
+    """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
+
+    A `KeyboardInterrupt` after the first evaluation ends the search. During the first evaluation it
+    is not caught, because there is no result yet.
+
+    **Arguments:**
+
+    - `evaluate`: function that returns residuals and Jacobian at coordinates (p,).
+    - `start`: (p,) coordinates; `step_limits`: (p,) largest change of each coordinate in one step.
+    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, below which to end.
+    - `max_iterations`: maximum number of evaluations, 1 or more.
+    - `on_iteration`: function that is called with an `Iteration` after each evaluation.
+
+    **Returns:** the best evaluation, all iterations, and the reason why the search ended. This is
+    never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
+    """
+    iterations: list[Iteration] = []
+    best = latest = evaluate(start)
+    try:
+        # Each coordinate is scaled by the norm of its column; a column that is negligible gets the
+        # largest norm, so that a division by it is safe.
+        norms = np.linalg.norm(latest.jacobian, axis=0)
+        largest = norms.max() if norms.max() > 0.0 else 1.0
+        scales = np.where(norms > UNDETERMINED * largest, norms, largest)
+        y, arrays = on_device(start * scales), None
+        limits, end_at = on_device(step_limits * scales), on_device(tolerance)
+        while True:
+            # optimistix gets the linear model at the latest point, even if it rejects that point:
+            # it reads the residuals there to decide, and keeps the model of the best point in its
+            # state.
+            model = on_device(latest.coordinates * scales), *_triangular(latest, scales)
+            y, arrays, done, length = _advance(y, arrays, model, limits, end_at)
+            accepted = int(arrays.num_steps_since_acceptance) == 0
+            best = latest if accepted else best
+            iteration = Iteration(
+                len(iterations),
+                accepted,
+                latest.chi_squared,
+                latest.coordinates,
+                float(length),
+                # The step size of optimistix is the inverse of the damping.
+                float(arrays.search_state.step_size),
+            )
+            iterations.append(iteration)
+            on_iteration(iteration)
+            if bool(done):
+                # Rejected steps also end a search at a rough or imprecise chi squared, which is no
+                # convergence.
+                near = iteration.decrement < max(NEARLY, tolerance)
+                return best, tuple(iterations), Ending.CONVERGED if near else Ending.STALLED
+            if len(iterations) == max_iterations:
+                return best, tuple(iterations), Ending.EXHAUSTED
+            latest = evaluate(np.asarray(arrays.y_eval) / scales)
+    except KeyboardInterrupt:
+        return best, tuple(iterations), Ending.INTERRUPTED
+
+
+def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
+    """Return an equivalent shorter least-squares problem in scaled coordinates: residuals (p + 1,)
+    and Jacobian (p + 1, p).
+
+    A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
+    squared nor its dependence on the coordinates, and one compiled program serves data of any size.
+    Fewer than p + 1 rows are followed by zeros.
+
+    **Arguments:** `misfit`: a run; `scales`: (p,) factors from coordinates to scaled ones.
+    """
+    table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
+    rows = np.zeros((table.shape[1], table.shape[1]))
+    triangle = np.linalg.qr(table, mode="r")
+    rows[: len(triangle)] = triangle
+    return on_device(rows[:, -1]), on_device(rows[:, :-1])

@@ -1,0 +1,327 @@
+"""Posterior distribution of parameters, whose likelihoods come from runs that are computed side by
+side, as lanes.
+
+A point is the coordinates of p parameters: their values on their scales, such as logarithms.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..._fields.checks import require
+from ..._measurements.series import Measurements
+from ..._model.bodies import State
+from ..._model.scene import Scene
+from ..._parametrisation.parameter import Parameter, check_parameters, values_on
+from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
+from ..._simulation.step import presets
+from ..._simulation.step.settings import Settings, settings_or
+from ..comparison import Comparison, comparison
+from ..residuals import UNREACHED
+from ..starts import Guess, half_widths, start_coordinates
+from .result import Posterior
+from .tempering import ImpossiblePriorError, Target, draw
+
+RISE = 3.84
+"""Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
+95 % interval of one parameter."""
+NEAREST = 10
+"""Smallest number of neighbours of a point, which are the points nearest to it. With fewer, chance
+gaps between the points would divide a mode."""
+SMALLEST = 0.01
+"""Share of all points below which a mode is joined to the nearest larger mode, because so few
+points may be stray points of the larger one."""
+
+
+def modes(
+    points: Float[np.ndarray, "n p"], chi_squared: Float[np.ndarray, " n"]
+) -> Int[np.ndarray, " n"]:
+    """Return for each point the number of its mode, (n,), from 0 for that with the most points.
+
+    A mode is a group of points around one minimum of chi squared. Two points are neighbours if one
+    of them is among the k points nearest to the other, where k is 10, or 4 p for p coordinates if
+    that is larger. The points are taken from the lowest chi squared upwards. If some neighbours of
+    a point are in groups already, the point joins the group with the lowest minimum among these.
+    If none is, the point begins a new group. Other groups of its neighbours are united with the
+    group that it joins if chi squared rises by less than 3.84 from their minimum to this point
+    (F. Chazal et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a
+    group with less than 1 % of the points joins the nearest larger one. A minimum with fewer than k
+    points may not be found.
+
+    **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
+    the points.
+    """
+    # Resampling has made copies of points, which would take the places of neighbours.
+    distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    values, number = chi_squared[first], len(distinct)
+    distances = _scaled_distances(distinct)
+    # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
+    # in more directions.
+    near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
+    neighbour = np.zeros((number, number), bool)
+    np.put_along_axis(neighbour, near, True, axis=1)
+    neighbour |= neighbour.T  # Two points are neighbours if either is near the other.
+    group = np.full(number, -1)  # Index of the lowest point of each point's group.
+    for point in np.argsort(values, kind="stable"):
+        # Groups of the neighbours with a lower chi squared; the others have no group yet, index -1.
+        around = {int(one) for one in group[neighbour[point]] if one >= 0}
+        if not around:
+            group[point] = point
+            continue
+        lowest = min(around, key=lambda one: values[one])
+        group[point] = lowest
+        for other in around - {lowest}:
+            if values[point] - values[other] < RISE:
+                group[group == other] = lowest
+    # Groups with few points join the group of the nearest point in a large one. The largest group
+    # is large even if all are small.
+    # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
+    sizes = np.bincount(group[copies.ravel()], minlength=number)
+    large = sizes >= min(SMALLEST * len(points), sizes.max())
+    for small in np.flatnonzero((sizes > 0) & ~large):
+        members = group == small
+        others = large[group]
+        closest = np.where(others, distances[members].min(axis=0), np.inf).argmin()
+        group[members] = group[closest]
+    # Numbers of the modes, in the order of their number of points.
+    found, numbers, sizes = np.unique(
+        group[copies.ravel()], return_inverse=True, return_counts=True
+    )
+    rank = np.empty(len(found), int)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(found))
+    return rank[numbers.ravel()]
+
+
+def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
+    """Return distances (n, n) between points (n, p), with coordinates in their standard
+    deviations."""
+    sizes = points.std(axis=0)
+    scaled = points / np.where(sizes > 0.0, sizes, 1.0)
+    return np.linalg.norm(scaled[:, None] - scaled, axis=2)
+
+
+FEWEST = 32
+"""Smallest number of points that a posterior may have."""
+LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
+"""Function of the parameters' values by name, (n,) each, that returns the logarithm of a density at
+the n points, (n,)."""
+
+
+def posterior(
+    scene: Scene,
+    state: State,
+    measurements: Measurements,
+    parameters: Mapping[str, Parameter],
+    settings: Settings | None = None,
+    *,
+    start_time: float = 0.0,
+    guess: Guess | None = None,
+    spread: float | Mapping[str, float] = 1.0,
+    log_prior: LogPrior | None = None,
+    number: int = 500,
+    seed: int = 0,
+    progress: bool = True,
+) -> Posterior:
+    """Return the posterior distribution of parameters, by sequential Monte Carlo.
+
+    Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
+    minima, and it needs no start near the truth. Points, the coordinates of parameters, are drawn
+    from the prior in a box around the guess, which may be much narrower than the box. Then more and
+    more of the record enters the likelihood, and at each step the points are weighted, resampled
+    and moved. At the end, importance sampling around these points
+    gives the points of the result and the evidence. The noise is assumed to be normal, with the
+    standard deviations stated in the measurements.
+
+    **Arguments:**
+
+    - `scene`, `state`, `measurements`, `parameters`, `start_time` s: as in `identify`.
+    - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
+    - `guess`: values at the centre of the box, by name; by default those in the scene.
+    - `spread`: half the width of the box, positive, in the coordinates of the scales (on a `Log`
+      scale, 1 is a factor of e in both directions): one number, or a number for each parameter by
+      name.
+    - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
+      function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
+      It is called for some ten thousand values, some hundred or thousand at once.
+    - `number`: number of points, at least 32. The importance sampling goes on until the effective
+      number of its weighted runs is at least this, for at most five rounds; the result's `warnings`
+      tell if the effective number is too small. With three parameters, 500 points take about
+      10 000 runs.
+    - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
+      any number of threads.
+    - `progress`: whether to show a line.
+
+    **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
+    standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
+
+    **Raises:** `ValueError` for unsupported arguments, if the prior is zero at all or almost all
+    points of the box, and if so few points are possible, because the runs of the others fail, that
+    they have no covariance.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
+    >>> found = cj.posterior(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     spread=0.3,
+    ...     number=64,
+    ...     progress=False,
+    ... )
+    >>> found.coordinates.shape, abs(found.means["stiffness"] - 100.0) < 1.0
+    ((64, 1), True)
+    """
+    begun = time.perf_counter()
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    kind = type(measurements).__name__
+    fine = isinstance(measurements, Measurements)
+    require(fine, "measurements", kind, "Measurements", remedy)
+    measurements.check(scene)
+    check_parameters(parameters)
+    half = half_widths(spread, tuple(parameters))
+    remedy = "pass the possible error of each guess"
+    fine = bool(np.all(np.isfinite(half) & (half > 0.0)))
+    require(fine, "spread", spread, "finite and positive for each parameter", remedy)
+    fine, expected = isinstance(number, int) and number >= FEWEST, f"a whole number from {FEWEST}"
+    require(fine, "number", number, expected, "500 points serve up to about five parameters")
+    fine = isinstance(seed, int) and seed >= 0
+    require(fine, "seed", seed, "a whole number from 0", "pass 0")
+    settings = settings_or(settings, presets.identification)
+    compared = comparison(scene, state, measurements, parameters, start_time, settings)
+    centre = start_coordinates(scene, state, parameters, guess, None)[0]
+    box = centre - half, centre + half
+    # The progress is shown as the time up to which the record is in the likelihood.
+    bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
+    with telling_of_compiling(bar):
+
+        def on_step(time: float, runs: int) -> None:
+            bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")
+            bar.update()
+
+        found = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
+    return replace(found, seconds=time.perf_counter() - begun)
+
+
+def drawn_posterior(
+    compared: Comparison,
+    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
+    log_prior: LogPrior | None,
+    number: int,
+    seed: int,
+    most_runs: float = math.inf,
+    on_step: Callable[[float, int], None] = lambda time, runs: None,
+) -> Posterior:
+    """Return the posterior distribution of parameters for a scene and samples that are prepared.
+
+    `posterior` calls it with the user's arguments, and `identify` for a small posterior around a
+    fit.
+
+    **Arguments:**
+
+    - `compared`: the runs, and the samples with which they are compared.
+    - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
+    - `log_prior`: as in `posterior`.
+    - `number`, `seed`: number of points, and seed of the random numbers.
+    - `most_runs`: largest number of runs, along the record and in the importance sampling together.
+    - `on_step`: function that is called after each step with the time, s, up to which the record is
+      in the likelihood, and the number of runs so far.
+
+    **Raises:** `ImpossiblePointsError`, a `ValueError`, if the prior is zero at all or almost all
+    points of the box, or so few points are possible that they have no covariance;
+    `TooManyRunsError` if more than `most_runs` runs are needed.
+    """
+    begun, runs, failed = time.perf_counter(), 0, 0
+
+    def curves(points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
+        nonlocal runs, failed
+        if runs + len(points) > most_runs:
+            raise TooManyRunsError(f"more than {most_runs:g} runs")
+        # A missed sample has the residual `UNREACHED`; from it on, the point is impossible.
+        sums = compared.chi_squared(points, count)
+        # Differences of sums have rounding errors, which the factor allows for.
+        grown = np.diff(sums, axis=1, prepend=0.0) >= 0.5 * UNREACHED**2
+        missed = np.maximum.accumulate(grown, axis=1)
+        runs += len(points)
+        failed += int(missed[:, -1].sum())
+        return np.where(missed, np.inf, sums)
+
+    prior = partial(_log_prior, compared.parameters, log_prior)
+    target = Target(curves, compared.count, *box, prior)
+    generator = np.random.default_rng(seed)
+    try:
+        drawn = draw(target, number, generator, lambda count: on_step(compared.time(count), runs))
+    except ImpossiblePriorError as error:
+        raise ImpossiblePointsError(
+            f"The prior is zero at all or almost all points of the box around `guess` ({error}). "
+            "Centre `guess` where `log_prior` is finite, and reduce `spread` to that region."
+        ) from error
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        # All weights are zero, or the points with a weight have no covariance.
+        few = isinstance(error, np.linalg.LinAlgError)
+        raise ImpossiblePointsError(
+            f"{'Almost all' if few else 'All'} points are impossible: {failed} of "
+            f"{runs} runs failed or predicted values 1e6 standard deviations off. Centre "
+            "`guess` on values with which the scene runs, or change `spread` or `log_prior`."
+        ) from error
+    # Logarithm of the normal density at a residual of zero, summed over all samples. Weights are
+    # inverse standard deviations, and zero where a series has no sample.
+    weights = compared.data.weights
+    constant = float(np.log(weights[weights > 0.0] / math.sqrt(2.0 * math.pi)).sum())
+    return Posterior(
+        dict(compared.parameters),
+        dict(compared.units),
+        drawn.points,
+        constant - 0.5 * drawn.chi_squared,
+        modes(drawn.points, drawn.chi_squared),
+        constant + drawn.log_evidence,
+        drawn.error,
+        drawn.effective,
+        box,
+        runs,
+        failed,
+        drawn.steps,
+        seed,
+        time.perf_counter() - begun,
+    )
+
+
+class ImpossiblePointsError(ValueError):
+    """Error of `drawn_posterior` if too few points have a likelihood or a prior above zero."""
+
+
+class TooManyRunsError(ArithmeticError):
+    """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
+
+    It is raised before the runs that would exceed this number, and no result is returned. The small
+    posterior of `identify` has such a limit; `identify` catches the error, and the fit keeps its
+    other intervals. `posterior` has no limit.
+    """
+
+
+def _log_prior(
+    parameters: Mapping[str, Parameter], log_prior: LogPrior | None, points: np.ndarray
+) -> np.ndarray:
+    """Return the logarithms of the prior density at points (n, p) in the box, (n,).
+
+    Points are coordinates; the user's function `log_prior` receives values by name instead. If it
+    is ``None``, the prior is uniform.
+
+    **Raises:** `ValueError` if `log_prior` returns another shape, NaN or +infinity; -infinity is a
+    density of zero.
+    """
+    if log_prior is None:
+        return np.zeros(len(points))
+    pairs = zip(parameters.items(), points.T, strict=True)
+    values = {name: values_on(p.scale, row) for (name, p), row in pairs}
+    found = np.asarray(log_prior(values), float)
+    expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
+    require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)
+    fine = not np.isnan(found).any() and not (found == np.inf).any()
+    remedy = "return -inf for impossible values"
+    require(fine, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
+    return found

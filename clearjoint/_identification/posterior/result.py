@@ -1,0 +1,230 @@
+"""Result of a posterior: points with their modes, intervals, evidence and report."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..._export.tables import duration, estimates_table
+from ..._parametrisation.parameter import Parameter, values_on
+
+if TYPE_CHECKING:
+    import arviz
+    import xarray as xr
+
+EDGE, EDGE_SHARE = 0.01, 0.02
+"""`EDGE`: a point is at an end of the box if its distance from the end is less than this share of
+the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end.
+This is twice the share that a uniform distribution would have there."""
+EVEN = 0.1
+"""The report warns that a parameter's points fill the box evenly if their cumulative distribution
+differs everywhere by less than this from that of a uniform distribution over the box."""
+FEWEST_EFFECTIVE = 150.0
+"""The report warns that the points come from too few runs for accurate ends of intervals, if the
+effective number of runs is less than this and less than half the number of points."""
+
+
+@dataclass(frozen=True)
+class Posterior(AbstractTabular):
+    """Result of `posterior`: points that are distributed as the posterior of p parameters.
+
+    - `parameters`: `Parameter` by name, in the order of the p coordinates; `units` by name.
+    - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
+    - `log_likelihood`: (n,) logarithm of the likelihood of all measured samples at each point, with
+      the normalising constants of the normal distribution.
+    - `modes`: (n,) index of the separate minimum of chi squared to which each point belongs. The
+      minimum with the most points has the index 0, the next one 1, and so on.
+    - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
+      prior; `log_evidence_error`: its standard error, including that of the integral of
+      `log_prior` by which it is divided.
+    - `effective_sample_size`: effective number of the weighted runs from which the points were
+      drawn: the square of the sum of the weights over the sum of their squares. Runs at equal
+      points count as one.
+    - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
+    - `runs`: number of runs; `failed`: number of runs that failed, or whose prediction was 1e6
+      standard deviations off a sample; the likelihood of all these is zero.
+    - `steps`: number of steps of the calculation, each of which includes more of the record in the
+      likelihood.
+    - `seed`: of the random numbers; `seconds`: time taken, s.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
+    >>> found = cj.posterior(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     spread=0.3,
+    ...     number=64,
+    ...     progress=False,
+    ... )
+    >>> low, high = found.intervals["stiffness"]
+    >>> low < 100.0 < high, found.failed, found.weights.size
+    (True, 0, 1)
+    """
+
+    parameters: dict[str, Parameter]
+    units: dict[str, str]
+    coordinates: Float[np.ndarray, "n p"]
+    log_likelihood: Float[np.ndarray, " n"]
+    modes: Int[np.ndarray, " n"]
+    log_evidence: float
+    log_evidence_error: float
+    effective_sample_size: float
+    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+    runs: int
+    failed: int
+    steps: int
+    seed: int
+    seconds: float
+
+    @cached_property
+    def samples(self) -> dict[str, Float[np.ndarray, " n"]]:
+        """Values of each parameter by name, (n,), in `units`."""
+        pairs = zip(self.parameters.items(), self.coordinates.T, strict=True)
+        return {name: values_on(p.scale, row) for (name, p), row in pairs}
+
+    @property
+    def distinct(self) -> int:
+        """Number of points that differ; the others are copies, made because a run had the weight of
+        several points."""
+        return len(np.unique(self.coordinates, axis=0))
+
+    @property
+    def means(self) -> dict[str, float]:
+        """Mean of each parameter by name, in `units`."""
+        return {name: float(row.mean()) for name, row in self.samples.items()}
+
+    @property
+    def standard_deviations(self) -> dict[str, float]:
+        """Standard deviation of each parameter by name, in `units`."""
+        return {name: float(row.std()) for name, row in self.samples.items()}
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Central 95 % interval (low, high) of each parameter by name, in `units`."""
+        # With few points, intervals by NumPy's default method would be too narrow.
+        ends = {
+            name: np.quantile(row, (0.025, 0.975), method="weibull")
+            for name, row in self.samples.items()
+        }
+        return {name: (float(low), float(high)) for name, (low, high) in ends.items()}
+
+    @property
+    def correlation(self) -> Float[np.ndarray, "p p"]:
+        """Correlation of the coordinates, (p, p)."""
+        return np.atleast_2d(np.corrcoef(self.coordinates.T))
+
+    @property
+    def weights(self) -> Float[np.ndarray, " modes"]:
+        """Probability of each separate minimum, (modes,), the largest first."""
+        return np.bincount(self.modes) / len(self.modes)
+
+    @property
+    def warnings(self) -> list[str]:
+        """Sentences on a box that cuts the posterior off, on parameters whose points fill the box
+        evenly, and on a small effective number of runs.
+
+        The list is empty if there are no problems.
+        """
+        found = []
+        low, high = self.box
+        near = EDGE * (high - low)
+        for k, name in enumerate(self.parameters):
+            row = self.coordinates[:, k]
+            number = len(row)
+            # Positions in the box, 0 to 1, are compared with those of as many evenly spaced points.
+            positions = (np.sort(row) - low[k]) / (high[k] - low[k])
+            if np.abs(positions - (np.arange(number) + 0.5) / number).max() < EVEN:
+                found.append(
+                    f"The points fill the box of {name} evenly: the data hardly determine it. "
+                    "Increase its spread, or leave it out."
+                )
+                continue
+            share = max((row < low[k] + near[k]).mean(), (row > high[k] - near[k]).mean())
+            if share > EDGE_SHARE:
+                found.append(
+                    f"{share:.0%} of the points are at an end of the box of {name}: increase its "
+                    "spread, or the data don't determine it."
+                )
+        if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
+            found.append(
+                f"The points, {self.distinct} of which are distinct, come from only "
+                f"{self.effective_sample_size:.0f} effective runs: increase `number`."
+            )
+        return found
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return an `xarray.Dataset` with mean, standard deviation and interval of each parameter.
+
+        `mean` and `standard_deviation` are along "parameter", and the 95 % `interval` along
+        (parameter, bound), in the `unit` of each parameter. Attributes are `log_evidence`,
+        `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
+        """
+        names, along = [*self.parameters], ("parameter",)
+        variables = {
+            "mean": Labelled(along, [self.means[name] for name in names]),
+            "standard_deviation": Labelled(along, [self.standard_deviations[n] for n in names]),
+            "interval": Labelled((*along, "bound"), [self.intervals[name] for name in names]),
+        }
+        labels = {
+            "parameter": Labelled(along, texts(names)),
+            "unit": Labelled(along, texts([self.units[name] for name in names])),
+            "bound": Labelled(("bound",), texts(["low", "high"])),
+        }
+        return labelled_dataset("posterior", variables, labels, tuple(self._notes().items()))
+
+    def to_arviz(self) -> "arviz.InferenceData":
+        """Return the points as an `arviz.InferenceData` with one chain.
+
+        ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
+        values of the parameters; `log_likelihood` has the logarithm of the likelihood of the whole
+        record, by the name "record"; and `sample_stats` has the entries of `modes` as `mode`. The
+        group `posterior` has the attributes of the dataset from `to_xarray`, and the `weights` of
+        the modes.
+        """
+        import arviz
+
+        found = arviz.from_dict(
+            posterior={name: row[None] for name, row in self.samples.items()},
+            log_likelihood={"record": self.log_likelihood[None]},
+            sample_stats={"mode": self.modes[None]},
+            posterior_attrs={**self._notes(), "weights": self.weights.tolist()},
+        )
+        for name, unit in self.units.items():
+            found["posterior"][name].attrs["units"] = unit
+        return found
+
+    def _notes(self) -> Mapping[str, float | int]:
+        """Return the attributes of exported data, by name."""
+        return {
+            "log_evidence": self.log_evidence,
+            "log_evidence_error": self.log_evidence_error,
+            "effective_sample_size": self.effective_sample_size,
+            "runs": self.runs,
+            "failed": self.failed,
+            "seed": self.seed,
+        }
+
+    def __str__(self) -> str:
+        """Return the report: intervals, weights of minima, evidence, runs and warnings."""
+        # The table is that of a fit; headings of the same width keep its columns aligned.
+        number = len(self.weights)
+        weights = ", ".join(f"{weight:.0%}" for weight in self.weights)
+        parts = [
+            f"Posterior by {self.runs} runs, {self.failed} of which failed or are impossible "
+            f"({duration(self.seconds)}, seed {self.seed})",
+            estimates_table(self.means, self.standard_deviations, self.intervals, self.units)
+            .replace("estimate", "mean    ", 1)
+            .replace("standard error", "deviation     ", 1),
+            f"{number} separate {'minimum' if number == 1 else 'minima'}, weights {weights}\n"
+            f"logarithm of the evidence {self.log_evidence:.6g}, standard error "
+            f"{self.log_evidence_error:.2g}\n"
+            f"{len(self.coordinates)} points, {self.distinct} of which are distinct, from "
+            f"{self.effective_sample_size:.0f} effective runs",
+            "\n".join(f"Warning: {warning}" for warning in self.warnings),
+        ]
+        return "\n\n".join(part for part in parts if part)

@@ -1,0 +1,229 @@
+"""Search for starts of a fit by runs without derivatives, over a growing part of the record.
+
+If predicted and measured impact peaks don't overlap, the derivatives of chi squared don't lead to
+the solution, and later impacts add many minima. Therefore the whole neighbourhood of a guess is
+screened by many points, which are coordinates of the parameters. The first round uses an early
+part of the record, so short that many points still fit it about equally well. The next round draws
+points among them and uses more of the record, and so on to the end of the record.
+
+The method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general
+Bayesian computation*, 2006), for a misfit that grows with the record.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ..._fields.checks import require, require_count
+from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
+from .. import goodness_of_fit as statistics
+from ..comparison import Comparison
+from ..levenberg_marquardt import Search, best_search
+from ..starts import half_widths
+from .level_sets import drawn_among, far_apart, finite_level, reached
+
+LEVEL = 0.99
+"""Points fit about as well as the best if their chi squared exceeds the smallest by at most the
+quantile of the chi squared distribution with p degrees of freedom at this level."""
+LOOSER = 1000.0
+"""Tolerance of the integration in screening runs, relative to that of the fit. With the default
+settings, the tolerance in screening runs is 1e-6, as in `simulate`. Screening only ranks points,
+and the fit from the best of them is accurate."""
+STILL_FITTING = 4
+"""The next round runs over the part of the record that at least this many of the present points
+still fit. Hardly any new point would fit a longer part."""
+FIRST = 4
+"""Number of points in the first round, which fills the whole box, relative to the number of new
+points in other rounds."""
+NEIGHBOURS = 2
+"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
+around it. A covariance of p parameters needs at least p + 1 points."""
+FIRST_SHARE = 1 / 8
+"""Share of the record over which the first round runs: most points of the box fit only an early
+part. If this share is too short, the runs are repeated over more of the record."""
+
+
+@dataclass(frozen=True)
+class Screening:
+    """Starts of a fit, found by screening a box around the guess.
+
+    Every round runs a number of points, coordinates of the parameters, without derivatives. The
+    round uses the part of the record at whose end `keep` points still fit about as well as the
+    best, and keeps these points. The next round runs these again, with new points drawn among them.
+    Screening ends at the end of the record, or after `rounds` rounds.
+
+    **Arguments:**
+
+    - `number`: number of new points in a round. The first round, which fills the box evenly, has
+      four times as many. Use a larger number for more than three or four parameters.
+    - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
+      a factor of e in both directions): one number, or a dictionary by name of the parameter, in
+      which missing parameters have width 0.
+    - `keep`: number of points that are kept in a round.
+    - `finish`: number of starts among the points kept last: the best, and others far from it.
+    - `smoothing`: number of consecutive sample times over which the residuals of each series are
+      averaged, so that the misfit of a predicted and a measured peak depends on how far apart in
+      time they are. A series without a sample at one of these times counts with zero there.
+    - `rounds`: maximum number of rounds. If runs were too short to choose among the points, the
+      same points run over more of the record, which counts as another round.
+    - `passes`: maximum number of passes. A pass is a whole screening, followed by a fit from each
+      of its starts. Another pass, with other random numbers, follows while noise doesn't explain
+      the chi squared of the best fit.
+    - `seed`: seed of the random numbers.
+
+    **Raises:** `ValueError` for a `number`, `keep`, `finish`, `rounds`, `smoothing` or `passes`
+    that is not a positive integer, for a `spread` that is not finite and positive, and for a `keep`
+    below 5, below `finish`, or above 4 times `number`.
+
+    >>> cj.Screening(number=80, spread={"clearance": 0.5}).finish
+    4
+    """
+
+    number: int = 160
+    spread: float | Mapping[str, float] = 1.0
+    keep: int = 32
+    finish: int = 4
+    rounds: int = 60
+    smoothing: int = 10
+    passes: int = 3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("number", "keep", "finish", "rounds", "smoothing", "passes"):
+            require_count(name, getattr(self, name), "leave it at its default")
+        sizes = self.spread.values() if isinstance(self.spread, Mapping) else [self.spread]
+        wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
+        remedy = "pass the possible error of the guess, and leave out well-known parameters"
+        require(wide, "spread", self.spread, "finite and positive", remedy)
+        fits = self.finish <= self.keep and STILL_FITTING < self.keep <= FIRST * self.number
+        expected = (
+            f"above {STILL_FITTING}, at least finish = {self.finish}, at most {FIRST} times number"
+        )
+        require(fits, "keep", self.keep, expected, "keep about a fifth of number")
+
+
+@dataclass(frozen=True)
+class Screened:
+    """Result of one pass of a `Screening`, for p parameters.
+
+    - `points`: (keep, p) coordinates of the points kept last, the best first.
+    - `chi_squared`: (keep,) chi squared of these points, from the averaged residuals up to the last
+      of `times`.
+    - `starts`: (finish, p) the points from which to search.
+    - `times`: s, end of the part of the record that each round used.
+    - `runs`: number of runs.
+    - `complete`: whether the last round reached the end of the record.
+
+    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
+    >>> fit = cj.identify(
+    ...     scene,
+    ...     state,
+    ...     cj.Measurements({"x": data}),
+    ...     {"stiffness": stiffness},
+    ...     starts=cj.Screening(number=16, keep=8, finish=1, passes=1),
+    ...     progress=False,
+    ... )
+    >>> fit.screened[0].starts.shape
+    (1, 1)
+    """
+
+    points: Float[np.ndarray, "keep p"]
+    chi_squared: Float[np.ndarray, " keep"]
+    starts: Float[np.ndarray, "finish p"]
+    times: tuple[float, ...]
+    runs: int
+    complete: bool
+
+
+def screen(
+    screening: Screening,
+    lanes: Comparison,
+    centre: Float[np.ndarray, " p"],
+    number: int,
+    progress: bool,
+) -> Screened:
+    """Screen the box around a guess once, and return the points that fit best.
+
+    **Arguments:** `screening`: the user's options; `lanes`: the runs, and the samples with which
+    they are compared; `centre`: (p,) coordinates of the guess; `number`: number of the pass, from
+    0, which changes the random numbers; `progress`: whether to show a progress bar.
+
+    **Raises:** `ValueError` for a name in the `spread` of `screening` that is no parameter.
+    """
+    from scipy.special import chdtri
+    from scipy.stats import qmc
+
+    spread = half_widths(screening.spread, tuple(lanes.parameters))
+    excess = float(chdtri(len(centre), 1.0 - LEVEL))
+    generator = np.random.default_rng(screening.seed + number)
+    box = qmc.LatinHypercube(len(centre), rng=generator)
+    # The points of the first round fill the box from -1 to 1 times its half width.
+    points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
+    ahead = max(int(FIRST_SHARE * lanes.count), 1)  # Number of times of the runs in this round.
+    times, runs = [], 0
+    bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
+    with telling_of_compiling(bar):
+        while True:
+            curves = lanes.chi_squared(points, ahead, screening.smoothing)
+            # Number of times over which enough points fit about as well as the best. It may be a
+            # fraction, at which the points' chi squared is interpolated.
+            count = reached(curves, screening.keep, excess)
+            misfits = finite_level(curves, count)
+            best = np.argsort(misfits, kind="stable")[: screening.keep]
+            runs += len(points)
+            times.append(lanes.time(count))
+            bar.set_postfix_str(f"to {times[-1]:.4g} s")
+            bar.update(len(points))
+            kept, complete = points[best], count >= lanes.count
+            if complete or len(times) == screening.rounds:
+                starts = kept[far_apart(kept, screening.finish)]
+                return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
+            # If `keep` points fit up to the end of these runs, the runs were too short to choose
+            # among the points: the same points run over a part about 1.5 times as long.
+            if count >= ahead:
+                ahead = min(lanes.count, ahead + ahead // 2 + 1)
+                continue
+            # Hardly any new point will fit more of the record than the best present ones. The
+            # number of times that these fit is rounded up, and one more shows where their fit ends.
+            ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
+            bounds = centre - spread, centre + spread
+            new = drawn_among(
+                kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator
+            )
+            points = np.concatenate([kept, new])
+
+
+def search_screened(
+    screening: Screening,
+    lanes: Comparison,
+    centre: Float[np.ndarray, " p"],
+    progress: bool,
+    search_from: Callable[[np.ndarray], Search],
+) -> tuple[Screened, ...]:
+    """Screen and search from the starts found, until noise explains the smallest chi squared.
+
+    There are at most `screening.passes` passes, each with other random numbers.
+
+    **Arguments:** `search_from`: function that searches from a start, coordinates (p,), with
+    derivatives; it must also store its result, because only the screenings are returned. The other
+    arguments are as in `screen`.
+
+    **Returns:** the result of each screening pass.
+
+    **Raises:** `ValueError` as `screen`, and the errors of `search_from`, such as a
+    `KeyboardInterrupt` by the user, which end the passes.
+    """
+    degrees_of_freedom = lanes.data.count - len(centre)
+    searches: list[Search] = []
+    screened: list[Screened] = []
+    for number in range(screening.passes):
+        screened.append(screen(screening, lanes, centre, number, progress))
+        searches += map(search_from, screened[-1].starts)
+        chi_squared = best_search(searches).best.chi_squared
+        # Also ends without degrees of freedom, where the probability is NaN.
+        if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
+            break
+    return tuple(screened)

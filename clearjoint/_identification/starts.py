@@ -1,0 +1,153 @@
+"""Starts of a fit's searches: the user's guesses, and random starts around the first guess."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .._fields.checks import (
+    as_number,
+    errors_about,
+    recheck,
+    require,
+    require_count,
+    require_positive,
+    require_type,
+)
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter
+from .._parametrisation.variations import AbstractSeriesVariation
+
+Guess = Mapping[str, float]
+"""Value of each guessed parameter by its name, in SI units."""
+
+
+@dataclass(frozen=True)
+class Starts:
+    """A guess and random starts around it, for a fit that searches from several starts.
+
+    A start is a point in the coordinates of the parameters: their values on their scales.
+
+    **Arguments:**
+
+    - `number`: number of starts, including the guess.
+    - `spread`: largest distance of a start from the guess in each coordinate (on a `Log` scale, 1
+      is a factor of e in both directions); one number, or a dictionary by name of the parameter, in
+      which missing parameters have distance 0. Starts are uniformly distributed within this
+      distance.
+    - `seed`: seed of the random numbers.
+
+    **Raises:** `ValueError` for a `number` that is not a positive integer, and for a `spread` that
+    is negative or not finite.
+
+    >>> cj.Starts(4, spread=0.5)
+    Starts(number=4, spread=0.5, seed=0)
+    """
+
+    number: int
+    spread: float | Mapping[str, float] = 1.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_count("number", self.number, "ask for one start at least")
+        spreads = self.spread if isinstance(self.spread, Mapping) else {"": self.spread}
+        for name, spread in spreads.items():
+            argument = f"spread[{name!r}]" if name else "spread"
+            require_positive(argument, spread, "give a distance in coordinates", zero=True)
+
+    def around(
+        self, first: Float[np.ndarray, " p"], names: Sequence[str]
+    ) -> Float[np.ndarray, "{self.number} p"]:
+        """Return the coordinates of all starts, (number, p); the first row is `first`.
+
+        **Arguments:** `first`: (p,) coordinates of the guess; `names`: names of the p parameters.
+
+        **Raises:** `ValueError` for a name in `spread` that is not in `names`.
+        """
+        offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
+        offsets[0] = 0.0
+        return first + half_widths(self.spread, names) * offsets
+
+
+def half_widths(
+    spread: float | Mapping[str, float], names: Sequence[str]
+) -> Float[np.ndarray, " p"]:
+    """Return half the width of the box in which random points are drawn, for each parameter.
+
+    The points are starts of a fit, or points of a screening or a posterior.
+
+    **Arguments:** `spread`: half the width, in the coordinates of the scales: one number for all
+    parameters, or a dictionary by name, in which missing parameters have zero; `names`: names of
+    the p parameters.
+
+    **Returns:** (p,), in the order of `names`.
+
+    **Raises:** `ValueError` for a name that is not in `names`.
+    """
+    if not isinstance(spread, Mapping):
+        return np.full(len(names), float(spread))
+    _require_known("spread", spread, names)
+    return np.array([float(spread.get(name, 0.0)) for name in names])
+
+
+def start_coordinates(
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    guess: Guess | Sequence[Guess] | None,
+    starts: Starts | None,
+) -> Float[np.ndarray, "S p"]:
+    """Return the coordinates of all starts on the parameters' scales, (S, p).
+
+    The rows are the guesses in their order, then the random starts around the first guess.
+
+    **Arguments:** `guess`: a guess, or several; ``None`` is a guess without any parameter. A
+    parameter that a guess lacks starts at its `Parameter.value`, by default the number in the scene
+    or state. `starts`: ``None`` for no random starts.
+
+    **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, the name
+    of an unknown parameter in a guess or in the `spread` of `starts`, and a value that is outside
+    the range of its scale or that the scene's elements refuse.
+    """
+    names = tuple(parameters)
+    several = isinstance(guess, Sequence)
+    guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
+    require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
+    rows = []
+    for one in guesses:
+        remedy = "pass {parameter: value}, or a list of these"
+        require_type("guess", one, Mapping, "values by name", remedy)
+        _require_known("guess", one, names)
+        rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
+    guessed = np.array(rows)
+    if starts is None:
+        return guessed
+    # The first row of `around` is the guess itself.
+    return np.concatenate([guessed, starts.around(guessed[0], names)[1:]])
+
+
+def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
+    """Return the coordinate of the parameter `name`: that of its value in `guess`, or, if it is not
+    in `guess`, that of its `Parameter.value` or its number in the scene or state.
+
+    **Raises:** `ValueError`, with the name, for a value that the scale or the scene doesn't allow.
+    """
+    with errors_about(f"Parameter {name!r}"):
+        if name not in guess:
+            return parameter.coordinate_in(scene, state)
+        value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
+        coordinate = parameter.scale.coordinate(value)
+        # An error of sensors is no number of the scene, so there is nothing to check.
+        if not isinstance(parameter.variation, AbstractSeriesVariation):
+            setter = parameter.variation.setter(scene, state, value.item())
+            changed, _ = setter(scene, state, value.item())
+            recheck(changed)  # Raises the errors of constructors here, not in a run.
+        return coordinate
+
+
+def _require_known(argument: str, by_name: Mapping[str, float], names: Sequence[str]) -> None:
+    unknown = sorted(set(by_name) - set(names))
+    remedy = f"name parameters: {', '.join(names)}"
+    require(not unknown, argument, unknown, "values of estimated parameters", remedy)

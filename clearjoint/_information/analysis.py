@@ -1,0 +1,436 @@
+"""Identifiability of parameters from planned sensors, by Cramér-Rao bounds.
+
+The bounds follow from the sensitivities of the sensors' outputs: the derivatives of the outputs by
+the parameters' coordinates. The study `studies.identifiability` compares the bounds with those
+of a reference solver.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._export.tables import aligned, number, percent
+from .._fields.checks import as_number, require, require_types
+from .._fields.types import ArrayLike
+from .._measurements.series import Measurements, Series
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import AbstractScale, Parameter, coordinates_of
+from .._simulation.run.sensitivities import Sensitivities, sensitivities
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings, settings_or, strictly_rising_times
+from ..quantities.base import Quantity, check_quantity, require_quantity
+from . import fisher_information as information
+from .fisher_information import Combination
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """An instrument that samples one or more channels at the same times.
+
+    **Arguments:**
+
+    - `channels`: a measured quantity, or a list or tuple of them. A quantity is a scalar function
+      of an `Instant`, the motion at one time, such as those of `clearjoint.quantities`.
+    - `times`: (N,) s, strictly rising.
+    - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
+      number, or (N,).
+
+    The attribute `channels` is a tuple, even for one channel, and the attribute `noise` is (N,).
+
+    **Raises:** `ValueError` for no channels or channels that are not functions, for times that are
+    not finite or don't rise, and for noise of another shape or that is not finite and positive.
+
+    >>> times = np.linspace(0.0, 0.1, 201)
+    >>> probe = cj.Sensor(cj.quantities.JournalOffset("shoulder", "x"), times, noise=1e-6)
+    >>> probe.times.shape
+    (201,)
+    """
+
+    channels: tuple[Quantity, ...]
+    times: Float[np.ndarray, " N"]
+    noise: Float[np.ndarray, " N"]
+
+    def __init__(self, channels: Quantity | Sequence[Quantity], times: ArrayLike, noise: ArrayLike):
+        several = tuple(channels) if isinstance(channels, list | tuple) else (channels,)
+        require(len(several) > 0, "channels", (), "one or more", "pass one of cj.quantities")
+        for channel in several:
+            require_quantity("channels", channel)
+        row = np.asarray(strictly_rising_times(times, "times"))
+        deviation = np.asarray(as_number(noise, "noise"))
+        fine, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
+        require(fine, "noise", deviation.shape, expected, "pass one for each time")
+        fine = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
+        remedy = "give the standard deviation of the samples"
+        require(fine, "noise", deviation, "finite and positive", remedy)
+        # The class is frozen, so its fields are set by `object`.
+        object.__setattr__(self, "channels", several)
+        object.__setattr__(self, "times", row)
+        object.__setattr__(self, "noise", deviation * np.ones(len(row)))
+
+
+Sensors = Mapping[str, Sensor | Series] | Measurements
+"""Sensors or measured series by name, or `Measurements`; a series is a sensor with one channel."""
+
+
+def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
+    """Return sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
+
+    A series becomes a sensor with its channel, times and noise; its values are not used.
+
+    **Raises:** `ValueError` for other types, an empty dictionary, names that are empty or not
+    strings, and for a channel of an element that the scene lacks.
+    """
+    by_name = sensors.series if isinstance(sensors, Measurements) else sensors
+    remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
+    filled = isinstance(by_name, Mapping) and len(by_name) > 0
+    require(filled, "sensors", sensors, "a dictionary with at least one sensor", remedy)
+    require_types("sensors", by_name, Sensor | Series, "a Sensor or a Series", remedy)
+    sensor_by_name = {
+        name: one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
+        for name, one in by_name.items()
+    }
+    for name, sensor in sensor_by_name.items():
+        for channel in sensor.channels:
+            check_quantity(f"Sensor {name!r}", channel, scene)
+    return sensor_by_name
+
+
+def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
+    """Return the channels of all sensors by name.
+
+    A channel has the name of its sensor. If the sensor has several channels, a number from zero on
+    is appended, as in "probe 0". A fit uses the same names, and therefore the same compiled
+    program.
+
+    **Raises:** `ValueError` for names that are not unique.
+    """
+    outputs: dict[str, Quantity] = {}
+    for name, sensor in sensors.items():
+        for k, channel in enumerate(sensor.channels):
+            output = name if len(sensor.channels) == 1 else f"{name} {k}"
+            require(output not in outputs, "sensors", name, "unique names", "rename it")
+            outputs[output] = channel
+    return outputs
+
+
+def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
+    """Return the times at which any sensor has a sample, (N,) s, rising, each time once."""
+    return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))
+
+
+ACCURACY_OF_DERIVATIVES = 1e3
+"""Approximate ratio of the relative error of a sensitivity to `rtol`: for the double pendulum it is
+4e2 at `rtol` 1e-9 and 2e3 at 1e-11."""
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Accuracy with which data from sensors can determine parameters.
+
+    Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
+    normal noise that is so small that outputs are linear in the parameters over changes of the size
+    of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
+    parameter's value on its scale, such as the logarithm of the value.
+
+    - `names`: names of the p parameters, in the order of all arrays.
+    - `scales`: scale of each parameter.
+    - `coordinates`: (p,) coordinates at which the run was computed.
+    - `sensors`: (M,) name of the sensor of each sample, for the M samples of all channels.
+    - `sample_times`: (M,) s, time of each sample, in order of time. Samples of several channels may
+      have equal times.
+    - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
+    - `accuracy`: relative error of the derivatives. Combinations of parameters with a smaller
+      relative effect count as undetermined.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
+    >>> slopes = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
+    >>> bool(np.isclose(report.deviations[0], 1e-4 / np.linalg.norm(slopes), rtol=1e-4))
+    True
+    """
+
+    names: tuple[str, ...]
+    scales: tuple[AbstractScale, ...]
+    coordinates: Float[np.ndarray, " p"]
+    sensors: np.ndarray
+    sample_times: Float[np.ndarray, " M"]
+    rows: Float[np.ndarray, "M p"]
+    accuracy: float
+
+    def of(self, *sensors: str) -> "Identifiability":
+        """Return the identifiability from the samples of the named sensors only.
+
+        **Raises:** `ValueError` for an unknown name, and without names.
+        """
+        known = sorted(set(self.sensors.tolist()))
+        for name in sensors:
+            require(name in known, "sensors", name, f"among {known}", "correct the name")
+        require(len(sensors) > 0, "sensors", sensors, "at least one name", "name the sensors")
+        return self._where(np.isin(self.sensors, sensors))
+
+    def until(self, time: float) -> "Identifiability":
+        """Return the identifiability from the samples up to `time`, s, only.
+
+        **Raises:** `ValueError` if there are no samples up to this time.
+        """
+        early, first = self.sample_times <= time, float(self.times[0])
+        expected = f"{first} s or later, the first sample"
+        require(bool(early.any()), "time", time, expected, "raise it")
+        return self._where(early)
+
+    def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
+        """Return the identifiability from the samples for which `chosen`, (M,), is true."""
+        sensors, times = self.sensors[chosen], self.sample_times[chosen]
+        return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
+
+    @property
+    def times(self) -> Float[np.ndarray, " N"]:
+        """Times at which any sensor has a sample, (N,) s, rising, each once."""
+        return np.unique(self.sample_times)
+
+    @property
+    def root(self) -> Float[np.ndarray, "p p"]:
+        """Matrix R (p, p) with R^T R equal to the Fisher information of the coordinates."""
+        return information.root_of(self.rows)
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "p p"]:
+        """Fisher information of the coordinates, (p, p)."""
+        return self.root.T @ self.root
+
+    @property
+    def deviations(self) -> Float[np.ndarray, " p"]:
+        """Standard deviations of the coordinates, (p,), if all parameters are estimated together.
+
+        On a `Log` scale, the standard deviation of a coordinate is the relative error of the value.
+        It is infinite for a parameter that the data don't determine.
+        """
+        return information.deviations_together(self.root, self.accuracy)
+
+    @property
+    def deviations_alone(self) -> Float[np.ndarray, " p"]:
+        """Standard deviations of the coordinates, (p,), if all other parameters are known.
+
+        They are infinite for parameters without effect on the data.
+        """
+        # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
+        with np.errstate(divide="ignore"):
+            return 1.0 / np.linalg.norm(self.root, axis=0)
+
+    @property
+    def labels(self) -> list[str]:
+        """Label of each parameter's coordinate as text, such as "log K"."""
+        return [scale.label(name) for scale, name in zip(self.scales, self.names, strict=True)]
+
+    @property
+    def values(self) -> Float[np.ndarray, " p"]:
+        """Values of the parameters, (p,), SI."""
+        pairs = zip(self.scales, self.coordinates, strict=True)
+        return np.array([float(scale.value(u)) for scale, u in pairs])
+
+    @property
+    def slopes(self) -> Float[np.ndarray, " p"]:
+        """Magnitude of the derivative of each parameter's value by its coordinate, (p,), SI."""
+        pairs = zip(self.scales, self.coordinates, strict=True)
+        return np.abs([float(scale.slope(u)) for scale, u in pairs])
+
+    @property
+    def value_deviations(self) -> Float[np.ndarray, " p"]:
+        """Standard deviations of the values, (p,), SI, if all parameters are estimated together."""
+        return self.slopes * self.deviations
+
+    @property
+    def limits(self) -> Float[np.ndarray, " p"]:
+        """Standard deviation of each coordinate, (p,), above which it is not identifiable.
+
+        An estimate with a larger one carries no information. The scale determines the limit by
+        `AbstractScale.uninformative_std`: on a `Log` scale it is 1, a factor of e in the value.
+        """
+        pairs = zip(self.scales, self.coordinates, strict=True)
+        return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        """Whether the standard deviation of each parameter is within its limit, by name."""
+        fine = self.deviations <= self.limits
+        return dict(zip(self.names, fine.tolist(), strict=True))
+
+    @property
+    def rank(self) -> int:
+        """Number of independent combinations of parameters that the data determine, at most p."""
+        return int(information.rank(self.root, self.accuracy))
+
+    @property
+    def condition(self) -> float:
+        """Condition number of `rows` with their columns scaled to unit length.
+
+        A large number means that the data hardly determine some combination of the parameters. The
+        number is infinite, or very large because of rounding, if a parameter has no effect on the
+        data; it is NaN if no parameter has an effect.
+        """
+        return float(information.condition(self.root))
+
+    @property
+    def correlation(self) -> Float[np.ndarray, "p p"]:
+        """Correlation of the estimated coordinates, (p, p).
+
+        Correlations of a parameter that the data don't determine, whose standard deviation is
+        infinite, are NaN.
+        """
+        return information.correlation_together(self.root, self.accuracy)
+
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Combinations of coordinates with independent estimates, the most accurate first."""
+        return information.combinations(self.root, self.accuracy)
+
+    def over_time(self) -> np.ndarray:
+        """Return standard deviations of the coordinates, (N, p), for records up to each of `times`.
+
+        All parameters are estimated together. Deviations are infinite for parameters that the
+        record so far doesn't determine.
+        """
+        # The root of the rows so far, together with the new rows, has the same information as all
+        # these rows, so that each row enters only one decomposition.
+        root, roots, start = np.zeros((len(self.names),) * 2), [], 0
+        for end in np.searchsorted(self.sample_times, self.times, side="right").tolist():
+            root = information.root_of(np.concatenate([root, self.rows[start:end]]))
+            roots.append(root)
+            start = end
+        return information.deviations_together(np.array(roots), self.accuracy)
+
+    def __str__(self) -> str:
+        """Return tables of standard deviations, correlations and combinations, as text."""
+        sensors, times = ", ".join(dict.fromkeys(self.sensors.tolist())), self.times
+        head = (
+            f"Smallest standard deviations that data can reach: {sensors}; {len(times)} times from "
+            f"{times[0]:g} to {times[-1]:g} s"
+        )
+        return "\n".join([head, "", *self._bounds(), "", *self._combination_lines()])
+
+    def _bounds(self) -> list[str]:
+        """Return the lines of a table with a row for each parameter.
+
+        The columns are its value; the bound of its standard deviation if it is estimated together
+        with the others, as a number and as a share of the value, or "not identifiable"; the bound
+        if it is estimated alone; and its correlations r.
+        """
+        rows: list[tuple[str, ...]] = [
+            ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
+        ]
+        together, alone = self.value_deviations, self.slopes * self.deviations_alone
+        for k, (name, fine) in enumerate(self.identifiable.items()):
+            value = self.values[k]
+            share = percent(together[k] / abs(value)) if value != 0.0 else "-"
+            bounds = (number(together[k]), share) if fine else ("not identifiable", "-")
+            correlations = [number(c, 3) for c in self.correlation[k]]
+            rows.append((name, f"{value:.5g}", *bounds, number(alone[k]), *correlations))
+        return aligned(rows)
+
+    def _combination_lines(self) -> list[str]:
+        """Return the lines of a table of the combinations of parameters with their standard
+        deviations, then a line for each parameter that is not identifiable."""
+        labels = self.labels
+        rows = [("combination, from best to worst", "deviation", "")]
+        for one in self.combinations:
+            # The limit is that of the parameter whose weight has the largest magnitude, which is 1.
+            determined = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
+            deviation = number(one.standard_deviation)
+            rows.append((one.described(labels), deviation, "" if determined else "not determined"))
+        lines = aligned(rows)
+        for k, (name, fine) in enumerate(self.identifiable.items()):
+            if not fine:
+                deviation, limit = self.deviations[k], self.limits[k]
+                size = f"{deviation:.2g}" if np.isfinite(deviation) else "infinite"
+                lines.append(
+                    f"{name} is not identifiable: the standard deviation of {labels[k]} is {size}. "
+                    f"Above {limit:.2g} an estimate carries no information."
+                )
+        return lines
+
+
+def identifiability(
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    sensors: Sensors,
+    settings: Settings | None = None,
+    *,
+    start_time: float = 0.0,
+) -> Identifiability:
+    """Compute, by one run, how accurately data from sensors can determine parameters.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time` s: as in `simulate`.
+    - `parameters`: parameters by name. The run is computed at their values, which are those of
+      `scene` and `state` unless a `Parameter` has a `value` of its own.
+    - `sensors`: sensors (`Sensor`) by name, each with its times; or measured `Series` by name, or
+      `Measurements`, whose values are not used.
+    - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
+
+    **Returns:** an `Identifiability`, with the smallest standard deviations that data can reach.
+
+    **Raises:** `ValueError` for unsupported arguments, such as settings with a `controller` instead
+    of tolerances; `SimulationError` if the run fails.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> report = cj.identifiability(scene, state, {"stiffness": stiffness}, {"probe": probe})
+    >>> report.identifiable
+    {'stiffness': True}
+    """
+    settings = settings_or(settings, presets.derivatives)
+    settings.require_tolerances("the accuracy of derivatives depends on them")
+    by_name = as_sensors(sensors, scene)
+    times = times_of(by_name)
+    given = parameters, outputs_of(by_name), times, settings
+    run = sensitivities(scene, state, float(times[-1]), *given, start_time=start_time)
+    coordinates = coordinates_of(scene, state, parameters)
+    return identifiability_from(run, parameters, coordinates, by_name, settings)
+
+
+def identifiability_from(
+    run: Sensitivities,
+    parameters: Mapping[str, Parameter],
+    coordinates: Float[np.ndarray, " p"],
+    sensors: Mapping[str, Sensor],
+    settings: Settings,
+) -> Identifiability:
+    """Return the `Identifiability` of parameters from the derivatives of a run.
+
+    `identifiability` calls it. So does `fit_horizon`, which computes how long a record a fit can
+    use, and has made a run with derivatives already.
+
+    **Arguments:**
+
+    - `run`: run with the sensors' outputs at all their times. The first p columns of its
+      derivatives are by the parameters' coordinates; others are not used.
+    - `parameters`: the p parameters by name.
+    - `coordinates`: (p,) coordinates of the parameters in that run.
+    - `sensors`: the sensors by name.
+    - `settings`: settings of the run; `rtol` determines the accuracy of the derivatives.
+    """
+    p, names, times, rows = len(coordinates), [], [], []
+    for name, sensor in sensors.items():
+        at = np.searchsorted(run.times, sensor.times)
+        columns = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
+        # (N, channels, p): a sample of each channel at each of the sensor's N times.
+        scaled = np.stack(columns, axis=1) / sensor.noise[:, None, None]
+        rows.append(scaled.reshape(-1, p))
+        times.append(np.repeat(sensor.times, len(columns)))
+        names += [name] * len(rows[-1])
+    # In order of time, the samples of a shorter record are the first rows.
+    sample_times = np.concatenate(times)
+    order = np.argsort(sample_times, kind="stable")
+    return Identifiability(
+        tuple(parameters),
+        tuple(parameter.scale for parameter in parameters.values()),
+        coordinates,
+        np.array(names)[order],
+        sample_times[order],
+        np.concatenate(rows)[order],
+        ACCURACY_OF_DERIVATIVES * settings.rtol,
+    )

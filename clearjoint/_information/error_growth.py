@@ -1,0 +1,130 @@
+"""Growth of small differences between motions, measured by displacements of points of the bodies.
+
+A difference is the derivative of the motion by a parameter, such as a perturbation of the initial
+velocity. Four points of each body are used: its centre of mass, and a point on each body axis at
+the radius of gyration, the root mean square distance of the body's mass from that centre. The size
+of a difference is the root mean square displacement of all points, m, per unit of the parameter.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import numpy as np
+
+from .._dynamics.formulation import Formulation
+from .._dynamics.joint_coordinates.coordinates import JointCoordinates
+from .._dynamics.system import System
+from .._math.vectors import Scalar, fold_constants, pack, unpack
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter
+from ..quantities.base import Quantity
+from ..quantities.bodies import PointPosition
+from ..quantities.joints import Penetration
+
+DISTURBANCE = "initial velocity"
+"""Name of the parameter that perturbs the initial state."""
+DIRECTION = (0.53, 0.62, 0.58)
+"""Direction of the perturbing velocity: a unit vector (to three digits) with a component along
+every axis, so that it perturbs motions in all directions."""
+
+
+@dataclass(frozen=True)
+class _Push:
+    """Function that adds a perturbation of a given size, m/s, to the initial velocities.
+
+    Every body gets the same additional velocity, of this size, and an additional spin that moves
+    points at its radius of gyration with the same speed. Components of the perturbation that ideal
+    joints forbid are dropped, but joints that close a loop are not taken into account.
+
+    - `radii`: pairs of a body's name and its radius of gyration, m.
+    """
+
+    radii: tuple[tuple[str, float], ...]
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        along = value * np.array(DIRECTION)
+        bodies = dict(state.bodies)
+        for name, radius in self.radii:
+            twist = (bodies[name].velocity + along, bodies[name].spin + along / radius)
+            bodies[name] = eqx.tree_at(lambda b: (b.velocity, b.spin), bodies[name], twist)
+        # Encoding the velocities in joint coordinates drops the part that the joints forbid.
+        system = System(unpack(fold_constants(scene)), Formulation(JointCoordinates()))
+        compatible = system.decode(system.encode(unpack(bodies)))
+        return scene, eqx.tree_at(lambda s: s.bodies, state, pack(compatible))
+
+
+def disturbance(scene: Scene) -> Parameter:
+    """Return the size of a perturbation of the initial velocities, m/s, as a parameter.
+
+    Its value is zero; derivatives by it show how small differences grow. The perturbation may
+    violate the constraints of drivers and of joints that close a loop. The stabilisation of these
+    constraints then reduces the perturbation during the run.
+    """
+    return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
+
+
+def points(scene: Scene) -> dict[str, Quantity]:
+    """Return the global coordinates of four points of each body, m, as quantities by name.
+
+    The points are the body's centre of mass, and a point on each body axis at the distance of the
+    radius of gyration from the centre.
+    """
+    quantities: dict[str, Quantity] = {}
+    for body, radius in radii_of_gyration(scene).items():
+        for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
+            for component in ("x", "y", "z"):
+                name = f"point {k} of {body}: {component}"
+                quantities[name] = PointPosition(body, point, component)
+    return quantities
+
+
+def penetrations(scene: Scene) -> dict[str, Quantity]:
+    """Return the penetrations of all contacts, m, as quantities by name."""
+    return {
+        f"penetration of {joint}: {contact}": Penetration(joint, contact)
+        for joint, laws in scene.laws().items()
+        for contact in laws
+    }
+
+
+def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
+    """Return the root mean square displacement of all points, (T, p) m, at T times, per unit of
+    each of p parameters.
+
+    **Arguments:** `derivatives`: by name, derivatives (T, p) of quantities by the parameters;
+    `names`: the quantities returned by `points`, whose names select the derivatives.
+    """
+    # The mean is over coordinates; three of them make a point, hence the factor 3.
+    squares = [derivatives[name] ** 2 for name in names]
+    return np.sqrt(3.0 * np.mean(squares, axis=0))
+
+
+def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
+    """Return the rate of exponential growth of displacements, 1/s.
+
+    The rate is the slope of a straight line that is fitted to the logarithms of the displacements.
+    It is NaN for fewer than two positive displacements from `since` on.
+
+    **Arguments:** `times`: (T,) s; `size`: (T,) m, displacements at these times; `since`: s, time
+    from which on they are used.
+    """
+    used = (times >= since) & (size > 0.0)
+    if used.sum() < 2:
+        return float("nan")
+    return float(np.polyfit(times[used], np.log(size[used]), 1)[0])
+
+
+def radii_of_gyration(scene: Scene) -> dict[str, float]:
+    """Return the radius of gyration of each body, m, by name.
+
+    It is the root mean square distance of the body's mass from the centre of mass.
+    """
+    # The trace of the inertia is twice the integral of the squared distance over the mass.
+    radii = {}
+    for name, body in scene.bodies.items():
+        inertia = np.asarray(body.inertia)
+        trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
+        radii[name] = float(np.sqrt(trace / (2.0 * float(body.mass))))
+    return radii

@@ -1,0 +1,462 @@
+"""Longest record that a fit by a single run can use.
+
+Such a fit compares all samples with one run from the initial state, and searches for the parameters
+for which they agree. Small differences grow from impact to impact. This growth increases the effect
+of parameters on the data, but it limits a fit in two ways. First, from some length of the record
+on, the run of a wrong guess has another sequence of impacts than the data, and the fit may end in
+wrong parameters. Second, integration errors grow until the computed run differs from the true
+motion for the same parameters.
+
+The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. The
+path of the fit is assumed to be the straight line from the guess to the truth, in the parameters'
+coordinates. If the misfit of the outputs rises somewhere along this line towards the truth, a local
+minimum or a ridge may stop the fit. The slope of the misfit along the path is r^T J d, with the
+residuals r and their derivatives J at a point of the path, and the direction d from the truth to
+the guess. It is a sum over samples, so its cumulative sums are the slopes for records of every
+length.
+"""
+
+import itertools
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._export.tables import aligned, number, percent
+from .._fields.cautions import level_of_the_user
+from .._fields.checks import require, require_positive
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter, coordinates_of, values_at
+from .._simulation.run.sensitivities import Sensitivities, sensitivities
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings, settings_or
+from ..quantities.base import Quantity
+from . import error_growth as growth
+from .analysis import (
+    Identifiability,
+    Sensor,
+    Sensors,
+    as_sensors,
+    identifiability_from,
+    outputs_of,
+    times_of,
+)
+
+LOOSER = 10.0
+"""Ratio of the tolerance of a second run to that of the main run. The difference between the two
+runs estimates the error of the main run. A second run with a smaller tolerance than the main run
+might be dominated by rounding errors."""
+PATH_POINTS = 4
+"""Number of points between the truth and a wrong guess, including the guess, at which the slope of
+the misfit is computed."""
+DERIVATIVE_ERROR = 0.1
+"""Relative error of derivatives above which they count as useless for a fit."""
+ALL_CORNERS = 3
+"""Largest number of parameters for which guesses with all parameters wrong are tested in every
+combination of signs, up to eight; for more parameters, eight random combinations are tested."""
+FLAT = 1e-6
+"""Magnitude of the cosine of the angle between the residuals and their derivatives along a path,
+below which the misfit counts as constant along the path. Where the path has no effect on the data,
+the cosine is not exactly zero, because of rounding and integration errors."""
+
+
+@dataclass(frozen=True)
+class WrongGuess:
+    """A wrong guess, and the records for which a fit from it may not find the truth.
+
+    - `offsets`: (p,) coordinates of the guess minus those of the truth.
+    - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
+      that ends at each of the T times of samples.
+    - `since`: s, end of the shortest blocked record; infinite if there is none.
+    """
+
+    offsets: Float[np.ndarray, " p"]
+    blocked: Bool[np.ndarray, " T"]
+    since: float
+
+
+@dataclass(frozen=True)
+class FitHorizon:
+    """Longest record that a fit by a single run can use, and what limits it.
+
+    Such a fit compares all samples with one run from the initial state. A coordinate is a
+    parameter's value on its scale, such as the logarithm of the value.
+
+    - `times`: (T,) s, times of the samples.
+    - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
+      parameter's coordinate. The last column is for a perturbation of the initial velocity, per
+      m/s.
+    - `rate`: 1/s, rate of exponential growth of this last column since the first contact, or since
+      the start if there is no contact; NaN for fewer than two positive displacements since then.
+    - `error`: (T,) bound of the integration error in units of the noise, the largest of all
+      outputs. It is the difference from a run with ten times the tolerance, whose error is larger.
+    - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
+      each time, the largest of all parameters.
+    - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
+    - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
+      may fail.
+    - `information`: smallest standard deviations of the parameters that the data allow, also for
+      shorter records.
+
+    `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
+    the record.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.fit_horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> limits.growth.shape
+    (30, 2)
+    """
+
+    times: Float[np.ndarray, " T"]
+    growth: Float[np.ndarray, "T directions"]
+    rate: float
+    error: Float[np.ndarray, " T"]
+    derivative_error: Float[np.ndarray, " T"]
+    numerical: float
+    guesses: tuple[WrongGuess, ...]
+    information: Identifiability
+
+    @property
+    def convergence(self) -> float:
+        """End of the shortest record, s, for which a fit from one of the guesses may fail.
+
+        Infinite if fits from all guesses converge for every record.
+        """
+        return min(guess.since for guess in self.guesses)
+
+    @property
+    def single_shot(self) -> float:
+        """Time, s, at which a record becomes too long for a fit by a single run.
+
+        The smaller one of `numerical` and `convergence`; infinite if the whole record can be used.
+        """
+        return min(self.numerical, self.convergence)
+
+    def warn_if_beyond(self, time: float) -> None:
+        """Warn, with a `UserWarning`, if a record ends at `single_shot` or later.
+
+        The warning names each limit that the record reaches, in ms. It suggests fitting first a
+        part of the record that ends before the smaller limit, and then longer parts (`grow` of
+        `identify`).
+
+        **Arguments:** `time`: s, time of the record's last sample.
+        """
+        if time >= self.single_shot:
+            reasons = []
+            if time >= self.convergence:
+                reasons.append(
+                    f"from {1e3 * self.convergence:.4g} ms on, fits from guesses with this "
+                    "uncertainty may end in a wrong minimum"
+                )
+            if time >= self.numerical:
+                reasons.append(
+                    f"from {1e3 * self.numerical:.4g} ms on, integration errors exceed the noise "
+                    "or make the derivatives useless"
+                )
+            warnings.warn(
+                f"The record ends at {1e3 * time:.4g} ms and is too long for a fit by a single "
+                f"run: {'; '.join(reasons)}. Fit growing windows, of "
+                f"which the first ends before {1e3 * self.single_shot:.4g} ms: "
+                "identify(..., grow=[...]).",
+                UserWarning,
+                stacklevel=level_of_the_user(),
+            )
+
+    def __str__(self) -> str:
+        """Return the report as text: limits, wrong guesses, and standard deviations of the
+        parameters by length of the record."""
+        end = float(self.times[-1])
+        limits = [
+            f"A run of {1e3 * end:g} ms; small differences of velocity grow at a rate of "
+            f"{self.rate:.3g} 1/s after the first contact.",
+            f"Integration and derivatives are accurate {_until(self.numerical)} (the error at the "
+            f"end is {number(self.error[-1])} times the noise, that of derivatives "
+            f"{percent(self.derivative_error[-1])}).",
+            f"Fits from all guesses converge {_until(self.convergence)}.",
+        ]
+        guesses = [("offsets of", *self.information.labels, "converges")]
+        for guess in self.guesses:
+            guesses.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
+        deviations = self.information.over_time()
+        ends = {end} | {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
+        rows = [("record", *self.information.labels)]
+        for length in sorted(ends):
+            at = int(np.searchsorted(self.times, length))
+            rows.append((f"{1e3 * length:.4g} ms", *(number(x) for x in deviations[at])))
+        head = "Standard deviations that data can reach, by length of the record:"
+        return "\n".join([*limits, "", *aligned(guesses), "", head, *aligned(rows)])
+
+
+def _until(time: float) -> str:
+    """Return a limit of the record's length, s, as text: "up to" the time in ms, or "to the end" if
+    it is infinite."""
+    return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
+
+
+def fit_horizon(
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    sensors: Sensors,
+    settings: Settings | None = None,
+    *,
+    uncertainty: Mapping[str, float],
+    start_time: float = 0.0,
+) -> FitHorizon:
+    """Compute the longest record of a motion that a fit by a single run can use.
+
+    The parameters' values are taken as the truth. Two runs with these values, one of them with ten
+    times the tolerance, estimate the integration error. For each of several wrong guesses, four
+    more runs, at the guess and at points between it and the truth, test whether the misfit falls
+    all the way. If one of these runs fails, the misfit of records that end after the failure counts
+    as rising. There are two guesses for each parameter, too large and too small. With two
+    parameters there are four more with both of them wrong, and with more parameters eight with all
+    of them wrong.
+
+    **Arguments:**
+
+    - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in
+      `identifiability`; the run ends at the last sample.
+    - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
+      coordinate of its scale: log(5) for a factor of five on a `Log` scale.
+
+    **Returns:** a `FitHorizon`, whose `single_shot` is the time, s, at which a record becomes too
+    long.
+
+    **Raises:** `ValueError` for arguments that `identifiability` refuses, for an `uncertainty` that
+    is not one positive number for each parameter, and for a parameter or sensor with a name that
+    this function uses itself, such as "initial velocity"; `SimulationError` if one of the two runs
+    with the parameters' values fails.
+
+    >>> probe = cj.Sensor(x, times, noise=1e-4)
+    >>> limits = cj.fit_horizon(
+    ...     scene,
+    ...     state,
+    ...     {"stiffness": stiffness},
+    ...     {"probe": probe},
+    ...     uncertainty={"stiffness": np.log(1.5)},
+    ... )
+    >>> limits.single_shot
+    inf
+    """
+    tight = settings_or(settings, presets.derivatives)
+    names, keys = sorted(parameters), sorted(uncertainty)
+    require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
+    for name, size in uncertainty.items():
+        remedy = "give the possible error of the guess"
+        require_positive(f"uncertainty[{name!r}]", size, remedy)
+    spread = np.array([float(uncertainty[name]) for name in parameters])
+    by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
+    times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
+    outputs = outputs_of(by_name) | points | contacts
+    disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
+    # These names are used beside the user's.
+    for argument, given, own in (
+        ("parameters", parameters, disturbance),
+        ("sensors", outputs_of(by_name), points | contacts),
+    ):
+        taken = sorted(set(given) & set(own))
+        require(not taken, argument, taken, "of other names, which are used here", "rename them")
+
+    def run_at(coordinates: np.ndarray, settings: Settings, throw: bool = True) -> Sensitivities:
+        """Run the scene at coordinates (p,) of the parameters.
+
+        The derivatives, (T, p + 1), are by the coordinates and, in the last column, by the
+        perturbation of the initial velocity. If the run fails and `throw` is false, the result ends
+        where it failed.
+        """
+        # Only the parameters' values change, which are arguments of the compiled program.
+        moved = {
+            name: Parameter(parameters[name].variation, parameters[name].scale, value=value)
+            for name, value in values_at(parameters, coordinates).items()
+        }
+        given = float(times[-1]), moved | disturbance, outputs, times, settings
+        return sensitivities(scene, state, *given, start_time=start_time, throw=throw)
+
+    true_run, weights = run_at(truth, tight), _weights(by_name, times)
+    loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)
+    errors = _errors(true_run, loose, weights, len(truth))
+    sizes = growth.sizes(true_run.derivatives, points)
+    # Differences grow exponentially only through impacts, so the rate is fitted from the first
+    # contact on.
+    touching = np.any([true_run.values[name] > 0.0 for name in contacts], axis=0)
+    onset = _first(times, touching)
+
+    def near_truth(coordinates: np.ndarray) -> Sensitivities:
+        return _near(run_at(coordinates, tight, throw=False), true_run, outputs)
+
+    guesses = [_wrong_guess(near_truth, true_run, truth, d, weights) for d in offsets(spread)]
+    return FitHorizon(
+        times,
+        sizes,
+        growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
+        *errors,
+        _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
+        tuple(guesses),
+        identifiability_from(true_run, dict(parameters), truth, by_name, tight),
+    )
+
+
+def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the weights of each output by name at times (T,): the inverse of the noise at the
+    times of its samples, and zero at other times."""
+    weights: dict[str, np.ndarray] = {}
+    for name, sensor in sensors.items():
+        weight = np.zeros(len(times))
+        weight[np.searchsorted(times, sensor.times)] = 1.0 / sensor.noise
+        weights |= dict.fromkeys(outputs_of({name: sensor}), weight)
+    return weights
+
+
+def _near(
+    run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
+) -> Sensitivities:
+    """Return a copy of a run with its periodic outputs, such as angles, near to a reference run.
+
+    Each value is shifted by the number of whole periods that makes it nearest to the value of the
+    reference run. The residuals of a fit are differences modulo the period too.
+
+    **Arguments:** `run`: run, which may have ended early; `reference`: run over the whole record;
+    `outputs`: outputs of both runs by name.
+    """
+    values = dict(run.values)
+    for name, output in outputs.items():
+        if (period := getattr(output, "period", None)) is not None:
+            difference = values[name] - reference.values[name][: len(run.times)]
+            values[name] = values[name] - period * np.round(difference / period)
+    return replace(run, values=values)
+
+
+def _errors(
+    run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return bounds (T,) of the errors of a run's values, and of its derivatives by the parameters.
+
+    The error of the values is in units of the noise, the largest of all outputs. For each
+    parameter, the error of the derivatives at a time is the norm of their errors over the record up
+    to this time, divided by the norm of the derivatives over the same record. The largest of all
+    parameters is returned.
+
+    **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger;
+    `weights`: weights (T,) of the outputs by name, the inverse of the noise; `p`: number of
+    parameters, whose derivatives come first.
+    """
+    values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
+    # Errors of derivatives are compared with the derivatives of the whole record so far, because a
+    # fit uses their sum over all samples.
+    differences, size = np.zeros((2, len(run.times), p))
+    for name, weight in weights.items():
+        weighted = run.derivatives[name][:, :p] * weight[:, None]
+        differences += (loose.derivatives[name][:, :p] * weight[:, None] - weighted) ** 2
+        size += weighted**2
+    # A parameter without any effect so far has no relative error; the divisor 1 avoids 0/0.
+    total, error = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
+    relative = np.sqrt(error / np.where(total > 0.0, total, 1.0))
+    return np.max(values, axis=0), relative.max(axis=1)
+
+
+def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
+    """Yield the offset of each wrong guess from the truth, (p,), in the parameters' coordinates.
+
+    Each parameter is wrong alone, in both directions. If there are several parameters, all are then
+    wrong together: in all combinations of signs for two or three parameters, in eight random
+    combinations for more.
+
+    **Arguments:** `uncertainty`: (p,) largest error of each coordinate.
+    """
+    p = len(uncertainty)
+    for k in range(p):
+        for sign in (1.0, -1.0):
+            yield sign * uncertainty * np.eye(p)[k]
+    if 1 < p <= ALL_CORNERS:
+        for signs in itertools.product((1.0, -1.0), repeat=p):
+            yield uncertainty * signs
+    elif p > ALL_CORNERS:
+        for signs in np.random.default_rng(0).choice((1.0, -1.0), (2**ALL_CORNERS, p)):
+            yield uncertainty * signs
+
+
+def _wrong_guess(
+    run_at: Callable[[np.ndarray], Sensitivities],
+    true_run: Sensitivities,
+    truth: np.ndarray,
+    offset: np.ndarray,
+    weights: Mapping[str, np.ndarray],
+) -> WrongGuess:
+    """Test for which records the misfit falls all the way from a wrong guess to the truth.
+
+    **Arguments:**
+
+    - `run_at`: function that runs the scene at coordinates (p,) of the parameters.
+    - `true_run`: run at the coordinates `truth`, (p,).
+    - `offset`: (p,) guess less truth, in coordinates.
+    - `weights`: weights (T,) of the outputs by name, the inverse of the noise.
+    """
+    times = true_run.times
+    true_values, blocked = _weighted(true_run.values, weights), np.zeros(len(times), bool)
+    # A record is blocked if the misfit rises at any of the points between the truth and the guess.
+    for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
+        run = run_at(truth + fraction * offset)
+        # Derivatives by the parameters come first; the others are not needed here.
+        along = {name: run.derivatives[name][:, : len(offset)] @ offset for name in weights}
+        values, slopes = _weighted(run.values, weights), _weighted(along, weights)
+        blocked |= blocked_records(true_values, values, slopes)
+    return WrongGuess(offset, blocked, _first(times, blocked))
+
+
+def _weighted(
+    rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
+) -> Float[np.ndarray, "S n"]:
+    """Return values or derivatives of S outputs, in units of their noise, as an array (S, n).
+
+    **Arguments:** `rows`: values or derivatives (n,) by name of the output, at the first n of T
+    times; n < T if the run failed early. `weights`: as for `_wrong_guess`.
+    """
+    return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
+
+
+def blocked_records(
+    truth: Float[np.ndarray, "S T"],
+    values: Float[np.ndarray, "S n"],
+    slopes: Float[np.ndarray, "S n"],
+) -> Bool[np.ndarray, " T"]:
+    """Return for which records the misfit rises towards the truth at a point of a path, (T,).
+
+    Such a rise may block a fit. Entry k is for the record that ends at time k of the T times of
+    samples, counted from 0. A misfit below the noise doesn't block a fit. Neither does one that is
+    constant along the path: before the first impact, the run doesn't depend on the clearance, but
+    in a longer record it does.
+
+    **Arguments:** values and derivatives of S outputs, in units of their noise, zero at times
+    without a sample:
+
+    - `truth`: (S, T) values at the truth.
+    - `values`: (S, n) values at the point. If the run failed early, n < T, and longer records are
+      blocked.
+    - `slopes`: (S, n) derivatives of `values` along the path, away from the truth.
+    """
+    n = values.shape[1]
+    residuals = values - truth[:, :n]
+    slope = np.cumsum((residuals * slopes).sum(axis=0))
+    misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, slopes))
+    is_blocked = np.ones(truth.shape[1], bool)
+    # A negative slope means that the misfit rises towards the truth. Divided by the norms, the
+    # slope is the cosine of an angle, so that the limit does not depend on the size of the misfit.
+    # A misfit up to 1 is within the noise.
+    is_blocked[:n] = (slope < -FLAT * np.sqrt(misfit * size)) & (misfit > 1.0)
+    return is_blocked
+
+
+def _first(times: np.ndarray, where: np.ndarray) -> float:
+    """Return the first of `times`, (T,), at which `where`, (T,), is true; infinite if there is
+    none."""
+    return float(times[np.argmax(where)]) if where.any() else np.inf

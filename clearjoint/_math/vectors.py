@@ -1,0 +1,485 @@
+"""Vectors and 3x3 matrices whose components are separate scalars.
+
+Scalars are faster than arrays here. Native code (`clearjoint._native`) consists of operations on
+scalars, and XLA's CPU compiler compiles a stepping loop to one function if the loop's body is
+elementwise arithmetic on scalars. A `stack`, a `dot` or a concatenation would each launch a kernel
+of XLA, which would take most of the time of a run. Under ``vmap`` the same code computes many runs:
+each scalar becomes an array.
+
+A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
+JAX traces, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds such
+components in the numbers of a scene, for example in an axis (1, 0, 0). A program is then compiled
+for each pattern of zeros and ones, but not for each value of a number.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from types import ModuleType
+from typing import TypeAlias, overload
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
+
+Scalar: TypeAlias = float | jax.Array
+"""A number: a float of Python or NumPy, or a JAX array of shape ().
+
+>>> def stiffening(depth: extend.Scalar) -> extend.Scalar:
+...     return 1.0 + depth
+"""
+Condition: TypeAlias = bool | jax.Array
+"""A truth value: a Python bool, or a boolean JAX array of shape ()."""
+
+
+_NUMBERS = int, float
+"""Classes of Python's numbers. Written out, `int | float` would be made anew at each call of `_is`,
+which is called for each operand of each operation that JAX traces."""
+
+
+def _is(value: Scalar, number: float) -> bool:
+    return isinstance(value, _NUMBERS) and value == number
+
+
+def are_traced_alike(a: Scalar, b: Scalar) -> bool:
+    """Return whether both numbers are JAX tracers of the same shape and dtype.
+
+    An operation on them needs no conversions. Its primitive can be called directly, which JAX
+    traces in a quarter of the time of an operator.
+    """
+    return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
+
+
+def have_primitive(a: Scalar, b: Scalar) -> bool:
+    """Return whether JAX's primitives can be called with both numbers as they are.
+
+    Either `are_traced_alike`, or one is a tracer of one number of float64 and the other a float of
+    Python, for which an operator takes four times as long as the primitive.
+    """
+    if isinstance(a, Tracer) and isinstance(b, Tracer):
+        return a.aval == b.aval
+    traced, number = (a, b) if isinstance(a, Tracer) else (b, a)
+    is_single = isinstance(traced, Tracer) and traced.shape == () and traced.dtype == np.float64
+    return is_single and type(number) is float
+
+
+def is_zero(a: Scalar) -> bool:
+    """Return whether a number is a structural zero: a zero of Python, or of NumPy's float64."""
+    return _is(a, 0)
+
+
+def add(a: Scalar, b: Scalar) -> Scalar:
+    """Return a + b: the other number itself if one of them is a structural zero."""
+    if _is(a, 0):
+        return b
+    if _is(b, 0):
+        return a
+    return jax.lax.add(a, b) if have_primitive(a, b) else a + b
+
+
+def subtract(a: Scalar, b: Scalar) -> Scalar:
+    """Return a - b, without a subtraction if either is a structural zero or both are one object.
+
+    In the latter case the result is a structural zero.
+    """
+    if a is b:
+        return 0.0
+    if _is(b, 0):
+        return a
+    if _is(a, 0):
+        return -b
+    return jax.lax.sub(a, b) if have_primitive(a, b) else a - b
+
+
+def multiply(a: Scalar, b: Scalar) -> Scalar:
+    """Return a * b, without an operation if either is a structural zero or one. The product with a
+    structural zero is a structural zero."""
+    if _is(a, 0) or _is(b, 0):
+        return 0.0
+    if _is(a, 1):
+        return b
+    if _is(b, 1):
+        return a
+    return jax.lax.mul(a, b) if have_primitive(a, b) else a * b
+
+
+def larger(a: Scalar, b: Scalar) -> Scalar:
+    """Return the larger of two numbers; NaN if one of them is NaN."""
+    return jax.lax.max(a, b) if have_primitive(a, b) else jnp.maximum(a, b)
+
+
+def square_root(a: Scalar) -> Scalar:
+    """Return the square root of a number that is not negative.
+
+    It is a Python float for numbers of Python and for NumPy's float64, otherwise a number or array
+    of NumPy or JAX like the argument.
+    """
+    return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """Vector of three scalar components `x`, `y` and `z`.
+
+    >>> force, arm = extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)
+    >>> arm.cross(force).z, arm.dot(force)
+    (5.0, 0.0)
+    """
+
+    x: Scalar
+    y: Scalar
+    z: Scalar
+
+    def __add__(self, other: "Vector") -> "Vector":
+        return Vector(*map(add, self, other))
+
+    def __sub__(self, other: "Vector") -> "Vector":
+        return Vector(*map(subtract, self, other))
+
+    def __neg__(self) -> "Vector":
+        return ZERO - self
+
+    def __mul__(self, factor: Scalar) -> "Vector":
+        return Vector(multiply(self.x, factor), multiply(self.y, factor), multiply(self.z, factor))
+
+    __rmul__ = __mul__
+
+    def __iter__(self) -> Iterator[Scalar]:
+        return iter((self.x, self.y, self.z))
+
+    def dot(self, other: "Vector") -> Scalar:
+        """Return the scalar product with another vector."""
+        return add(
+            add(multiply(self.x, other.x), multiply(self.y, other.y)), multiply(self.z, other.z)
+        )
+
+    def cross(self, other: "Vector") -> "Vector":
+        """Return the vector product with another vector."""
+        return Vector(
+            subtract(multiply(self.y, other.z), multiply(self.z, other.y)),
+            subtract(multiply(self.z, other.x), multiply(self.x, other.z)),
+            subtract(multiply(self.x, other.y), multiply(self.y, other.x)),
+        )
+
+    def componentwise_product(self, other: "Vector") -> "Vector":
+        """Return the vector (x1 x2, y1 y2, z1 z2)."""
+        return Vector(*map(multiply, self, other))
+
+
+ZERO = Vector(0.0, 0.0, 0.0)
+"""The zero vector, whose components are structural zeros.
+
+>>> extend.ZERO + extend.UNIT_X
+Vector(x=1.0, y=0.0, z=0.0)
+"""
+UNIT_X = Vector(1.0, 0.0, 0.0)
+"""The unit vector along x.
+
+>>> extend.UNIT_X * 2.0
+Vector(x=2.0, y=0.0, z=0.0)
+"""
+UNIT_Y = Vector(0.0, 1.0, 0.0)
+"""The unit vector along y.
+
+>>> extend.UNIT_Y * 2.0
+Vector(x=0.0, y=2.0, z=0.0)
+"""
+UNIT_Z = Vector(0.0, 0.0, 1.0)
+"""The unit vector along z.
+
+>>> extend.UNIT_Z * 2.0
+Vector(x=0.0, y=0.0, z=2.0)
+"""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """3x3 matrix, given by its three rows.
+
+    >>> matrix = extend.Matrix(extend.UNIT_Y, -extend.UNIT_X, extend.UNIT_Z)
+    >>> matrix @ extend.Vector(1.0, 2.0, 3.0)
+    Vector(x=2.0, y=-1.0, z=3.0)
+    """
+
+    row_x: Vector
+    row_y: Vector
+    row_z: Vector
+
+    @property
+    def rows(self) -> tuple[Vector, Vector, Vector]:
+        """The three rows."""
+        return self.row_x, self.row_y, self.row_z
+
+    @overload
+    def __matmul__(self, other: Vector) -> Vector: ...
+
+    @overload
+    def __matmul__(self, other: "Matrix") -> "Matrix": ...
+
+    def __matmul__(self, other: "Vector | Matrix") -> "Vector | Matrix":
+        if isinstance(other, Matrix):
+            return Matrix(*(other.transposed_times(row) for row in self.rows))
+        return Vector(*(row.dot(other) for row in self.rows))
+
+    def __add__(self, other: "Matrix") -> "Matrix":
+        return Matrix(*(a + b for a, b in zip(self.rows, other.rows, strict=True)))
+
+    def transposed_times(self, vector: Vector) -> Vector:
+        """Return the product of the transposed matrix and a vector."""
+        return self.row_x * vector.x + self.row_y * vector.y + self.row_z * vector.z
+
+    @property
+    def T(self) -> "Matrix":  # noqa: N802 (the field's symbol)
+        """The transposed matrix."""
+        return Matrix(*(Vector(*column) for column in zip(*self.rows, strict=True)))
+
+    def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
+        """Return the matrix minus the outer product of `column` and `row`."""
+        return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
+
+    def inverse(self) -> "Matrix":
+        """Return the inverse of a nonsingular matrix, computed from its cofactors."""
+        x, y, z = self.rows
+        columns = y.cross(z), z.cross(x), x.cross(y)
+        scale = 1.0 / x.dot(columns[0])
+        return Matrix(*(column * scale for column in columns)).T
+
+
+IDENTITY = Matrix(UNIT_X, UNIT_Y, UNIT_Z)
+"""The rotation matrix of a body whose axes are the global ones.
+
+>>> extend.IDENTITY @ extend.UNIT_X
+Vector(x=1.0, y=0.0, z=0.0)
+"""
+NOTHING = Matrix(ZERO, ZERO, ZERO)
+"""The zero matrix."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class EulerParameters:
+    """Unit quaternion, scalar part `e0` first, that transforms body components to global ones.
+
+    >>> extend.rotation_matrix(extend.EulerParameters(1.0, 0.0, 0.0, 0.0)).row_x
+    Vector(x=1.0, y=0.0, z=0.0)
+    """
+
+    e0: Scalar
+    e1: Scalar
+    e2: Scalar
+    e3: Scalar
+
+
+_KINDS = (Vector, EulerParameters, Matrix)
+Pattern: TypeAlias = tuple[float | None, ...] | None
+"""Structural components of an array: for each component 0.0, 1.0, or ``None`` if it is not
+structural. The pattern of an array without structural components may be ``None``."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class ConstantFolded:
+    """PyTree of numbers, with the structural components of its vectors and matrices.
+
+    Compiled programs depend on the patterns, which are static, but not on the numbers.
+
+    - `tree`: numbers and arrays.
+    - `patterns`: structural components of each leaf of `tree`, in JAX's order; for a matrix, row by
+      row. An empty tuple stands for no structural components at all.
+    """
+
+    tree: PyTree
+    patterns: tuple[Pattern, ...] = field(metadata={"static": True})
+
+    def __getstate__(self) -> dict[str, object]:
+        # Native functions keep the leaves and structure here, which can't be pickled.
+        return {"tree": self.tree, "patterns": self.patterns}
+
+
+def fold_constants(
+    tree: PyTree,
+    varied: PyTree = None,
+    flattened: tuple[list[PyTree], jax.tree_util.PyTreeDef] | None = None,  # pyright: ignore
+) -> ConstantFolded:
+    """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
+
+    Components of tracers, and of arrays in fields with the metadata ``{"table": True}``, are not
+    marked.
+
+    **Arguments:** `tree`: PyTree of numbers and arrays; `varied`: PyTree of the same structure with
+    a bool for each leaf, true for leaves whose components must not be marked, because their numbers
+    differ between runs of the same program; ``None``, the default, if there are no such leaves.
+    `flattened`: leaves and structure of `tree`, if they are known already.
+    """
+    leaves, structure = jax.tree.flatten(tree) if flattened is None else flattened
+    shapes = tuple([leaf.shape if type(leaf) is np.ndarray else np.shape(leaf) for leaf in leaves])
+    vectors, sizes = _vectors(structure, shapes)
+    arrays = [leaves[k] for k in vectors]
+    if varied is None and arrays and {*map(type, arrays)} == {np.ndarray}:
+        # The numbers of all vectors are compared at once, since a scene has hundreds of vectors.
+        numbers = np.concatenate(arrays, axis=None)
+        is_one = numbers == 1.0
+        digits = (is_one | (numbers == 0.0)).astype(np.uint8) + is_one
+        return ConstantFolded(tree, _patterns(digits.tobytes(), vectors, sizes, len(leaves)))
+    changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
+    patterns: list[Pattern] = [None] * len(leaves)
+    for k in vectors:
+        patterns[k] = None if changing[k] else _pattern(leaves[k])
+    return ConstantFolded(tree, tuple(patterns))
+
+
+_DIGITS = (None, 0.0, 1.0)
+"""Structural components by the digits that stand for them in the arguments of `_patterns`."""
+
+
+@lru_cache(maxsize=1024)
+def _patterns(
+    digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
+) -> tuple[Pattern, ...]:
+    """Return the patterns of all leaves of a PyTree.
+
+    **Arguments:** `digits`: for each component of all vectors, one after the other, its index in
+    `_DIGITS`; `vectors`, `sizes`: indices of the vectors among the leaves, and their numbers of
+    components; `leaves`: number of leaves.
+    """
+    patterns: list[Pattern] = [None] * leaves
+    components = iter(digits)
+    for k, size in zip(vectors, sizes, strict=True):
+        patterns[k] = tuple(_DIGITS[next(components)] for _ in range(size))
+    return tuple(patterns)
+
+
+@lru_cache(maxsize=1024)
+def _vectors(
+    structure: jax.tree_util.PyTreeDef,  # pyright: ignore
+    shapes: tuple[tuple[int, ...], ...],
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the indices of the leaves whose components may be marked, those of shape (3,) and
+    (3, 3), and their numbers of components. `unpack` leaves the arrays of tables as they are, so
+    they have no components to mark."""
+    rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
+    vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
+    return vectors, tuple(math.prod(shapes[k]) for k in vectors)
+
+
+@lru_cache(maxsize=1024)
+def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
+    """Return for each leaf of a PyTree whether it is in a field that is declared as a table.
+
+    Such a field has ``{"table": True}`` in its metadata. An array of shape (3,) in it is a column
+    of three numbers, not a vector.
+    """
+    return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
+
+
+def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
+    if jax.tree_util.all_leaves([node]):
+        return [in_table]
+    declared, flags = getattr(type(node), "__dataclass_fields__", {}), []
+    # The parts of the node itself, whatever its class, in JAX's order.
+    parts = jax.tree_util.tree_leaves_with_path(node, is_leaf=lambda part: part is not node)
+    for (key,), part in parts:
+        name = getattr(key, "name", None)
+        is_table = name in declared and declared[name].metadata.get("table", False)
+        flags += _leaves_in_tables(part, in_table or is_table)
+    return flags
+
+
+def _pattern(leaf: ArrayLike) -> Pattern:
+    """Return the structural components of an array; ``None`` for tracers and for other shapes than
+    (3,) and (3, 3)."""
+    if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
+        return None
+    numbers = np.asarray(leaf, dtype=float).ravel().tolist()
+    return tuple(number if number in (0.0, 1.0) else None for number in numbers)
+
+
+def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
+    """Return the component at an index behind the leading axes. JAX traces primitives in half of
+    the time of an index."""
+    if leading or not isinstance(leaf, Tracer):
+        return leaf[(slice(None),) * leading + index]
+    part = jax.lax.slice(leaf, index, [k + 1 for k in index])
+    return jax.lax.squeeze(part, range(len(index)))
+
+
+def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
+    """Return the scalar form of one array, or the array itself if it has none; see `unpack`."""
+    shape = jnp.shape(leaf)[leading:]
+    if shape == (4,):
+        return EulerParameters(*(_component(leaf, (k,), leading) for k in range(4)))
+    if shape not in ((3,), (3, 3)):
+        return leaf
+    indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
+    known = (None,) * len(indices) if pattern is None else pattern
+    parts = [
+        _component(leaf, i, leading) if k is None else k
+        for i, k in zip(indices, known, strict=True)
+    ]
+    rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
+    return rows[0] if shape == (3,) else Matrix(*rows)
+
+
+def unpack(tree: PyTree, leading: int = 0) -> PyTree:
+    """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by its scalar form.
+
+    The scalar forms are `Vector`, `EulerParameters` and `Matrix`. Structural components of a
+    `ConstantFolded` PyTree become Python numbers. Fields with the metadata ``{"table": True}`` keep
+    their arrays.
+
+    **Arguments:** `tree`: PyTree of arrays; `leading`: number of axes that all arrays have before
+    these shapes. The scalars are then arrays with these axes.
+
+    >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
+    2.0
+    """
+    # An empty tuple of patterns stands for no structural components.
+    packed = tree if isinstance(tree, ConstantFolded) else ConstantFolded(tree, ())
+    leaves, shape = jax.tree.flatten(packed.tree)
+    patterns = packed.patterns or (None,) * len(leaves)
+    rows = zip(leaves, patterns, _in_tables(shape), strict=True)
+    scalars = [
+        leaf if table else _unpack_leaf(leaf, pattern, leading) for leaf, pattern, table in rows
+    ]
+    # A tree in scalar form stays the same object, for which its topology is known.
+    if all(scalar is leaf for scalar, leaf in zip(scalars, leaves, strict=True)):
+        return packed.tree
+    return jax.tree.unflatten(shape, scalars)
+
+
+def _pack_leaf(leaf: PyTree) -> PyTree:
+    if isinstance(leaf, Matrix):
+        rows = [_pack_leaf(row) for row in leaf.rows]
+        numpy = library(rows)
+        # A row of structural components has no leading axes, but the others may have some.
+        return numpy.stack(numpy.broadcast_arrays(*rows), axis=-2)
+    if isinstance(leaf, Vector | EulerParameters):
+        parts = jax.tree.leaves(leaf)
+        numpy = library(parts)
+        return numpy.stack(numpy.broadcast_arrays(*parts), axis=-1)
+    return leaf
+
+
+def library(parts: Sequence[Scalar]) -> ModuleType:
+    """Return the module ``jax.numpy`` if any of the numbers is an array of JAX, else ``numpy``.
+
+    Nothing is compiled for computations with NumPy.
+    """
+    return jnp if any(isinstance(part, jax.Array) for part in parts) else np
+
+
+def pack(tree: PyTree) -> PyTree:
+    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by an array.
+
+    This is the inverse of `unpack`. If components are arrays, their axes come first.
+
+    >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
+    array([1., 2., 3.])
+    """
+    return jax.tree.map(_pack_leaf, tree, is_leaf=lambda node: isinstance(node, _KINDS))

@@ -1,0 +1,401 @@
+"""Read measurements from CSV files and xarray datasets.
+
+Error messages count rows of data from 1, without the header, blank lines and comment lines.
+"""
+
+import warnings
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+
+from .._fields.checks import errors_about, require, require_types
+from .._fields.types import ArrayLike
+from .._model.drives.functions_of_time import PiecewiseConstant, PiecewiseLinear
+from ..quantities.base import Quantity
+from .series import Measurements, Series, to_si
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
+Missing = Literal["refuse", "drop"]
+PASS_CHANNEL = "pass cj.Channel(quantity, noise=...)"
+_FIRST_LINE = {
+    "header": None,
+    "nrows": 1,
+    "index_col": False,
+    "usecols": None,
+    "dtype": None,
+    "converters": None,
+    "parse_dates": False,
+    "skipfooter": 0,
+}
+"""Options with which `pandas.read_csv` reads the header alone, as a row of texts. They replace the
+user's options of the same names."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The measured quantity of a table's column, with its noise and unit.
+
+    **Arguments:**
+
+    - `quantity`: a scalar function of an `Instant` (the scene with its motion at one time), such as
+      those of `clearjoint.quantities`.
+    - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
+      row. ``None`` takes the `noise` argument of the reader.
+    - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit.
+      If both have one, the spelling must be the same.
+
+    >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
+    'um'
+    """
+
+    quantity: Quantity
+    noise: ArrayLike | None = None
+    unit: str | None = None
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One column of a table.
+
+    - `label`: name of the column and of the table, for error messages.
+    - `values`: the values in the table, (rows,).
+    - `unit`: unit that the table gives, or ``None``.
+    """
+
+    label: str
+    values: "pd.Series"
+    unit: str | None
+
+    def numbers(self) -> np.ndarray:
+        """Return the values as floats, (rows,), with NaN for texts that are not numbers.
+
+        **Raises:** `ValueError` for dates and truth values.
+        """
+        import pandas as pd
+
+        kind = self.values.dtype.kind
+        remedy = "subtract the first one and divide by one second"
+        require(kind not in "mM", self.label, self.values.dtype, "numbers, not dates", remedy)
+        if kind in "bO":
+            # These would become 1 and 0 below.
+            plain = np.array([not isinstance(value, bool) for value in self.values.tolist()])
+            self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
+        return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
+
+    def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
+        """Raise a `ValueError` that names the first row for which `fine`, (rows,), is false; do
+        nothing if there is none.
+
+        **Arguments:** `expected`: condition that each value must meet; `remedy`: advice at the end
+        of the message.
+        """
+        if not fine.all():
+            k = int(np.argmin(fine))
+            value = self.values.tolist()[k]
+            raise ValueError(
+                f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."
+            )
+
+
+def read_csv(
+    path: str | Path,
+    channels: Mapping[str, Channel],
+    *,
+    time: str = "t",
+    time_unit: str = "s",
+    noise: ArrayLike | None = None,
+    missing: Missing = "refuse",
+    **options: Any,
+) -> Measurements:
+    """Read measurements from a CSV file with a header.
+
+    This example reads the columns "t [ms]" and "probe x [um]", and converts values to SI units:
+
+        probe = Channel(JournalOffset("pin", "x"), noise=2.0)  # in the column's unit
+        data = read_csv("rig.csv", {"probe x": probe}, comment="#", missing="drop")
+        data.check(scene)  # raises an error if the scene lacks the joint
+
+    **Arguments:**
+
+    - `path`: path of the file, which may be compressed.
+    - `channels`: `Channel` by name of the column. A header may contain the unit: "probe x [mm]" is
+      the column "probe x".
+    - `time`, `time_unit`: name of the column of times, and its unit if the header has none.
+    - `noise`: standard deviation of the samples for channels without their own, in the unit of each
+      column: a number, or one for each row.
+    - `missing`: "drop" omits samples that are not finite numbers; "refuse" raises an error.
+    - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+
+    **Returns:** `Measurements` whose series have the names of the columns.
+
+    **Raises:** `ValueError` for a file that is empty, that is not in UTF-8 (or in the encoding of
+    the option `encoding`), or whose rows have more fields than its header; for a missing or
+    repeated column; for a column without a unit, with an unknown unit or one of another dimension,
+    or with another unit than its channel; for samples that are not finite numbers, unless they are
+    dropped, and for dates and truth values; for a column without samples; for times that are not
+    finite or don't rise strictly; for noise that is missing, not positive or of another length; for
+    an unknown `missing`; and for an empty `channels`. `OSError` for a file that does not exist.
+
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
+    >>> table.to_csv("rig.csv", index=False)
+    >>> probe = cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=0.1)
+    >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
+    array([0.   , 0.001])
+    """
+    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
+    # The second argument of `column` is the argument that error messages name.
+    column = _columns_of(path, options)
+    times = _times(column(time, "time"), time_unit)
+    series = {
+        name: _series(name, channel, column(name, "channels"), times, noise, missing)
+        for name, channel in channels.items()
+    }
+    return Measurements(series)
+
+
+def function_from_csv(
+    path: str | Path,
+    column: str,
+    unit: str,
+    kind: type[TableOfTime] = PiecewiseLinear,
+    *,
+    time: str = "t",
+    time_unit: str = "s",
+    **options: Any,
+) -> TableOfTime:
+    """Read a function of time, such as the torque of a drive, from a CSV file with a header.
+
+        torque = cj.function_from_csv("torque.csv", "torque", "N m")  # columns "t [ms]", "torque"
+        motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
+
+    **Arguments:**
+
+    - `path`: path of the file, which may be compressed.
+    - `column`: name of the column of values. A header may contain its unit, "torque [N cm]".
+    - `unit`: SI unit of the function, to which values are converted; also the unit of a column
+      whose header has none.
+    - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for switched values.
+    - `time`, `time_unit`: the column of times, and its unit if the header has none.
+    - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+
+    **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
+
+    **Raises:** `ValueError` for a file that is empty, in another encoding, or whose rows have more
+    fields than its header, as in `read_csv`; for a missing or repeated column, fewer than two rows,
+    values or times that are not finite numbers, dates and truth values, times that don't rise
+    strictly, and an unknown unit or one of another dimension. `OSError` for a file that does not
+    exist.
+
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
+    >>> table.to_csv("torque.csv", index=False)
+    >>> torque = cj.function_from_csv("torque.csv", "torque", "N m")
+    >>> print(f"{torque(0.05):.4f} N m")
+    1.2500 N m
+    """
+    # The second argument of `column_named` is the argument that error messages name.
+    column_named = _columns_of(path, options)
+    times = _times(column_named(time, "time"), time_unit)
+    rows = column_named(column, "column")
+    values = rows.numbers()
+    rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
+    with errors_about(f"In {rows.label}"):
+        factor, _ = to_si(rows.unit or unit, unit)
+    return kind(times, values * factor)
+
+
+def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
+    """Read a CSV file, and return a function that finds one of its columns.
+
+    The function receives the name of the column and, for error messages, the name of the argument
+    in which the user has passed it. `options` are those of `pandas.read_csv`.
+
+    **Raises:** `ValueError` for a file that can't be read. The returned function raises it for a
+    missing or repeated column.
+    """
+    options = {"index_col": False, "skipinitialspace": True, **options}
+    table = _read(path, options)
+    headers = [_split(header) for header in table.columns]
+    names, written = [name for name, _ in headers], []
+    if {"header", "names"}.isdisjoint(options) and names:
+        # pandas renames repeated columns, so the header is read again as a row of texts, in which a
+        # name that occurs twice can be recognised. With the user's options `header` or `names`, the
+        # names are not simply in the first row, so this check is left out.
+        written = [_split(header)[0] for header in _read(path, options | _FIRST_LINE).iloc[0]]
+    file = f"{str(path)!r}"
+
+    def column(name: str, argument: str) -> _Column:
+        _require_listed(argument, name, names, f"columns of {file}")
+        once = max(names.count(name), written.count(name)) == 1
+        require(once, argument, name, f"unique in {file}", "rename one of the columns")
+        k = names.index(name)
+        return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
+
+    return column
+
+
+def from_xarray(
+    dataset: "xr.Dataset",
+    channels: Mapping[str, Channel],
+    *,
+    noise: ArrayLike | None = None,
+    missing: Missing = "refuse",
+) -> Measurements:
+    """Return measurements from the variables of an xarray dataset.
+
+    Each variable has one dimension, whose coordinate contains the times, in s or in the unit of the
+    coordinate's attribute "units". A variable's attribute "units" is the unit of its values.
+
+    **Arguments:** `channels`: `Channel` by name of the variable; other arguments and the result are
+    as in `read_csv`.
+
+    **Raises:** `ValueError` as `read_csv`, and for a variable with more or less than one dimension
+    or without a coordinate of times.
+
+    >>> import xarray as xr
+    >>> data = xr.Dataset({"probe": ("t", [1.0, 2.0], {"units": "um"})}, coords={"t": [0.0, 0.1]})
+    >>> channel = cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=0.1)
+    >>> cj.from_xarray(data, {"probe": channel}).series["probe"].values  # m
+    array([1.e-06, 2.e-06])
+    """
+    import pandas as pd
+
+    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
+
+    def column(name: Hashable) -> _Column:
+        array = dataset[name]
+        label = f"variable {name!r} of the dataset"
+        return _Column(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
+
+    # Each variable may have a time coordinate of its own, so times are read for each of them.
+    series = {}
+    for name, channel in channels.items():
+        variables = [str(variable) for variable in dataset.data_vars]
+        _require_listed("channels", name, variables, "variables of the dataset")
+        dims = dataset[name].dims
+        remedy = "select one series along the other dimensions"
+        require(len(dims) == 1, f"channels[{name!r}]", dims, "of one dimension, time", remedy)
+        coordinates = [str(c) for c in dataset.coords]
+        remedy = "add a coordinate with the times"
+        expected = f"a variable along one of the coordinates {coordinates}"
+        require(dims[0] in coordinates, f"channels[{name!r}]", dims, expected, remedy)
+        times = _times(column(dims[0]), "s")
+        series[name] = _series(name, channel, column(name), times, noise, missing)
+    return Measurements(series)
+
+
+def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
+    """Return the table in a CSV file; `options` are those of `pandas.read_csv`.
+
+    **Raises:** `ValueError`, with a remedy, for a file that is empty or in another encoding, or
+    whose rows have more fields than its header; `OSError` for a file that does not exist.
+    """
+    import pandas as pd
+
+    # pandas only warns of rows with more fields than the header, and drops the surplus.
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "Length of header", pd.errors.ParserWarning)
+        try:
+            return pd.read_csv(path, **options)
+        except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+            raise ValueError(
+                f"File {str(path)!r} must have as many fields in each row as in its header, but "
+                f"pandas reports: {str(error).strip()} Pass the `sep`, `decimal`, `comment` or "
+                "`skiprows` of the file."
+            ) from error
+        except pd.errors.EmptyDataError as error:
+            raise ValueError(
+                f"File {str(path)!r} must have a header and rows, but is empty."
+            ) from error
+        except UnicodeDecodeError as error:
+            raise ValueError(
+                f"File {str(path)!r} must be {error.encoding} text, but its byte "
+                f'0x{error.object[error.start]:02x} is not: pass encoding="latin-1", or the '
+                "encoding of the file."
+            ) from error
+
+
+def _split(header: Hashable) -> tuple[str, str | None]:
+    """Return the name and the unit of a header such as "x [mm]"; the unit is ``None`` if the header
+    does not end with brackets."""
+    name, bracket, rest = str(header).strip().rpartition("[")
+    if not bracket or not rest.endswith("]"):
+        return str(header).strip(), None
+    return name.strip(), rest.removesuffix("]").strip()
+
+
+def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> None:
+    require(name in listed, argument, name, f"among the {kind}, {listed}", "correct the name")
+
+
+def _times(column: _Column, unit: str) -> np.ndarray:
+    """Return the times in a column, (rows,) s.
+
+    **Arguments:** `unit`: unit of the times if the table has none.
+
+    **Raises:** `ValueError` for times that are not finite or don't rise strictly, for dates and
+    truth values, and for a unit that is not one of time.
+    """
+    times = column.numbers()
+    column.require_each(np.isfinite(times), "a finite number", "complete the times")
+    rising = np.append(True, np.diff(times) > 0.0)
+    column.require_each(rising, "later than the row before", "sort the rows, merge repeated times")
+    with errors_about(f"In {column.label}"):
+        return times * to_si(column.unit or unit, "s")[0]
+
+
+def _series(
+    name: str,
+    channel: Channel,
+    column: _Column,
+    times: np.ndarray,
+    noise: ArrayLike | None,
+    missing: Missing,
+) -> Series:
+    """Return the series of a column, in SI units.
+
+    **Arguments:** `name`: name of the column; `channel`: its quantity, noise and unit; `column`:
+    its values; `times`: (rows,) s; `noise`, `missing`: arguments of the reader.
+
+    **Raises:** `ValueError` for an unknown `missing`, for invalid rows or noise, for a column
+    without samples, and for a unit that is missing, unknown, of another dimension than the
+    quantity, or not the channel's.
+    """
+    known = ("refuse", "drop")
+    require(missing in known, "missing", missing, f"one of {known}", "name one of them")
+    values = column.numbers()
+    valid = np.isfinite(values)
+    if missing == "refuse":
+        remedy = 'correct it, or pass missing="drop" to omit these samples'
+        column.require_each(valid, "a finite number", remedy)
+    deviation = noise if channel.noise is None else channel.noise
+    remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
+    require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
+    assert deviation is not None
+    # If there is a deviation for each row, the deviations of dropped samples are left out, too.
+    if np.ndim(deviation):
+        expected, remedy = f"of shape {valid.shape}", "pass one number, or one for each row"
+        require(np.shape(deviation) == valid.shape, "noise", np.shape(deviation), expected, remedy)
+        deviation = np.asarray(deviation)[valid]
+    # The unit is that of the table, or of the channel if the table has none. If both have one, the
+    # two must be equal.
+    unit = channel.unit if column.unit is None else column.unit
+    if unit is None:
+        raise ValueError(
+            f"The unit of {column.label} must be known, but neither the table nor the channel has "
+            "one: write `name [unit]` in the header of a CSV column, set a variable's attribute "
+            "`units`, or pass Channel(..., unit=...)."
+        )
+    remedy = "omit the channel's unit, or correct the table"
+    expected = f"the channel's {channel.unit!r}"
+    require(channel.unit in (None, unit), f"unit of {column.label}", unit, expected, remedy)
+    with errors_about(f"In {column.label}"):
+        return Series(channel.quantity, times[valid], values[valid], deviation, unit, name)

@@ -1,0 +1,692 @@
+"""Rigid bodies and homogeneous solids, their motion, and the state of a system.
+
+The methods `rod`, `cylinder`, `box` and `sphere` of `Body` compute mass and moments of inertia from
+the dimensions and either a mass or a density.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from .._fields.checks import (
+    as_number,
+    caution_above,
+    caution_outside,
+    caution_unless,
+    checkable,
+    concrete,
+    require,
+    require_axis,
+    require_euler_parameters,
+    require_finite,
+    require_numbers,
+    require_positive,
+    require_shape,
+    require_types,
+)
+from .._fields.objects import AbstractReadable, as_numbers, described, quantity
+from .._fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
+from .._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
+from .densities import STEEL
+
+AXES = ("x", "y", "z")
+LIGHTEST, HEAVIEST = 10.0, 25e3
+"""Range of the density of solids, kg/m^3, from foams to platinum, outside which a warning is
+issued."""
+Number = PyTree
+"""A number that a user passes, which JAX may trace; ``None`` if it is not given."""
+
+
+def _require_one(mass: Number, density: Number) -> None:
+    """Raise a ``ValueError`` unless exactly one of mass and density is not ``None``."""
+    given = {"mass": mass, "density": density}
+    named = [name for name, value in given.items() if value is not None]
+    remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
+    require(len(named) == 1, "mass", named or None, "given, or else a density", remedy)
+
+
+def _mass(mass: Number, density: Number, volume: Number) -> Number:
+    """Return the mass, kg, if it is given, otherwise the density, kg/m^3, times the volume, m^3.
+
+    **Raises:** `ValueError` unless exactly one of mass and density is given, and it is positive.
+    **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3.
+    """
+    _require_one(mass, density)
+    if mass is not None:
+        return _number("mass", mass, "kg")
+    density = _number("density", density, "kg/m^3")
+    remedy = "give it in kg/m^3; clearjoint.densities has some"
+    caution_outside("density", density, "kg/m^3", LIGHTEST, HEAVIEST, remedy)
+    return density * volume
+
+
+def _inner(inner_diameter: Number, diameter: Number) -> Number:
+    """Return the diameter of a hole, m, zero for none.
+
+    **Raises:** `ValueError` if it is negative, or not smaller than the outer `diameter`, m.
+    """
+    inner = as_number(inner_diameter)
+    require_positive("inner_diameter", inner, "give it in m", zero=True)
+    expected = "less than the diameter, {1} m"
+    values = inner, diameter
+    require_numbers(lambda d, outer: d < outer, "inner_diameter", values, expected, "give it in m")
+    return inner
+
+
+def _number(argument: str, value: Number, unit: str) -> Number:
+    """Return a value as an array, ().
+
+    `argument` and `unit` are its name and unit in the error message.
+
+    **Raises:** `ValueError` unless the value is one positive number.
+    """
+    number = as_number(value)
+    require_positive(argument, number, f"give it in {unit}")
+    return number
+
+
+GROUND = "ground"
+"""Name of the fixed body; it is part of every scene but of no state.
+
+>>> scene, _ = cj.mechanisms.double_pendulum()
+>>> scene.joints["shoulder"].bearing_body == cj.GROUND
+True
+"""
+DENSITIES = 1e-2, 1e6
+"""Range of a body's density, kg/m^3, outside which a warning is issued.
+
+The density is that of a homogeneous box with the body's mass and inertia. Solid materials have
+about 10 to 2.2e4 kg/m^3. The range is wider, because inertias without effect on a planar motion are
+often guessed, and because the box of an open structure, such as a machine frame, is mostly empty.
+"""
+THINNEST = 1e-2
+"""Smallest ratio of the shortest to the longest side of the box with which a body's density is
+estimated. Without this limit, the box of a rod or plate with idealised moments of inertia would
+have no thickness."""
+
+
+def _require_inertia(argument: str, value: ArrayLike) -> None:
+    """Check principal moments, (3,), or an inertia matrix, (3, 3), kg m^2. `argument` is the name
+    of the value in error messages.
+
+    If JAX traces the value, its numbers are unknown, and only the shape is checked. Inside
+    `conditions_of`, however, each other check becomes a condition that a compiled program
+    evaluates.
+
+    **Raises:** `ValueError` for another shape, a number that is not finite, or an inertia that no
+    rigid body has: a matrix that is not symmetric, a principal moment that is not positive, or one
+    that exceeds the sum of the other two.
+    """
+    fine, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
+    remedy = "give three principal moments or the whole inertia matrix in kg m^2"
+    require(fine, argument, value, expected, remedy)
+    require_finite(argument, value)
+    if (known := checkable(value)) is None:
+        return
+    (inertia,) = known
+    # The tests of the symmetry and of the largest moment allow for the rounding of given numbers.
+    # The largest moment is at most (1 + 1e-9) times the sum of the other two.
+    largest = inertia.sum() if inertia.ndim == 1 else inertia.trace()
+    largest = largest * (1 + 1e-9) / (2 + 1e-9)
+    if inertia.ndim == 1:
+        positive, fine = inertia.min() > 0, inertia.max() <= largest
+    else:
+        symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
+        require(symmetric, argument, inertia, "symmetric", "average it with its transpose")
+        positive = _is_positive_definite(inertia)
+        fine = _is_positive_definite(largest * np.eye(3) - inertia)
+    remedy = "give every body a positive moment of inertia about each axis"
+    require(positive, argument, inertia, "positive definite", remedy)
+    expected = "such that no principal moment exceeds the sum of the other two"
+    remedy = "check the order of the moments and their units (kg m^2)"
+    require(fine, argument, inertia, expected, remedy)
+
+
+def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
+    """Return whether a symmetric matrix, (3, 3), has positive eigenvalues only.
+
+    That is so if each pivot of Gaussian elimination is positive. The eigenvalues themselves would
+    need an iteration, for which native code has no rule: checks that compute them are slow.
+
+    **Arguments:** `matrix`: an array of NumPy, or of JAX if it is traced and its conditions are
+    collected for a compiled program.
+    """
+    xp = matrix.__array_namespace__()
+    (a, b, c), (_, d, e), (_, _, f) = matrix
+    first = xp.where(a > 0, a, 1.0)
+    d, e, f = d - b * b / first, e - b * c / first, f - c * c / first
+    second = xp.where(d > 0, d, 1.0)
+    return (a > 0) & (d > 0) & (f - e * e / second > 0)
+
+
+class Body(AbstractReadable):
+    """A rigid body, whose frame has its origin at the centre of mass.
+
+    `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` create bodies from dimensions and a
+    mass or density.
+
+    **Arguments:**
+
+    - `mass`: kg, positive.
+    - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
+      the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
+
+    **Raises:** `ValueError` if the mass or a principal moment is not positive, a principal moment
+    exceeds the sum of the other two, the matrix is not symmetric, a shape is wrong, or a number is
+    not finite.
+    **Warns:** `UnusualValueWarning` if a homogeneous box with this mass and inertia has a density
+    outside 0.01 to 1e6 kg/m^3, since a unit is probably wrong.
+
+    >>> cj.Body(mass=7.02, inertia=(0.001, 0.5855, 0.5855))
+    Body(mass=7.02, inertia=[0.001, 0.5855, 0.5855])
+    """
+
+    mass: Single = quantity(
+        "kg", positive=True, remedy='give the mass in kg, and use "ground" for a fixed body'
+    )
+    inertia: Triple | Square = quantity("kg m^2", check=_require_inertia)
+
+    def _caution_together(self) -> None:
+        mass, inertia = concrete(self.mass), concrete(self.inertia)
+        if mass is not None and inertia is not None:
+            density = _box_density(float(mass), inertia)
+            least, most = DENSITIES
+            fine = least <= density <= most
+            expected = f"a density between {least:g} and {most:g} kg/m^3"
+            remedy = f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2"
+            caution_unless(fine, "mass", float(mass), "kg", expected, remedy)
+
+    @staticmethod
+    def rod(
+        length: Annotated[float, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+        diameter: Annotated[float, "m"] | None = None,
+        axis: str = "x",
+    ) -> "Body":
+        """Return a homogeneous round rod along one of the body's axes.
+
+        ```python
+        import clearjoint as cj
+
+        bar = cj.Body.rod(length=0.4, diameter=0.02, density=cj.densities.STEEL)
+        link = cj.Body.rod(length=0.4, mass=0.3)
+        ```
+
+        **Arguments:**
+
+        - `length`: m, centred at the centre of mass.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+        - `diameter`: m; required with a density. Without a diameter the rod is slender: its
+          transverse moments are m l^2/12, and the moment about its axis is that of a round steel
+          bar of the same mass and length.
+        - `axis`: direction of the rod, "x", "y" or "z".
+
+        **Raises:** `ValueError` if a number is not positive, if not exactly one of mass and density
+        is given, if a density is given without a diameter, if the steel bar would be thicker than
+        long, or for another axis.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
+        """
+        if diameter is not None:
+            return Body.cylinder(diameter, length, mass=mass, density=density, axis=axis)
+        _require_one(mass, density)
+        remedy = "pass diameter= in m, or mass= in kg instead of the density"
+        require(density is None, "diameter", None, "given with a density", remedy)
+        length, rod_mass = _number("length", length, "m"), _number("mass", mass, "kg")
+        # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
+        # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
+        squared_diameter = 4.0 * rod_mass / (math.pi * STEEL * length)
+        fits, values = (lambda _, square, l: square <= l**2), (rod_mass, squared_diameter, length)
+        remedy = "give its diameter in m, or check mass (kg) and length (m)"
+        require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)
+        about, across = rod_mass * squared_diameter / 8.0, rod_mass * length**2 / 12.0
+        return _round_body(axis, rod_mass, about, across)
+
+    @staticmethod
+    def cylinder(
+        diameter: Annotated[float, "m"],
+        length: Annotated[float, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+        inner_diameter: Annotated[float, "m"] = 0.0,
+        axis: str = "z",
+    ) -> "Body":
+        """Return a homogeneous cylinder about one of the body's axes: a shaft, disc, tube or ring.
+
+        ```python
+        import clearjoint as cj
+
+        disc = cj.Body.cylinder(diameter=0.2, length=0.03, density=cj.densities.STEEL)
+        tube = cj.Body.cylinder(0.04, 0.5, inner_diameter=0.036, mass=0.8, axis="x")
+        ```
+
+        **Arguments:**
+
+        - `diameter`, `length`: m.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+        - `inner_diameter`: m, of the hole; zero, the default, for no hole.
+        - `axis`: axis of symmetry, "x", "y" or "z".
+
+        **Raises:** `ValueError` if the inner diameter is negative or not smaller than `diameter`,
+        if another number is not positive, if not exactly one of mass and density is given, or for
+        another axis.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
+        """
+        diameter, length = _number("diameter", diameter, "m"), _number("length", length, "m")
+        inner = _inner(inner_diameter, diameter)
+        mass = _mass(mass, density, 0.25 * math.pi * (diameter**2 - inner**2) * length)
+        # The moments are m (D^2 + d^2)/8 about the axis and m (D^2 + d^2)/16 + m l^2/12 across it.
+        squares = diameter**2 + inner**2
+        across = mass * (squares / 16.0 + length**2 / 12.0)
+        return _round_body(axis, mass, mass * squares / 8.0, across)
+
+    @staticmethod
+    def box(
+        lengths: Annotated[Triple, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+    ) -> "Body":
+        """Return a homogeneous box with its sides along the body's axes.
+
+        ```python
+        import clearjoint as cj
+
+        slider = cj.Body.box(lengths=(0.06, 0.04, 0.02), density=cj.densities.ALUMINIUM)
+        ```
+
+        **Arguments:**
+
+        - `lengths`: (3,) m, along x, y and z.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+
+        **Raises:** `ValueError` if `lengths` are not three numbers, if a number is not positive, or
+        if not exactly one of mass and density is given.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
+        """
+        lengths = as_number(lengths)
+        require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
+        sides = [_number(f"lengths[{k}]", lengths[k], "m") for k in range(3)]
+        mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
+        # The moment about x is m (b^2 + c^2)/12 for the lengths b and c along y and z.
+        a, b, c = (side**2 for side in sides)
+        return Body(mass, as_numbers([mass * pair / 12.0 for pair in (b + c, c + a, a + b)]))
+
+    @staticmethod
+    def sphere(
+        diameter: Annotated[float, "m"],
+        *,
+        mass: Annotated[float, "kg"] | None = None,
+        density: Annotated[float, "kg/m^3"] | None = None,
+        inner_diameter: Annotated[float, "m"] = 0.0,
+    ) -> "Body":
+        """Return a homogeneous sphere.
+
+        ```python
+        import clearjoint as cj
+
+        ball = cj.Body.sphere(diameter=0.01, density=cj.densities.STEEL)
+        ```
+
+        **Arguments:**
+
+        - `diameter`: m.
+        - `mass`: kg, or `density`: kg/m^3, exactly one of them.
+        - `inner_diameter`: m, of a hollow sphere; zero, the default, for a solid one.
+
+        **Raises:** `ValueError` if the inner diameter is negative or not smaller than `diameter`,
+        if another number is not positive, or if not exactly one of mass and density is given.
+        **Warns:** `UnusualValueWarning` for a density outside 10 to 25e3 kg/m^3, or if the mass and
+        inertia are unusual for a `Body`.
+        """
+        diameter = _number("diameter", diameter, "m")
+        inner = _inner(inner_diameter, diameter)
+        cubes = diameter**3 - inner**3
+        mass = _mass(mass, density, math.pi * cubes / 6.0)
+        # The moment about every axis is m (D^5 - d^5)/(10 (D^3 - d^3)).
+        return Body(mass, as_numbers([mass * (diameter**5 - inner**5) / (10.0 * cubes)] * 3))
+
+    def gyration_radius(self) -> float:
+        """Return the radius of gyration about the centre of mass, m.
+
+        It is the root mean square distance of the body's mass from its centre of mass. Mass and
+        inertia must be known numbers, not traced by JAX.
+        """
+        inertia = np.asarray(self.inertia)
+        # Each moment is an integral of two squared coordinates, so their sum counts each one twice.
+        trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
+        return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
+
+    def angular_momentum(self, spin: Vector) -> Vector:
+        """Return the angular momentum about the centre of mass, kg m^2/s in body axes.
+
+        The body's inertia must be a `Vector` or a `Matrix`, into which `unpack` turns arrays.
+
+        **Arguments:** `spin`: angular velocity, rad/s in body axes.
+        """
+        if isinstance(self.inertia, Matrix):
+            return self.inertia @ spin
+        return spin.componentwise_product(self.inertia)
+
+
+def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:
+    """Return a body of revolution about an axis of the body frame.
+
+    **Arguments:** `axis`: "x", "y" or "z"; `mass`: kg; `about`: moment of inertia about this axis,
+    kg m^2; `across`: that about each of the other two axes, kg m^2.
+
+    **Raises:** `ValueError` for another axis.
+    """
+    require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
+    return Body(mass, as_numbers([about if axis == name else across for name in AXES]))
+
+
+def _box_density(mass: float, inertia: np.ndarray) -> float:
+    """Return the density, kg/m^3, of the homogeneous box with a body's mass and inertia.
+
+    Sides shorter than a hundredth of the longest one are replaced by a hundredth of it.
+
+    **Arguments:** `mass`: kg; `inertia`: kg m^2, principal moments, (3,), or a matrix, (3, 3).
+    """
+    moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
+    # A box with the sides a, b, c has the moments I_a = m (b^2 + c^2)/12, and so on. Hence a^2 is
+    # (6/m) (I_a + I_b + I_c - 2 I_a). Rounding may make it negative.
+    sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
+    return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
+
+
+class BodyState(AbstractReadable):
+    """Position and velocity of one body.
+
+    - `position`: of the centre of mass, (3,) m in global axes.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in body axes to
+      global axes.
+    - `velocity`: of the centre of mass, (3,) m/s in global axes.
+    - `spin`: (3,) rad/s, angular velocity in body axes.
+
+    >>> state = cj.body_state(position=(0.5, 0, 0), spin=(0, 0, 2))
+    >>> state.orientation, state.spin
+    (array([1., 0., 0., 0.]), array([0., 0., 2.]))
+    """
+
+    position: Triple = described("m", "position of the centre of mass, global")
+    orientation: Quadruple = described("1", "Euler parameters, scalar first, body to global")
+    velocity: Triple = described("m/s", "velocity of the centre of mass, global")
+    spin: Triple = described("rad/s", "angular velocity in body axes")
+
+
+class State(AbstractReadable):
+    """State of all bodies of a scene, and of its contacts, at one time.
+
+    To start a motion, `bodies` alone is enough.
+
+    - `bodies`: `BodyState` of each body by name, without the ground.
+    - `entry_speeds[joint][contact]`: entry speed of the current contact, its penetration rate at
+      the onset, m/s, by name of the joint and label of the contact. It is zero without contact. If
+      a run starts without the entry speed of a contact that began earlier (it is missing or zero),
+      the contact gets 1e9 m/s, which makes the damping negligible, or its present penetration rate
+      if its depth is at most 1e-12 m. Empty for scenes whose laws don't use entry
+      speeds; a run ignores entries for contacts whose laws don't use them. States saved by
+      `simulate_nonsmooth`, whose contacts are rigid, list zero for each contact.
+    - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
+      "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
+      loads supplied it; empty unless the run has ``Settings(ledger=True)``.
+    - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
+      zero without contact. Empty for scenes without bristle laws.
+
+    **Raises:** `ValueError` if `bodies` is not a dictionary of `BodyState`s by non-empty names.
+
+    >>> state = cj.State({"arm": cj.body_state(position=(0.5, 0, 0))})
+    >>> state.bodies["arm"].position
+    array([0.5, 0. , 0. ])
+    """
+
+    bodies: dict[str, BodyState]
+    entry_speeds: dict[str, dict[str, Single]]
+    work: dict[str, Single]
+    bristles: dict[str, dict[str, Triple]]
+
+    def __init__(
+        self,
+        bodies: Mapping[str, BodyState],
+        entry_speeds: dict[str, dict[str, Single]] | None = None,
+        work: dict[str, Single] | None = None,
+        bristles: dict[str, dict[str, Triple]] | None = None,
+    ):
+        remedy = "pass State({name: body_state(...)})"
+        # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
+        # all numbers of its initial state.
+        require_types("bodies", bodies, BodyState, "a BodyState", remedy)
+        self.bodies = dict(bodies)
+        self.entry_speeds = {} if entry_speeds is None else entry_speeds
+        self.work = {} if work is None else work
+        self.bristles = {} if bristles is None else bristles
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Wrench:
+    """A force at a body's centre of mass, and a moment about the centre of mass.
+
+    - `force`: N in global axes.
+    - `moment`: N m in body axes.
+
+    >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m
+    5.0
+    """
+
+    force: Vector
+    moment: Vector
+
+    def __add__(self, other: "Wrench") -> "Wrench":
+        return Wrench(self.force + other.force, self.moment + other.moment)
+
+    def __mul__(self, factor: Scalar) -> "Wrench":
+        return Wrench(self.force * factor, self.moment * factor)
+
+
+NO_WRENCH = Wrench(ZERO, ZERO)
+"""The zero wrench.
+
+>>> extend.NO_WRENCH.force
+Vector(x=0.0, y=0.0, z=0.0)
+"""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """A point of a moving body near a fixed point of the ground, to reduce rounding errors.
+
+    The centre of a joint with the ground is such a point.
+
+    - `local`: the point, m from the centre of mass in body axes.
+    - `origin`: the fixed point, m in global axes.
+    - `offset`: the small vector from the fixed point to the body's point, m in global axes. It is
+      stored because the difference of two coordinates of about a metre would have too few digits
+      for penetrations of a few nanometres.
+    - `velocity`: of the body's point, m/s in global axes.
+    """
+
+    local: Vector
+    origin: Vector
+    offset: Vector
+    velocity: Vector
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Position, orientation, velocity and spin of a body, from which elements compute their forces.
+
+    In its methods, points of the body are given from the centre of mass, in body axes.
+
+    - `position`: of the centre of mass, m in global axes.
+    - `rotation`: matrix that transforms components in body axes to global axes.
+    - `velocity`: of the centre of mass, m/s in global axes.
+    - `spin`: angular velocity, rad/s in body axes.
+    - `anchor`: optional point of the body, from which `point_from` and `velocity_at` compute the
+      positions and velocities of other points, with smaller rounding errors near the anchor.
+
+    >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
+    >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r
+    Vector(x=2, y=1.5, z=0.0)
+    """
+
+    position: Vector
+    rotation: Matrix
+    velocity: Vector
+    spin: Vector
+    anchor: Anchor | None = None
+
+    def point(self, local: Vector) -> Vector:
+        """Return the position in global axes, m, of the point `local`, m in body axes."""
+        return self.position + self.rotation @ local
+
+    def point_from(self, origin: Vector, local: Vector) -> Vector:
+        """Return the vector from a fixed point to a point of the body, m in global axes.
+
+        Near the `anchor` it has smaller rounding errors than a difference of positions.
+
+        **Arguments:** `origin`: fixed point, m in global axes. `local`: point of the body, m in
+        body axes.
+        """
+        if self.anchor is None:
+            return self.point(local) - origin
+        # The small vectors are added first, so that large coordinates don't round them.
+        near = self.anchor.offset + self.rotation @ (local - self.anchor.local)
+        return (self.anchor.origin - origin) + near
+
+    def direction(self, local: Vector) -> Vector:
+        """Return the components in global axes of a vector `local` in body axes."""
+        return self.rotation @ local
+
+    def components(self, vector: Vector) -> Vector:
+        """Return the components in body axes of a vector in global axes."""
+        return self.rotation.transposed_times(vector)
+
+    def velocity_at(self, local: Vector) -> Vector:
+        """Return the velocity of a point of the body, m/s in global axes.
+
+        **Arguments:** `local`: the point, m in body axes.
+        """
+        if self.anchor is None:
+            return self.velocity + self.rotation @ self.spin.cross(local)
+        arm = local - self.anchor.local
+        return self.anchor.velocity + self.rotation @ self.spin.cross(arm)
+
+    def wrench(self, force: Vector, local: Vector) -> Wrench:
+        """Return the wrench of a force that acts at a point of the body.
+
+        **Arguments:** `force`: N in global axes. `local`: the point, m in body axes.
+        """
+        return Wrench(force, local.cross(self.components(force)))
+
+    def torque(self, torque: Vector) -> Wrench:
+        """Return the wrench of a pure torque, N m in global axes."""
+        return Wrench(ZERO, self.rotation.transposed_times(torque))
+
+    def power(self, wrench: Wrench) -> Scalar:
+        """Return the power of a wrench that acts on the body, W."""
+        return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
+
+
+GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO)
+
+
+def body_state(
+    position: TripleLike,
+    orientation: QuadrupleLike = (1.0, 0.0, 0.0, 0.0),
+    velocity: TripleLike = (0.0, 0.0, 0.0),
+    spin: TripleLike = (0.0, 0.0, 0.0),
+) -> BodyState:
+    """Return a `BodyState`, the position and velocity of one body, with checked values.
+
+    ```python
+    import clearjoint as cj
+
+    tilted = cj.rotation(axis=(0, 0, 1), angle=0.3)
+    start = cj.State({"arm": cj.body_state((0.5, 0, 0), tilted, spin=(0, 0, 2.0))})
+    ```
+
+    **Arguments:**
+
+    - `position`: of the centre of mass, (3,) m in global axes.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in body axes to
+      global axes, for example from `rotation`; parallel axes by default.
+    - `velocity`: of the centre of mass, (3,) m/s in global axes; zero by default.
+    - `spin`: (3,) rad/s, angular velocity in body axes; zero by default.
+
+    **Raises:** `ValueError` if a shape is wrong, a number is not finite, or the Euler parameters
+    don't have unit norm.
+
+    >>> cj.body_state(position=(0.5, 0, 0), velocity=(0, 1, 0))
+    BodyState(
+      position=[0.5, 0.0, 0.0],
+      orientation=[1.0, 0.0, 0.0, 0.0],
+      velocity=[0.0, 1.0, 0.0],
+      spin=[0.0, 0.0, 0.0]
+    )
+    """
+    given = {"position": position, "orientation": orientation, "velocity": velocity, "spin": spin}
+    numbers = BodyState(**{name: as_number(value, name) for name, value in given.items()})
+    for name in ("position", "velocity", "spin"):
+        require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
+    require_euler_parameters("orientation", numbers.orientation)
+    return numbers
+
+
+MOST_REVOLUTIONS = 2
+"""Number of revolutions above which a warning asks whether the angle is in degrees."""
+
+
+def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
+    """Return the Euler parameters of a rotation about an axis.
+
+    They suit the argument `orientation` of `body_state`, joints and drives.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+
+    tilted = cj.rotation(axis=(0, 0, 1), angle=np.radians(30.0))
+    state = cj.State({"arm": cj.body_state((0.5, 0.0, 0.0), orientation=tilted)})
+    drive = cj.PrescribedRotation("ground", "arm", (0, 0, 1), speed=5.0, orientation=tilted)
+    ```
+
+    Scene files use a table instead: ``orientation = {axis = [0, 0, 1], angle = "30 deg"}``.
+
+    **Arguments:**
+
+    - `axis`: (3,), any length. A rotation does not change the components of its axis, so they may
+      be given in the frame before or after the rotation.
+    - `angle`: rad, right-handed.
+
+    **Returns:** (4,) Euler parameters, scalar first. They transform components in the rotated frame
+    to the original frame.
+
+    **Raises:** `ValueError` if the axis has zero length, a number is not finite, or a shape is
+    wrong.
+    **Warns:** `UnusualValueWarning` if the angle exceeds two revolutions.
+    """
+    vector, radians = as_number(axis), as_number(angle)
+    require_axis("axis", vector)
+    require_shape("angle", radians, (), "pass one number in rad")
+    caution_above("angle", abs(radians), "rad", MOST_REVOLUTIONS * 2.0 * math.pi, "give it in rad")
+    # Known numbers stay in NumPy, so that nothing is compiled when a scene is built.
+    numpy = jnp if isinstance(vector, jax.Array) or isinstance(radians, jax.Array) else np
+    direction = vector / numpy.sqrt(vector @ vector)
+    sine, cosine = numpy.sin(0.5 * radians), numpy.cos(0.5 * radians)
+    return numpy.stack([cosine, *(sine * direction[k] for k in range(3))])

@@ -1,0 +1,133 @@
+"""The spherical joint with clearance: a ball in a slightly larger socket."""
+
+from dataclasses import KW_ONLY
+
+import equinox as eqx
+import numpy as np
+
+from ..._fields.checks import require_point
+from ..._fields.objects import quantity
+from ..._fields.types import Single, Triple
+from ..._math.smoothing import norm_and_direction
+from ..._math.vectors import Scalar, subtract
+from ..contact.friction import FrictionLaw
+from ..contact.laws import AbstractContactLaw, Gap, Limit, caution_beyond
+from ..joints.base import AbstractConstraint, Contact, Motions
+from ..joints.ideal import SphericalJoint
+from ..pen import AbstractPen, Marker
+from .clearance import LARGEST_BEARING
+from .common import AbstractCentredJoint, require_smaller_clearance, resting_depth, slip_at
+
+CONTACT = "ball"
+
+
+class BallInSocket(AbstractCentredJoint):
+    """A ball in a slightly larger socket: a spherical joint with clearance.
+
+    The joint has one contact, "ball", along the line of centres. Its penetration is e - c, where
+    the eccentricity e is the distance between the two centres and c the clearance (P. Flores et
+    al., Dynamics of multibody systems with spherical clearance joints, 2006). The law receives both
+    radii, so that `RavnStiffness`, Hertz's stiffness of a sphere in a sphere, can depend on them.
+    The ball rotates freely about all axes.
+
+    **Arguments:**
+
+    - `socket_body`, `ball_body`: names of the bodies; one may be the ground, whose points are
+      measured from the origin.
+    - `socket_point`, `ball_point`: centres, (3,) m from each body's centre of mass in its axes.
+    - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
+    - `law`: normal law of the contact.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+
+    **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, both bodies
+    are the same, or another value is of the wrong class or outside its range. **Warns:**
+    `UnusualValueWarning` for a socket radius of more than 2 m; `LawRangeWarning` for a clearance
+    outside the range of `law`.
+
+    ```python
+    import clearjoint as cj
+
+    law = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
+    tip = cj.BallInSocket("rocker", "coupler", socket_radius=10e-3, clearance=0.2e-3, law=law)
+    ```
+    """
+
+    socket_body: str = eqx.field(static=True)
+    ball_body: str = eqx.field(static=True)
+    _: KW_ONLY
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
+    socket_radius: Single = quantity(
+        "m",
+        positive=True,
+        usual=(0.0, LARGEST_BEARING),
+        remedy="give lengths in m; 1 mm is 1e-3 m",
+    )
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    ball_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
+    point_fields = {"socket_point": "socket_body", "ball_point": "ball_body"}
+
+    def _check_together(self) -> None:
+        require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")
+
+    def _caution_together(self) -> None:
+        caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the label of the only contact, "ball"."""
+        return (CONTACT,)
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the contact "ball", whose normal points from the socket's centre to the ball's."""
+        socket, ball = motions[self.socket_body], motions[self.ball_body]
+        centres = self.socket_point, self.ball_point
+        eccentricity, normal = norm_and_direction(self._offset(motions))
+        velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
+        radii = self.socket_radius, self.clearance
+        gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
+        # Friction acts on both bodies at one point, midway between the surfaces.
+        shift = 0.5 * gap.depth
+        on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
+        on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
+        slip = None
+        if self.friction is not None:
+            slip = slip_at(socket, ball, on_socket, on_ball, normal)
+        # Without friction the force acts at the two centres, which are on its line of action.
+        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
+
+    def deepest_penetration(self) -> Scalar:
+        """Return the ball's radius, m, at which the ball's centre is on the socket's surface."""
+        return subtract(self.socket_radius, self.clearance)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the normal law at a penetration, m; `name`, the contact's
+        label, makes no difference."""
+        return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the ideal spherical joint that keeps the centres of ball and socket together."""
+        return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return the spherical joint that holds the ball where a load presses it to the socket, at
+        the penetration at which the elastic force is the load.
+
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
+        For a zero load the result is ``None``.
+
+        **Arguments:** `load`: of the ball on the socket, (3,) N in the axes of the socket's body.
+        """
+        size = np.linalg.norm(load)
+        if not size > 0.0:
+            return None
+        radii = self.socket_radius, self.clearance
+        depth = resting_depth([self.law], float(size), self.deepest_penetration(), *radii)
+        centre = self.socket_point + (self.clearance + depth) / size * load
+        return SphericalJoint(*self.pair(), centre, self.ball_point)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a ball in a socket."""
+        socket = Marker(self.socket_body, self.socket_point)
+        ball = Marker(self.ball_body, self.ball_point)
+        pen.socket(socket, ball, radius=self.socket_radius, clearance=self.clearance)

@@ -1,0 +1,720 @@
+"""The spatial revolute joint with clearance.
+
+Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
+revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
+
+The first body carries the bearing, the second the journal. The journal's bases V and W are the
+circles at its two ends. Each base can touch the bearing's wall and then applies the full normal
+law. The tilt between journal and bearing is assumed small, so that the bases' circles lie in the
+bearing's cross-section (as in the paper). With `line_points`, circles between the bases can touch
+the wall as well, and the force is the mean of the normal law over the journal's length.
+"""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Annotated, ClassVar
+
+import equinox as eqx
+import numpy as np
+
+from ..._fields.checks import (
+    as_number,
+    as_shown,
+    caution_above,
+    caution_unless,
+    concrete,
+    require,
+    require_axis,
+    require_count,
+    require_point,
+)
+from ..._fields.objects import AbstractConverting, optional_quantity, quantity
+from ..._fields.types import Single, Triple, TripleLike
+from ..._math.rotations import transverse_axes, unit
+from ..._math.smoothing import norm_and_direction, where
+from ..._math.vectors import Scalar, Vector, add, subtract
+from ..bodies import Motion
+from ..contact.friction import AbstractFriction, FrictionLaw
+from ..contact.laws import (
+    AbstractContactLaw,
+    Gap,
+    Limit,
+    WeightedLaw,
+    caution_beyond,
+    require_flat_law,
+    require_instance,
+    slip_velocity,
+)
+from ..joints.base import AbstractConstraint, Contact, Motions, Row
+from ..joints.constraint_rows import point_in_plane, relative_angle_row
+from ..joints.ideal import CylindricalJoint, RevoluteJoint
+from ..pen import AbstractPen, Marker
+from ..profiles import (
+    AbstractProfile,
+    PlanarAxes,
+    caution_two_contacts,
+    closest_approach,
+    require_room,
+)
+from .common import (
+    LEAST_TRANSVERSE_LOAD,
+    AbstractCentredJoint,
+    require_smaller_clearance,
+    resting_depth,
+    slip_at,
+)
+from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
+
+
+class AbstractAxialPolicy(AbstractConverting):
+    """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
+
+    A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
+    in the bearing's middle plane. Or it defines two shoulders, which stop the journal at the ends
+    of the bearing: `shoulder_law` returns their law, `shoulder_gap` defines the play and
+    `shoulder_friction` the friction, if there is any. A subclass that does neither leaves the
+    journal free. This example defines washers at different distances:
+
+    ```python
+    import clearjoint as cj
+
+    class ThrustWashers(cj.extend.AbstractAxialPolicy):
+        lower_play: float  # m, from the journal's end to the washer
+        upper_play: float
+        stiffness: float  # N/m^1.5
+
+        def shoulder_law(self):
+            return cj.laws.Hertz(self.stiffness)
+
+        def shoulder_gap(self, side, offset, rate):
+            play = self.lower_play if side < 0 else self.upper_play
+            return cj.extend.Gap(offset - play, rate)
+
+    washers = ThrustWashers(lower_play=1e-4, upper_play=3e-4, stiffness=1e9)
+    scene, state = cj.mechanisms.double_pendulum(axial=washers)
+    ```
+    """
+
+    holds_centre: ClassVar[bool] = False
+    """Whether an ideal constraint holds the journal's centre in the bearing's middle plane."""
+
+    def shoulder_law(self) -> AbstractContactLaw | None:
+        """Return the normal law of the shoulders; ``None``, the default, for no shoulders."""
+        return None
+
+    def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
+        """Return the friction law of the shoulders and their mean radius, m; ``None``, the default,
+        for shoulders without friction.
+        """
+        return None
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """Return the penetration of the journal into one shoulder, m, and its rate, m/s.
+
+        By default there is no play: the penetration is `offset`.
+
+        **Arguments:**
+
+        - `side`: 1.0 for the shoulder at the end of the bearing to which its axis points (the upper
+          shoulder), -1.0 for the shoulder at the opposite end (the lower shoulder).
+        - `offset`: m, displacement of the journal's end towards the shoulder, zero for a centred
+          journal.
+        - `rate`: rate of `offset`, m/s.
+        """
+        return Gap(offset, rate)
+
+
+class FreeAxially(AbstractAxialPolicy):
+    """No axial support: the journal slides freely, and its contact forces are those in a bearing of
+    unlimited length.
+
+    Use it in a mechanism whose other joints hold the bodies in a plane, such as a slider-crank.
+    Elsewhere the journal eventually slides out and `simulate` warns with a `LeftBearingWarning`;
+    use `EndPlay` for a bearing with shoulders, or `FixedAxially` if the axial motion is not of
+    interest.
+
+    >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FreeAxially())
+    >>> scene.joints["shoulder"].axial
+    FreeAxially()
+    """
+
+
+class FixedAxially(AbstractAxialPolicy):
+    """An ideal constraint that keeps the journal's centre in the bearing's middle plane.
+
+    >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FixedAxially())
+    >>> scene.joints["shoulder"].axial
+    FixedAxially()
+    """
+
+    holds_centre = True
+
+
+class EndPlay(AbstractAxialPolicy):
+    """Shoulders at both ends of the bearing that stop the journal after half the play to each side.
+
+    Each shoulder's force acts along the bearing's axis, at the centre of the base that touches the
+    shoulder.
+
+    A shoulder with friction is a thrust face. It resists sliding across the axis and rotation about
+    it: for the sliding velocity v of the base's centre and the relative spin w about the axis, the
+    slip speed is sqrt(v^2 + (r w)^2) with the mean radius r of the face. If the face only rotates,
+    the moment of friction is r times the law's friction force. A face does not resist tilting.
+
+    **Arguments:**
+
+    - `play`: m, total axial travel between the shoulders.
+    - `law`: normal law of a shoulder; its stiffness must be given as a number, because the surfaces
+      are flat.
+    - `friction`: an `AbstractFriction`, or ``None``, the default, for no friction.
+    - `radius`: mean radius of the faces, m, if and only if they have friction. For a face between
+      the radii a and b, (2/3) (b^3 - a^3)/(b^2 - a^2) gives the moment of a uniform pressure.
+
+    **Raises:** `ValueError` if only one of `friction` and `radius` is given, the law's stiffness is
+    not given as a number, or a value is of the wrong class or outside its range.
+
+    >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
+    >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
+    >>> print(f"{gap.depth:.2e} m")  # beyond half the play
+    5.00e-05 m
+    """
+
+    play: Single = quantity("m", positive=True, zero=True, remedy="give the axial travel in m")
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    friction: AbstractFriction | None = None
+    radius: Single | None = optional_quantity("m", positive=True, remedy="give the radius in m")
+
+    def __check_init__(self):
+        require_flat_law(self.law, "shoulders")
+        if self.friction is not None:
+            require_instance("friction", self.friction, AbstractFriction)
+        both = (self.friction is None) == (self.radius is None)
+        expected = "given if and only if `friction` is"
+        require(both, "radius", self.radius, expected, "pass both, or none of the two")
+
+    def shoulder_law(self) -> AbstractContactLaw:
+        """Return the law of both shoulders."""
+        return self.law
+
+    def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
+        """Return the friction law and the mean radius of both shoulders, m; ``None`` without
+        friction.
+        """
+        if self.friction is None or self.radius is None:
+            return None
+        return self.friction, self.radius
+
+    def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
+        """Return the penetration into a shoulder, m, and its rate, m/s.
+
+        The penetration is the part of `offset` beyond half the play; it is negative without
+        contact.
+        """
+        return Gap(offset - 0.5 * self.play, rate)
+
+
+WIDEST_CLEARANCE = 0.1
+"""Ratio of clearance to bearing radius above which a warning is issued, since the unit of one of
+them is probably wrong."""
+LARGEST_BEARING = 2.0
+"""Bearing radius above which a warning is issued, m, since it may have been given in mm."""
+SHOULDERS = ("lower shoulder", "upper shoulder")
+"""Contact labels of the shoulders; the upper one is at the end of the bearing to which its axis
+points."""
+MOST_POINTS = 64
+"""Largest number of points along the journal. It is limited because each point is a contact, whose
+force is computed at every evaluation of the equations of motion."""
+LONGEST_JOURNAL = 100.0
+"""Ratio of journal length to bearing radius above which a warning is issued, since the length may
+have been given in mm."""
+
+
+class ClearanceJoint(AbstractCentredJoint):
+    """A revolute joint with clearance: a journal inside a slightly larger bearing.
+
+    **Arguments:**
+
+    - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
+    - `bearing_point`, `bearing_axis`: centre (m) and axis of the bearing, (3,) in its body's axes.
+      The centre is measured from the body's centre of mass; on the ground, from the origin.
+    - `journal_point`, `journal_axis`: centre and axis of the journal, likewise. Base V is half a
+      length from the centre against the axis, base W half a length along it.
+    - `bearing_radius`: m.
+    - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
+      difference of the radii. The joint stores the clearance, because it is small and often varied.
+    - `journal_length`: m, distance between the bases.
+    - `law`: normal law of the contact of each base, "V" and "W"; with `line_points`, of the contact
+      along the journal's whole length.
+    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction` for the contacts with the
+      wall; ``None``, the default, for no friction. Shoulders have a friction law of their own.
+    - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
+      `EndPlay(...)` or `FixedAxially()` if not.
+    - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
+      circles, positive outward, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for
+      circles. Laws get the radii of the circles. Where the wall is curved more strongly than the
+      journal, the two can touch at two points at once. Only the deeper point has a force then; a
+      warning tells of such a wall.
+    - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
+      from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
+      the length, is then the force per unit of length. The Gauss-Lobatto rule with n points
+      integrates it along the axis, and each point is a contact: "V", "point 2", "point 3" and so
+      on, "W". The wall thus presses a parallel journal with the force of `law`, not with that of
+      two bases, which is twice as large. `cj.quantities.Reaction` gives the sum over all points.
+      The error of force and moment is largest if a journal touches along a part of its length only.
+      It then decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5
+      points it is typically 3 % of the force that the penetration of the deepest point would cause
+      along the whole length, and 1 % with 8 points.
+
+    **Raises:** `ValueError` if both or neither of `journal_radius` and `clearance` are given, the
+    clearance is not between zero and the bearing's radius, an axis has zero length, a profile
+    leaves a centred journal no room, both bodies are the same, or another value is of the wrong
+    class or outside its range. **Warns:** `UnusualValueWarning` for a clearance of more than a
+    tenth of the bearing's radius, a bearing radius of more than 2 m, a journal longer than 100
+    bearing radii, or a wall that is curved too strongly; `LawRangeWarning` for a clearance outside
+    the range of `law`.
+
+    >>> pin = cj.ClearanceJoint(
+    ...     "ground",
+    ...     "arm",
+    ...     journal_point=(-0.5, 0, 0),
+    ...     bearing_radius=10e-3,
+    ...     clearance=0.5e-3,
+    ...     journal_length=20e-3,
+    ...     law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
+    ... )
+    >>> print(f"{pin.bearing_radius - pin.clearance:.4f} m")  # the journal's radius
+    0.0095 m
+    """
+
+    bearing_body: str = eqx.field(static=True)
+    journal_body: str = eqx.field(static=True)
+    bearing_point: Triple = quantity("m", check=require_point)
+    bearing_axis: Triple = quantity("1", check=require_axis)
+    journal_point: Triple = quantity("m", check=require_point)
+    journal_axis: Triple = quantity("1", check=require_axis)
+    bearing_radius: Single = quantity(
+        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
+    )
+    clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
+    journal_length: Single = quantity("m", positive=True)
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    friction: FrictionLaw | None  # pyright: ignore[reportGeneralTypeIssues]
+    axial: AbstractAxialPolicy  # pyright: ignore[reportGeneralTypeIssues]
+    bearing_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
+    journal_profile: AbstractProfile | None  # pyright: ignore[reportGeneralTypeIssues]
+    line_points: int | None = eqx.field(static=True)  # pyright: ignore[reportGeneralTypeIssues]
+    point_fields = {"bearing_point": "bearing_body", "journal_point": "journal_body"}
+
+    def __init__(
+        self,
+        bearing_body: str,
+        journal_body: str,
+        *,
+        bearing_point: TripleLike = (0.0, 0.0, 0.0),
+        bearing_axis: TripleLike = (0.0, 0.0, 1.0),
+        journal_point: TripleLike = (0.0, 0.0, 0.0),
+        journal_axis: TripleLike = (0.0, 0.0, 1.0),
+        bearing_radius: Scalar,
+        journal_radius: Annotated[Scalar | None, "m"] = None,
+        clearance: Scalar | None = None,
+        journal_length: Scalar,
+        law: AbstractContactLaw,
+        friction: FrictionLaw | None = None,
+        axial: AbstractAxialPolicy | None = None,
+        bearing_profile: AbstractProfile | None = None,
+        journal_profile: AbstractProfile | None = None,
+        line_points: int | None = None,
+    ):
+        one = (journal_radius is None) != (clearance is None)
+        expected = "given if and only if `journal_radius` is not"
+        require(one, "clearance", clearance, expected, "pass one of the two, in m")
+        # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
+        # would lose its digits.
+        outer = as_number(bearing_radius, "bearing_radius", "m")
+        if clearance is not None:
+            difference = as_number(clearance, "clearance", "m")
+        else:
+            difference = outer - as_number(journal_radius, "journal_radius", "m")
+            number = concrete(difference)
+            # A later check would refuse the clearance, which the user has not given. NaN and arrays
+            # are left to the later checks.
+            if number is not None and number.shape == ():
+                expected = f"smaller than the bearing's {as_shown(float(outer))} m"
+                remedy = "swap the radii, or use an ideal RevoluteJoint for no clearance"
+                require(not number <= 0.0, "journal_radius", journal_radius, expected, remedy)
+        self.bearing_body, self.journal_body = bearing_body, journal_body
+        self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
+        self.journal_point, self.journal_axis = journal_point, journal_axis
+        self.bearing_radius, self.clearance = outer, difference
+        self.journal_length = journal_length
+        self.law, self.friction = law, friction
+        self.axial = FreeAxially() if axial is None else axial
+        self.bearing_profile, self.journal_profile = bearing_profile, journal_profile
+        self.line_points = line_points
+
+    def __check_init__(self):
+        require_instance("axial", self.axial, AbstractAxialPolicy)
+        if (points := self.line_points) is not None:
+            remedy = "give the number of points along the journal, or None for its two bases"
+            require_count("line_points", points, remedy)
+            expected = f"from {len(BASES)} to {MOST_POINTS}"
+            require(len(BASES) <= points <= MOST_POINTS, "line_points", points, expected, remedy)
+
+    def _check_together(self) -> None:
+        require_smaller_clearance(self.clearance, self.bearing_radius, "the bearing's radius")
+        require_room(self.clearance, self.bearing_profile, self.journal_profile)
+
+    def _caution_together(self) -> None:
+        radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
+        if radius is not None and clearance is not None:
+            fine = bool(clearance <= WIDEST_CLEARANCE * radius)
+            expected = f"at most a tenth of the bearing's radius of {float(radius):g} m"
+            remedy = "give the journal's radius as `journal_radius`, and the radial clearance in m"
+            caution_unless(fine, "clearance", float(clearance), "m", expected, remedy)
+            remedy = "give lengths in m; 1 mm is 1e-3 m"
+            longest = LONGEST_JOURNAL * float(radius)
+            caution_above("journal_length", self.journal_length, "m", longest, remedy)
+            # The penetration, given as zero here, makes no difference to a limit of the clearance.
+            caution_beyond(self.law_limits(BASES[0], 0.0), "clearance")
+        caution_two_contacts(self.clearance, self.bearing_profile, self.journal_profile)
+
+    @property
+    def journal_radius(self) -> Single:
+        """Bearing radius minus clearance, m."""
+        return self.bearing_radius - self.clearance
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the labels of the contacts that use `law` and `friction`: "V" and "W" for the
+        bases, and with `line_points` those of the points between them, such as "point 2"."""
+        return tuple(self._axial_points())
+
+    def _axial_points(self) -> dict[str, AxialPoint]:
+        """Return the points of the journal's axis at which contact is computed, by label: each with
+        its position, from -1 at base V to 1 at base W, and its share of the length as `weight`."""
+        return axial_points(len(BASES) if self.line_points is None else self.line_points)
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the normal law by label: "V" and "W", points between them, and shoulders.
+
+        With `line_points`, the law of a point along the journal is `law` times the point's share of
+        the length. Shoulders are listed only if the axial policy has them.
+        """
+        laws, shoulder_law = super().laws(), self.axial.shoulder_law()
+        if self.line_points is not None:
+            for label, point in self._axial_points().items():
+                laws[label] = WeightedLaw(self.law, point.weight)
+        return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
+
+    def deepest_penetration(self) -> Scalar:
+        """Return the journal's radius, m, at which the journal's axis is at the wall.
+
+        Shoulders are flat, and thus have no limit.
+        """
+        return subtract(self.bearing_radius, self.clearance)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law of the contact `name` at a penetration, m."""
+        is_flat = name in SHOULDERS
+        radii = () if is_flat else (self.bearing_radius, self.clearance)
+        return self.laws()[name].limits(Gap(depth, 0.0, *radii))
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the geometry of each contact by label: bases, and points between them and
+        shoulders if there are any."""
+        base_at = self.journal_bases(motions)
+        contacts = {
+            label: self._wall_contact(motions, base_at(point.position))
+            for label, point in self._axial_points().items()
+        }
+        if self.axial.shoulder_law() is not None:
+            # The journal's axis may point along the bearing's, or against it.
+            axis = motions[self.bearing_body].direction(unit(self.bearing_axis))
+            half = motions[self.journal_body].direction(self._half())
+            facing = where(half.dot(axis) < 0.0, -1.0, 1.0)
+            for side, label in zip(SIDES, SHOULDERS, strict=True):
+                base = base_at(side * facing)
+                contacts[label] = self._shoulder_contact(motions, side, base)
+        return contacts
+
+    def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
+        """Return the contact of one base, or of a point between the bases, with the wall (Flores et
+        al. 2006, eqs 10-21)."""
+        if self.bearing_profile is not None or self.journal_profile is not None:
+            return self._profile_contact(motions, base)
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        # The vector leads from the bearing's axis to the journal's centre, and from there to the
+        # base.
+        eccentricity, normal = norm_and_direction(base.centre + base.arm)
+        depth = self._depth(base, eccentricity)
+        gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
+        along = base.axis * base.height
+        # The points of eqs (15)-(16) are a penetration apart, so that friction there would leave a
+        # net moment. Friction therefore acts on both bodies at the point midway between the
+        # surfaces.
+        shift = 0.0 if self.friction is None else 0.5 * gap.depth
+        to_wall = along + normal * add(self.bearing_radius, shift)
+        on_bearing = self.bearing_point + bearing.components(to_wall)
+        on_journal = base.local + journal.components(normal * subtract(gap.journal_radius, shift))
+        slip = None
+        if self.friction is not None:
+            slip = slip_at(bearing, journal, on_bearing, on_journal, normal)
+        # Without friction the force acts along the line through the bearing's axis and the base's
+        # centre, at these two points.
+        on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
+        return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
+
+    def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
+        """Return the contact of one base, or of a point between the bases, if the wall or the
+        journal deviates from a circle."""
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
+        eccentricity = base.centre + base.arm
+        near = closest_approach(
+            eccentricity.dot(x_axis),
+            eccentricity.dot(y_axis),
+            self.clearance,
+            self.bearing_profile,
+            self.journal_profile,
+            self.planar_axes(bearing, journal),
+        )
+        normal = x_axis * near.cosine + y_axis * near.sine
+        # The force acts on both bodies at one point, midway between the surfaces. A profile is
+        # given by its support function, the distance from the centre to the tangent that is
+        # perpendicular to a normal. The point of the surface with this normal is the gradient of
+        # the support function by the normal. So this point is not on the line through the base's
+        # centre along the normal. `beside` is the vector from this line to the point: the slope of
+        # the journal's deviation times the gradient, by the normal, of the angle about the
+        # journal's axis. This gradient is (own_axis x normal)/(1 - tilt^2).
+        own_axis = journal.direction(unit(self.journal_axis))
+        tilt = own_axis.dot(normal)
+        beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
+        outward = self.journal_radius + near.journal.value - 0.5 * near.depth
+        to_surface = normal * outward + beside
+        on_bearing = base.on_bearing + bearing.components(to_surface)
+        on_journal = base.local + journal.components(to_surface)
+        sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
+        rate = sliding.dot(normal)
+        gap = Gap(near.depth, rate, self.bearing_radius, self.clearance)
+        slip = None if self.friction is None else slip_velocity(sliding, normal, rate)
+        return Contact(gap, normal, on_bearing, on_journal, slip)
+
+    def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
+        """Return the components of the journal's x and y axes along the bearing's x and y axes.
+
+        The x and y axes of the bearing are those that `transverse_axes` returns for the bearing's
+        axis, and likewise for the journal. The components convert angles around the journal to
+        angles around the bearing. `bearing` and `journal` are the motions of the two bodies.
+        """
+        axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
+        own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
+        return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
+
+    def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
+        """Return the penetration e - c, m, computed as (e^2 - c^2)/(e + c).
+
+        Here e is the `eccentricity` of a base, m, and c the clearance. A direct subtraction would
+        round differently at the two bases, and repeated impacts amplify the difference to a
+        misalignment. In the difference of the squares, the term with the largest rounding error is
+        the same for both bases.
+        """
+        common = base.centre.dot(base.centre) - self.clearance * self.clearance
+        difference = base.arm.dot(base.centre * 2.0 + base.arm)
+        return (common + difference) / (eccentricity + self.clearance)
+
+    def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
+        """Return the contact of a base with the shoulder that it faces.
+
+        **Arguments:** `side`: -1.0 for the lower shoulder, 1.0 for the upper one. `base`: position
+        and velocity of the base.
+        """
+        outward = base.axis * side
+        offset = side * base.height - 0.5 * self.journal_length
+        gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
+        slip = radius = None
+        if (face := self.axial.shoulder_friction()) is not None:
+            _, radius = face
+            # The component along the axis stands for the rotation of the faces on each other.
+            bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+            spin = journal.direction(journal.spin) - bearing.direction(bearing.spin)
+            slip = slip_velocity(base.velocity, outward, gap.rate)
+            slip = slip + outward * (spin.dot(outward) * radius)
+        return Contact(gap, outward, base.on_bearing, base.local, slip, face_radius=radius)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction force on the journal's body, N in global axes; ``None`` without
+        friction.
+
+        For a law with bristles it is that of steady sliding. For a shoulder, only the components
+        across the axis are a force. The component along the axis, times the mean radius of the
+        face (`Contact.face_radius`), is the moment of the friction about the axis.
+
+        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
+        """
+        face = self.axial.shoulder_friction() if name in SHOULDERS else None
+        if face is None or contact.slip is None:
+            return super().friction_force(name, contact, normal_force)
+        friction, _ = face
+        return friction.force(normal_force, contact.slip)
+
+    def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
+        """Return a function that computes the position and velocity of a point on the journal's
+        axis relative to the bearing.
+
+        The argument of the returned function is the point: -1 for base V, 1 for base W, and a
+        number in between for a point between the bases.
+        """
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
+        centre, half_arm = self._offset(motions), journal.direction(half)
+        half_velocity = journal.direction(journal.spin.cross(half))
+        centre_velocity = journal.velocity_at(self.journal_point)
+
+        # The component perpendicular to the bearing's axis.
+        def across(vector: Vector) -> Vector:
+            return vector - axis * vector.dot(axis)
+
+        def base_at(position: Scalar) -> JournalBase:
+            local, arm = self.journal_point + half * position, half_arm * position
+            offset = centre + arm
+            on_bearing = self.bearing_point + bearing.components(offset)
+            own_velocity = centre_velocity + half_velocity * position
+            velocity = own_velocity - bearing.velocity_at(on_bearing)
+            return JournalBase(
+                axis, offset.dot(axis), across(centre), across(arm), local, on_bearing, velocity
+            )
+
+        return base_at
+
+    def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
+        """Return the vector from the bearing's centre to the journal's centre or to a base, m.
+
+        Components are in the bearing's frame: z along its axis, x and y across it along the vectors
+        that `transverse_axes` returns. For a `bearing_axis` of (0, 0, 1), the frame's axes are the
+        axes of the bearing's body.
+
+        **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
+        default, for the journal's centre.
+
+        **Raises:** `ValueError` for another label.
+        """
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        offset = self._offset(motions)
+        if base is not None:
+            points = self._axial_points()
+            expected, remedy = f"one of {list(points)}", "or pass None for the journal's centre"
+            require(base in points, "base", base, expected, remedy)
+            offset = offset + journal.direction(self._half()) * points[base].position
+        offset = bearing.components(offset)
+        axis = unit(self.bearing_axis)
+        first, second = transverse_axes(axis)
+        return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a row: the
+        angle with its derivatives by the bodies' motion.
+
+        The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
+        axes parallel, in the same or the opposite sense. It is the same sense if the scalar product
+        of the given components `bearing_axis` and `journal_axis` is not negative.
+        """
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        axes = self.bearing_axis, self.journal_axis
+        return relative_angle_row(self.pair(), bearing, journal, *axes)
+
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """Return the distance along the axis from the journal to a bearing of the same length, m.
+
+        It is negative until the journal has left the bearing completely. ``None`` stands for a
+        journal that is held axially or has shoulders.
+        """
+        if not self._is_free():
+            return None
+        bearing = motions[self.bearing_body]
+        height = self._offset(motions).dot(bearing.direction(unit(self.bearing_axis)))
+        return abs(height) - self.journal_length
+
+    def _is_free(self) -> bool:
+        """Return whether the joint lets the journal slide along the axis without limit."""
+        return not self.axial.holds_centre and self.axial.shoulder_law() is None
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the ideal joint that keeps the journal's axis on the bearing's: a revolute joint,
+        or a cylindrical joint if the journal is axially free.
+
+        `assemble`, which corrects initial states, uses it to centre a journal that starts outside
+        of the bearing.
+        """
+        return self._ideal(self.bearing_point)
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return the ideal joint that holds the journal where a load presses it to the wall, at the
+        penetration at which its contacts together carry the load across the axis.
+
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
+        The result is ``None`` if the load doesn't press the journal to the wall, because its
+        component across the axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal
+        counts as a circle, since the load doesn't determine its rotation.
+
+        **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of the bearing's
+        body.
+        """
+        along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
+        across = load - (load @ along) * along
+        size = np.linalg.norm(across)
+        if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+            return None
+        # The contacts share the load: the axes are parallel, so that all are equally deep.
+        laws, radii = self.laws(), (self.bearing_radius, self.clearance)
+        sharing = [laws[label] for label in self.contact_labels()]
+        distance = self.clearance + resting_depth(sharing, float(size), self.journal_radius, *radii)
+        if self.bearing_profile is None:
+            return self._ideal(self.bearing_point + distance / size * across)
+        # The journal rests where the wall's normal is along the load. A profile is a deviation of
+        # the support function: for each direction of the wall's normal, the amount by which the
+        # wall is farther from the centre along this normal than the circle. Its derivative by the
+        # angle of the normal, `slope` in m/rad, is the distance of the contact point from the line
+        # through the bearing's centre along the normal. The journal's centre has the same distance.
+        frame = transverse_axes(unit(Vector(*along)))
+        first, second = (np.array([*direction], float) for direction in frame)
+        wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))
+        beside = np.cross(along, across / size)
+        offset = (distance + wall.value) / size * across + wall.slope * beside
+        return self._ideal(self.bearing_point + np.asarray(offset))
+
+    def _ideal(self, centre: Triple) -> AbstractConstraint:
+        """Return the ideal joint that keeps the journal's axis parallel to the bearing's, and the
+        journal's centre at the point `centre`, (3,) m in the axes of the bearing's body.
+
+        It is a revolute joint, or for an axially free journal a cylindrical joint, which lets the
+        journal's centre move along the axis.
+        """
+        points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
+        kind = CylindricalJoint if self._is_free() else RevoluteJoint
+        return kind(*self.pair(), *points, *axes)
+
+    def _half(self) -> Vector:
+        """Return the vector from the journal's centre to base W, m, in the journal's body axes."""
+        return unit(self.journal_axis) * (0.5 * self.journal_length)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the row "axial" if the axial policy holds the journal's centre, and no row if not.
+
+        The row's value is the distance of the centre from the bearing's middle plane, m.
+        """
+        if not self.axial.holds_centre:
+            return {}
+        bearing, journal = motions[self.bearing_body], motions[self.journal_body]
+        points = self.bearing_point, unit(self.bearing_axis), self.journal_point
+        return {"axial": point_in_plane(self.pair(), bearing, journal, *points)}
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw a journal in a bearing."""
+        pen.bearing(
+            Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
+            Marker(self.journal_body, self.journal_point, self.journal_axis),
+            radius=self.bearing_radius,
+            clearance=self.clearance,
+            length=self.journal_length,
+            profiles=(self.bearing_profile, self.journal_profile),
+        )

@@ -1,0 +1,347 @@
+"""Shared parts of the clearance joints: base classes, argument checks, flat walls."""
+
+import abc
+import operator
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ..._fields.checks import as_shown, checkable, require, require_numbers
+from ..._fields.types import Single, Triple
+from ..._math.vectors import Scalar, Vector, subtract
+from ..bodies import GROUND, Motion
+from ..contact.friction import AbstractBristleFriction, AbstractFriction, FrictionLaw
+from ..contact.laws import (
+    AbstractContactLaw,
+    Gap,
+    Limit,
+    require_flat_law,
+    require_instance,
+    slip_velocity,
+)
+from ..joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    Contact,
+    Motions,
+    Row,
+    require_distinct,
+)
+
+FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
+"""Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
+RIGHT_ANGLE = 1e-9
+"""An angle counts as a right angle if the absolute value of its cosine is below this bound, which
+allows for the rounding of given numbers."""
+
+LEAST_DEPTH = 1e-18
+"""Smallest depth in `resting_depth`, m, from the onset of the force; it is far below rounding."""
+LEAST_FORCE = 1e-300
+"""Force, N, that takes the place of a smaller one in `resting_depth`, whose logarithm it takes."""
+LEAST_TRANSVERSE_LOAD = 1e-6
+"""The component of a load that presses a part to a wall counts as rounding error if it is at most
+this fraction of the load. For a bearing it is the component across the axis, for flat walls the
+component along their normal."""
+
+
+class AbstractOneLawJoint(AbstractContactJoint):
+    """Base class of joints whose contacts share the normal law `law` and the friction law
+    `friction`, which is ``None`` for no friction."""
+
+    if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
+        law: ClassVar[AbstractContactLaw]
+    else:
+        law: eqx.AbstractVar[AbstractContactLaw]
+    friction: eqx.AbstractVar[FrictionLaw | None]
+
+    @abc.abstractmethod
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return the labels of the contacts that share `law` and `friction`."""
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the normal law of each contact by label."""
+        return dict.fromkeys(self.contact_labels(), self.law)
+
+    @abc.abstractmethod
+    def deepest_penetration(self) -> Scalar:
+        """Return the penetration of a contact in `contact_labels`, m, that ends a run."""
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the penetration that ends a run, m, by label of the contact."""
+        return dict.fromkeys(self.contact_labels(), self.deepest_penetration())
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction force on the second body, N in global axes; ``None`` without
+        friction.
+
+        For a law with bristles, this is the force in steady sliding, without a viscous part. Where
+        a run integrates the bristles, it uses the laws of `bristle_laws` instead.
+
+        **Arguments:** `name`: label of the contact. `contact`: geometry of the contact.
+        `normal_force`: N.
+        """
+        if self.friction is None or contact.slip is None:
+            return None
+        return self.friction.force(normal_force, contact.slip)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the bristle law of each contact by label; empty for other friction."""
+        if isinstance(self.friction, AbstractBristleFriction):
+            return dict.fromkeys(self.contact_labels(), self.friction)
+        return {}
+
+
+class AbstractFlankJoint(AbstractOneLawJoint):
+    """Base class of joints with two flanks, which the second body touches as it rotates.
+
+    There is no friction.
+
+    **Raises:** `ValueError` if `law` is no contact law, or has a stiffness that is not given as a
+    number: flanks are flat and have no radii on which the stiffness could depend.
+    """
+
+    friction: ClassVar[None] = None
+
+    def __check_init__(self):
+        require_flat_law(self.law, "flanks")
+
+    def contact_labels(self) -> tuple[str, ...]:
+        """Return "lower flank" and "upper flank"."""
+        return tuple(FLANKS)
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the validity limits of the law of the flank `name` at a penetration, m."""
+        return self.laws()[name].limits(Gap(depth, 0.0))
+
+    @abc.abstractmethod
+    def centred_rows(self, motions: Motions) -> dict[str, Row]:
+        """Return the constraint row that holds the second body in the middle of the play, by label;
+        its value is zero there."""
+
+    def centred_joint(self) -> AbstractConstraint:
+        """Return the constraint that holds the second body in the middle of the play."""
+        return CentredInPlay(self)
+
+
+class CentredInPlay(AbstractConstraint):
+    """Constraint row that holds two bodies in the middle of the play of a joint with backlash.
+
+    `assemble`, which corrects initial states, uses it for bodies that start outside the play.
+
+    - `joint`: the joint with backlash.
+    """
+
+    joint: AbstractFlankJoint
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.joint.pair()
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the joint's `centred_rows`, whose value is zero in the middle of the play."""
+        return self.joint.centred_rows(motions)
+
+
+class AbstractFrictionJoint(AbstractOneLawJoint):
+    """Base class of clearance joints that may have friction.
+
+    **Raises:** `ValueError` if both bodies are the same, `law` is no contact law, or `friction` is
+    neither ``None`` nor a friction law.
+    """
+
+    def __check_init__(self):
+        require_distinct(*self.pair())
+        require_instance("law", self.law, AbstractContactLaw)
+        if self.friction is not None:
+            require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
+
+
+def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
+    """Check that a clearance, m, is smaller than a radius, m.
+
+    **Arguments:** `radius_name`: what the message calls the radius.
+
+    **Raises:** `ValueError` if the clearance is not smaller; the message has both numbers.
+    """
+    values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
+    require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
+
+
+def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
+    """Check that a direction, (3,), is perpendicular to an axis, (3,).
+
+    **Arguments:** `argument`, `other`: names of the direction and of the axis in the message.
+
+    **Raises:** `ValueError` if the cosine of the angle between direction and axis is not below
+    `RIGHT_ANGLE` in absolute value.
+    """
+    if (known := checkable(direction, axis)) is not None:
+        numbers, base = known
+        lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
+        fine = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
+        expected = f"perpendicular to `{other}` = {as_shown(base)}"
+        require(fine, argument, numbers, expected, "change one of the two directions")
+
+
+class AbstractCentredJoint(AbstractFrictionJoint):
+    """Base class of joints that hold a point of one body near a point of another.
+
+    The two points are those of `attachments`: the first of its two entries is a point of the first
+    body, the second a point of the second body.
+    """
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second body."""
+        (_, first, _), (_, second, _) = self.attachments()
+        return first, second
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the two points of a joint between a moving body and the ground; ``None`` for two
+        moving bodies.
+
+        Runs may use the small vector between these points as a variable in place of the body's
+        position, since it has smaller rounding errors. The result consists of the moving body's
+        name, the joint's point on this body, m from its centre of mass in its axes, and the joint's
+        point on the ground, m in global axes.
+        """
+        (_, first, on_first), (_, second, on_second) = self.attachments()
+        if first == GROUND:
+            return second, on_second, on_first
+        if second == GROUND:
+            return first, on_first, on_second
+        return None
+
+    def _offset(self, motions: Motions) -> Vector:
+        """Return the vector from the first body's point to the second body's, m, global axes.
+
+        If one body is the ground, `point_from` avoids the difference of two large coordinates,
+        which would lose digits: it uses the small vector between the two points of `anchor`.
+        """
+        (_, first, on_first), (_, second, on_second) = self.attachments()
+        if second == GROUND:
+            return -motions[first].point_from(on_second, on_first)
+        return motions[second].point_from(motions[first].point(on_first), on_second)
+
+
+def offset_at_flat_wall(
+    normal: Triple,
+    clearance: Single,
+    load: Float[np.ndarray, "3"],
+    laws: Iterable[AbstractContactLaw],
+    deepest: Scalar,
+) -> Float[np.ndarray, "3"] | None:
+    """Return the displacement by which a load presses a part against one of two parallel walls.
+
+    The displacement, (3,) m, begins at the centred position, and includes the penetration at which
+    the contacts carry the load. It is ``None`` if the load presses the
+    part to neither wall, because its component along their normal is at most
+    `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
+
+    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
+    either side, m. `load`: force of the part on the walls' body, (3,) N. `laws`: those of the
+    contacts that share the load; `deepest`: their largest penetration, m.
+    """
+    upward = np.asarray(normal) / np.linalg.norm(normal)
+    component = load @ upward
+    if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+        return None
+    distance = clearance + resting_depth(laws, float(abs(component)), deepest)
+    return distance * np.sign(component) * upward
+
+
+def resting_depth(
+    laws: Iterable[AbstractContactLaw],
+    load: Scalar,
+    deepest: Scalar,
+    bearing_radius: Scalar | None = None,
+    clearance: Scalar | None = None,
+) -> float:
+    """Return the penetration, m, at which contacts side by side carry a load at rest.
+
+    The contacts have the same penetration, at which the sum of their elastic forces is the load. If
+    it would be larger than `deepest`, m, the result is `deepest`.
+
+    **Arguments:** `laws`: the laws of the contacts; `load`: N, positive; `bearing_radius`,
+    `clearance`: m, for stiffnesses that depend on them.
+    """
+    # Importing it takes long, and few programs need it.
+    from scipy.optimize import root_scalar
+
+    laws = list(laws)
+    # The surfaces' distance at which the first force begins. Depths are counted from there.
+    ahead = max(float(law.onset_offset()) for law in laws)
+
+    def excess(logarithm: float) -> float:
+        """Return the logarithm of force over load, which is nearly linear for a power law."""
+        gap = Gap(np.exp(logarithm) - ahead, 0.0, bearing_radius, clearance)
+        force = sum(float(law.elastic_force(gap)) for law in laws)
+        return float(np.log(max(force, LEAST_FORCE) / load))
+
+    low, high = np.log(LEAST_DEPTH), np.log(float(deepest) + ahead)
+    if excess(high) <= 0.0:
+        return float(deepest)
+    if excess(low) >= 0.0:
+        return LEAST_DEPTH - ahead
+    root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root
+    return float(np.exp(root) - ahead)
+
+
+def slip_at(
+    first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
+) -> Vector:
+    """Return the tangential velocity of the second body's surface relative to the first body's,
+    m/s in global axes.
+
+    **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact point
+    on each body, m from its centre of mass in its axes. `normal`: of the contact, a global unit
+    vector.
+    """
+    sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
+    return slip_velocity(sliding, normal, sliding.dot(normal))
+
+
+@dataclass(frozen=True)
+class FlatWall:
+    """A flat wall of the first body that stops a part of the second body.
+
+    Points are given in m from the centre of mass of their body, in its axes.
+
+    - `origin`: a point of the first body in front of the wall.
+    - `normal`: unit vector in the first body's axes, from the origin to the wall.
+    - `room`: distance from the origin to the part's centre, measured along the normal, when the
+      part touches the wall, m.
+    """
+
+    origin: Vector
+    normal: Vector
+    room: Scalar
+
+    def contact(
+        self, first: Motion, second: Motion, centre: Vector, radius: Scalar, has_friction: bool
+    ) -> Contact:
+        """Return the contact of a cylinder, sphere or corner of the second body with the wall.
+
+        **Arguments:** `first`, `second`: motions of the bodies. `centre`: of the part, a point of
+        the second body. `radius`: of the part, m; 0.0 for a corner. `has_friction`: whether the
+        contact needs a slip; without friction its `slip` is ``None``.
+        """
+        normal = first.direction(self.normal)
+        apart = second.point(centre) - first.point(self.origin)
+        depth = subtract(apart.dot(normal), self.room)
+        centre_in_first = self.origin + first.components(apart)
+        # Relative to the first body's point at the centre, so that a common rotation doesn't count.
+        sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
+        gap = Gap(depth, sliding.dot(normal))
+        # With friction, the force acts on both bodies at one point, midway between the surfaces, so
+        # that it has no net moment. Without friction, it acts along the normal through the part's
+        # centre. The last two arguments of `Contact` are points on this line that don't depend on
+        # the penetration and take fewer operations.
+        to_surface = subtract(radius, 0.5 * depth)
+        on_first = centre_in_first + self.normal * to_surface
+        on_second = centre + second.components(normal * to_surface)
+        slip = slip_at(first, second, on_first, on_second, normal) if has_friction else None
+        return Contact(gap, normal, on_first, on_second, slip, centre_in_first, centre)

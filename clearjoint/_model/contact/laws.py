@@ -1,0 +1,607 @@
+"""Penetration and slip of a contact, and base classes of the laws and stiffnesses for its normal
+force.
+
+A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
+which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
+`hunt_crossley`, laws with a parallel dashpot in `dashpots`, and line contacts in `cylinders`. The
+journal is the inner surface of a joint, and the bearing is the outer one.
+
+User-defined laws subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
+"""
+
+import abc
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..._fields.cautions import LawRangeWarning, caution
+from ..._fields.checks import concrete, require, require_numbers, require_type
+from ..._fields.objects import AbstractConverting, optional_quantity, quantity
+from ..._fields.types import Single
+from ..._math.smoothing import positive_power
+from ..._math.vectors import Scalar, Vector
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Penetration of a contact, its rate, and the bearing radius and clearance.
+
+    - `depth`: penetration, m, negative without contact.
+    - `rate`: its time derivative, m/s, positive while the surfaces approach.
+    - `bearing_radius` and radial `clearance`: m, ``None`` for flat surfaces. The clearance is given
+      instead of the journal's radius, because a difference of radii would lose digits.
+
+    >>> extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
+    Gap(depth=1e-06, rate=0.05, bearing_radius=0.01, clearance=0.0005)
+    """
+
+    depth: Scalar
+    rate: Scalar
+    bearing_radius: Scalar | None = None
+    clearance: Scalar | None = None
+
+    @property
+    def journal_radius(self) -> Scalar:
+        """Bearing radius minus clearance, m; a `ValueError` for a gap that lacks one of them."""
+        return radii_of(self)[1]
+
+
+def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
+    """Return bearing radius, journal radius and radial clearance of a gap, m.
+
+    **Raises:** `ValueError` if the gap lacks the bearing radius or the clearance, as between flat
+    surfaces.
+    """
+    radius, clearance = gap.bearing_radius, gap.clearance
+    for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
+        needed = "a length in m, on which the law's stiffness depends"
+        remedy = "give it, or a law whose stiffness is a number"
+        require(value is not None, argument, value, needed, remedy)
+    assert radius is not None and clearance is not None
+    return radius, radius - clearance, clearance
+
+
+def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
+    """Return the tangential part of a relative velocity, m/s.
+
+    **Arguments:** `relative`: velocity, m/s. `normal`: unit vector. `rate`: component of the
+    velocity along the normal, m/s.
+
+    >>> normal, relative = extend.UNIT_X, extend.Vector(0.1, 0.2, 0.0)
+    >>> extend.slip_velocity(relative, normal, rate=0.1).y
+    0.2
+    """
+    return relative - normal * rate
+
+
+class Limit(NamedTuple):
+    """A quantity of a contact: its value, and the range of values for which a law is valid.
+
+    The method `limits` of a law or of an `AbstractElasticity` returns a `Limit` for each quantity
+    on which its validity depends.
+
+    - `law`: name of the class of the law or elasticity.
+    - `quantity`: name of the quantity, such as "penetration" or "clearance".
+    - `unit`: unit of `value`, `least` and `most`, as text.
+    - `value`: present value of the quantity.
+    - `least`, `most`: ends of the valid range.
+
+    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> limit = cylinder.limits(gap)[0]
+    >>> limit.quantity, limit.unit
+    ('penetration', 'm')
+    """
+
+    law: str
+    quantity: str
+    unit: str
+    value: Scalar
+    least: Scalar
+    most: Scalar
+
+
+def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
+    """Return a sentence, for a warning, on each limit whose value is outside its range.
+
+    **Arguments:** `limits`: those of a law. `quantity`: name of the quantity to check. Limits of
+    other quantities are ignored, and so are limits with numbers that JAX traces.
+    """
+    sentences = []
+    for limit in limits:
+        numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
+        # ``None`` stands for a traced number, whose value is unknown.
+        if limit.quantity != quantity or any(number is None for number in numbers):
+            continue
+        value, least, most = (float(number) for number in numbers if number is not None)
+        if not least <= value <= most:
+            sentences.append(
+                f"`{limit.law}` holds for a {quantity} from {least:.4g} {limit.unit} to "
+                f"{most:.4g} {limit.unit}, but it is {value:.4g} {limit.unit}."
+            )
+    return sentences
+
+
+def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
+    """Issue a `LawRangeWarning` for each limit of a `quantity` whose value is outside its range."""
+    for sentence in exceeded(limits, quantity):
+        caution(sentence, LawRangeWarning)
+
+
+SOFTEST_CONTACT = 1e6
+"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued: smaller values are far
+below those of solid bodies, and may be in another unit."""
+SOLIDS = 1e9, 2e12
+"""Range of Young's modulus, Pa, from plastics to diamond, outside which a warning is issued."""
+_GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
+
+
+class AbstractElasticity(AbstractConverting):
+    """Base class of the elastic force of a contact as a function of the penetration.
+
+    Laws accept it as their `stiffness`; the force need not be a power of the penetration.
+
+    >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
+    >>> print(f"{foundation.force(gap, exponent=1.5):.0f} N")
+    126 N
+    """
+
+    @abc.abstractmethod
+    def force(self, gap: Gap, exponent: float) -> Scalar:
+        """Return the elastic force, N, zero without penetration.
+
+        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n; an
+        elasticity that is not a power of the penetration ignores it.
+        """
+
+    @abc.abstractmethod
+    def energy(self, gap: Gap, exponent: float) -> Scalar:
+        """Return the stored energy, J: the integral of the force over the penetration."""
+
+    def begins_flat(self, exponent: float) -> bool:
+        """Return whether the force is known to start with zero slope at the onset.
+
+        If so, a run computes no correction for a kink at the onset and at the end of a contact.
+        `exponent` is n of a law K delta^n. The default is ``False``.
+        """
+        return False
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return, for each quantity on which the validity of the elastic force depends, its value
+        at a gap and its valid range; an empty tuple by default."""
+        return ()
+
+
+class AbstractStiffness(AbstractElasticity):
+    """Base class of stiffnesses K, N/m^n, for laws with the elastic force K delta^n.
+
+    ```python
+    import clearjoint as cj
+
+    class LinerStiffness(cj.extend.AbstractStiffness):
+        modulus: float  # Pa
+        thickness: float  # m
+        length: float  # m
+
+        def value(self, gap):
+            return self.modulus * gap.bearing_radius * self.length / self.thickness  # N/m
+
+    liner = LinerStiffness(modulus=3e9, thickness=1e-3, length=10e-3)
+    law = cj.laws.Hertz(liner, exponent=1.0)
+    ```
+    """
+
+    @abc.abstractmethod
+    def value(self, gap: Gap) -> Scalar:
+        """Return the stiffness K in N/m^n for the radii of a gap."""
+
+    def begins_flat(self, exponent: float) -> bool:
+        """Return whether the exponent is above one, which makes the initial slope zero.
+
+        It is ``False`` for an exponent that is no Python number, such as one that JAX traces.
+        """
+        return isinstance(exponent, int | float) and exponent > 1.0
+
+    def force(self, gap: Gap, exponent: float) -> Scalar:
+        """Return K delta^n, N."""
+        return self.value(gap) * positive_power(gap.depth, exponent)
+
+    def energy(self, gap: Gap, exponent: float) -> Scalar:
+        """Return K delta^(n+1)/(n+1), J."""
+        return self.value(gap) * positive_power(gap.depth, exponent + 1) / (exponent + 1)
+
+
+class GivenStiffness(AbstractStiffness):
+    """An explicit constant stiffness, N/m^n.
+
+    **Raises:** `ValueError` if it is not positive. **Warns:** `UnusualValueWarning` below 1e6.
+
+    >>> cj.laws.GivenStiffness(1e9).value(extend.Gap(depth=1e-6, rate=0.0)).item()
+    1000000000.0
+    """
+
+    stiffness: Single = quantity(
+        "N/m^n", positive=True, usual=(SOFTEST_CONTACT, math.inf), remedy="give K in N and m"
+    )
+
+    def value(self, gap: Gap) -> Scalar:
+        """Return the stiffness K, N/m^n."""
+        return self.stiffness
+
+
+class AbstractMaterialPair(AbstractConverting):
+    """Base class of elasticities that depend on the materials of bearing and journal.
+
+    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
+    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; ``None``, the default, for
+      the same value as that of the bearing.
+
+    **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
+    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
+    """
+
+    young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
+    poisson_ratio: Single = quantity("1", within=(-1.0, 0.5), remedy="give nu of the material")
+    journal_young_modulus: Single | None = optional_quantity(
+        "Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS
+    )
+    journal_poisson_ratio: Single | None = optional_quantity(
+        "1", within=(-1.0, 0.5), remedy="give nu of the material"
+    )
+
+    def compliance(self) -> Scalar:
+        """Return 1/E*, 1/Pa: the sum of (1 - nu^2)/E of both materials, with Young's modulus E and
+        Poisson's ratio nu."""
+        modulus = self.journal_young_modulus
+        ratio = self.journal_poisson_ratio
+        modulus = self.young_modulus if modulus is None else modulus
+        ratio = self.poisson_ratio if ratio is None else ratio
+        return (1 - self.poisson_ratio**2) / self.young_modulus + (1 - ratio**2) / modulus
+
+
+class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
+    r"""Internal contact of two spherical surfaces (P. Ravn 1998; Flores et al. 2006, section 4).
+
+    $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
+
+    Here i is the bearing, j the journal, E Young's modulus and nu Poisson's ratio. The stiffness K,
+    N/m^1.5, depends on the radii R and thus on the clearance R_i - R_j.
+
+    **Arguments:**
+
+    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
+    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
+
+    **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
+    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
+
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
+    6.61e+10 N/m^1.5
+    """
+
+    def value(self, gap: Gap) -> Scalar:
+        """Return the stiffness K in N/m^1.5 for the radii of a gap.
+
+        **Raises:** `ValueError` if the gap has no radii.
+        """
+        bearing, journal, clearance = radii_of(gap)
+        return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(bearing * journal / clearance)
+
+
+def as_stiffness(value: object) -> AbstractElasticity:
+    """Return an elasticity unchanged, or a number in N/m^n as a `GivenStiffness`.
+
+    **Raises:** `ValueError` if the value is neither, or is a number that is not positive.
+    """
+    return value if isinstance(value, AbstractElasticity) else GivenStiffness(value)
+
+
+UNKNOWN_ENTRY_SPEED = 1e9
+"""Entry speed, m/s, assumed for a closed contact whose onset was not recorded, such as a contact
+that is closed when the motion starts.
+
+Damping is proportional to the rate over the entry speed, so that this large value makes the contact
+elastic.
+"""
+
+
+class AbstractContactLaw(AbstractConverting):
+    """Base class of the laws of a contact's normal force.
+
+    A subclass defines the force, its elastic part and the stored energy, and two class attributes:
+
+    - `uses_entry_speed`: whether the law needs the entry speed of the current contact, which is
+      determined at the onset and kept until separation.
+    - `force_jumps`: whether the force may be nonzero right after the onset or before separation, as
+      with a parallel damper. Derivatives by parameters then include the effect of the jump, at the
+      cost of one more evaluation of the equations of motion per step. The force of a class that
+      defines `force` without this attribute is assumed to jump: set ``force_jumps = False`` if the
+      force starts and ends at zero.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+    from clearjoint.testing import check_law
+
+    class Elastomer(cj.extend.AbstractContactLaw):
+        stiffness: float  # N/m
+        damping: float  # s/m
+        uses_entry_speed = False
+        force_jumps = False
+
+        def elastic_force(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0)
+
+        def force(self, gap, entry_speed):
+            return self.elastic_force(gap) * jnp.maximum(1.0 + self.damping * gap.rate, 0.0)
+
+        def stored_energy(self, gap):
+            return 0.5 * self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
+
+    law = Elastomer(stiffness=1e8, damping=0.5)
+    check_law(law)
+    scene, state = cj.mechanisms.double_pendulum(law=law)
+    ```
+    """
+
+    if TYPE_CHECKING:  # pyright mistakes AbstractClassVar for a field
+        uses_entry_speed: ClassVar[bool]
+    else:
+        uses_entry_speed: eqx.AbstractClassVar[bool]
+    force_jumps = True
+
+    def __init_subclass__(cls, **options: object):
+        super().__init_subclass__(**options)
+        if "force" in cls.__dict__ and "force_jumps" not in cls.__dict__:
+            cls.force_jumps = True
+
+    @abc.abstractmethod
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the normal force, N, never negative.
+
+        **Arguments:** `gap`: penetration, m, and its rate, m/s. `entry_speed`: m/s, or ``None`` for
+        a law that doesn't use the entry speed.
+        """
+
+    @abc.abstractmethod
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return the conservative part of the force, N: the derivative of the stored energy by the
+        penetration."""
+
+    @abc.abstractmethod
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return the elastic energy at a gap, J, zero before the force begins."""
+
+    def onset_offset(self) -> Scalar:
+        """Return the distance of the surfaces at which the force begins, m; 0 by default.
+
+        It is positive, for example, for a law that is smoothed over a width, or for rough surfaces,
+        whose asperities touch first.
+        """
+        return 0.0
+
+    def slope_jumps(self) -> bool:
+        """Return whether the derivative of the force by the penetration may jump at the onset.
+
+        For example, it jumps for a linear spring. If the result is ``True``, the default, the
+        solver applies a correction for the kink of the force after each step that ends at the onset
+        or the end of a contact. ``False`` saves this correction, which costs one evaluation of the
+        equations of motion.
+        """
+        return True
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return, for each quantity on which the validity of the law depends, its value at a gap
+        and the range in which the law is valid.
+
+        A warning is issued for a clearance outside its range when a joint with clearance
+        (`ClearanceJoint` or `BallInSocket`) is made, and for a penetration outside its range after
+        a run that records impacts. The default is an empty tuple.
+        """
+        return ()
+
+
+class AbstractElasticLaw(AbstractContactLaw):
+    """Base class of laws with an elastic force that the field `stiffness` defines.
+
+    The `stiffness` may be given as a number or an `AbstractElasticity`.
+
+    >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
+    (True, GivenStiffness(stiffness=1000000000.0))
+    """
+
+    stiffness: eqx.AbstractVar[AbstractElasticity]
+
+    @classmethod
+    def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
+        """Return the function that converts the values given for the field `name`.
+
+        This method is called when a class is defined. A number given as `stiffness` becomes a
+        `GivenStiffness`; other fields are converted as in the base class.
+        """
+        return as_stiffness if name == "stiffness" else super().field_converter(name)
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return the quantities on which the validity of the stiffness depends, with their
+        ranges."""
+        return self.stiffness.limits(gap)
+
+
+class AbstractPowerLaw(AbstractElasticLaw):
+    """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
+
+    `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
+    is n.
+    """
+
+    exponent: eqx.AbstractVar[float]
+
+    def slope_jumps(self) -> bool:
+        """Return whether the derivative of the force by the penetration may jump at the onset.
+
+        It doesn't if the method `begins_flat` of the stiffness returns ``True``, as for K delta^n
+        with n above one.
+        """
+        return not self.stiffness.begins_flat(self.exponent)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return K delta^n, N."""
+        return self.stiffness.force(gap, self.exponent)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return K delta^(n+1)/(n+1), J."""
+        return self.stiffness.energy(gap, self.exponent)
+
+
+def require_exponent(exponent: Single) -> None:
+    """Raise a ``ValueError`` if the exponent of a power law is below 1, where the slope of the
+    force would be infinite at the onset."""
+    condition = "at least 1", "use 1.5 for Hertz"
+    require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
+
+
+def require_rebound(restitution: Single) -> None:
+    """Raise a ``ValueError`` unless the restitution is positive, for a law whose damping is
+    infinite for a restitution of zero."""
+    remedy = "its damping is infinite at 0; use a small value such as 0.01"
+    expected = "positive for this law"
+    require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
+
+
+def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
+    """Check that a value is an object of one of the given classes.
+
+    **Arguments:** `argument`: name of the value in the error message. `value`: any object. `kinds`:
+    the classes. `remedy`: advice in the message; by default to define a subclass of `kinds`, or to
+    pass an object of one of this package's classes. If the value is itself a class, the advice is
+    always to call it.
+
+    **Raises:** `ValueError` that names the argument if the value is no such object.
+    """
+    names = " or ".join(kind.__name__ for kind in kinds)
+    if isinstance(value, type):
+        remedy = f"call the class with its numbers, {value.__name__}(...)"
+    remedy = remedy or f"subclass {names} or pass one of clearjoint's"
+    article = "an" if names.startswith(tuple("AEIOU")) else "a"
+    require(isinstance(value, kinds), argument, value, f"{article} {names}", remedy)
+
+
+def require_flat_law(law: object, surfaces: str) -> None:
+    """Check that a law can be used between flat surfaces, which have no radii.
+
+    The stiffness of an `AbstractElasticLaw` must be given as a number, since other stiffnesses may
+    depend on radii. Laws of other classes are accepted unchecked.
+
+    **Arguments:** `surfaces`: names of the flat surfaces in the error message.
+
+    **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number.
+    """
+    require_instance("law", law, AbstractContactLaw)
+    # Whether a law of another class reads the radii is not visible from outside.
+    if isinstance(law, AbstractElasticLaw):
+        remedy = f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness"
+        expected = "a law with an explicit stiffness"
+        require_type("law", law.stiffness, GivenStiffness, expected, remedy)
+
+
+def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+    """Return the normal force of a contact, N.
+
+    **Arguments:** `law`: law of the normal force. `gap`: penetration, m, and its rate, m/s.
+    `entry_speed`: m/s; ``None`` for a law that doesn't use it. Pass 0 as long as the onset has not
+    been recorded: the current rate then replaces it, since at the onset the rate is the entry
+    speed.
+
+    >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
+    >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
+    1300.0 N
+    """
+    if law.uses_entry_speed:
+        assert entry_speed is not None
+        entry_speed = jnp.where(entry_speed > 0.0, entry_speed, gap.rate)
+    return law.force(gap, entry_speed)
+
+
+class AbstractLawAround(AbstractContactLaw):
+    """Base class of laws that change the force of another law, `law`."""
+
+    law: AbstractContactLaw
+
+    @property
+    def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether `law` uses the entry speed."""
+        return self.law.uses_entry_speed
+
+    def limits(self, gap: Gap) -> tuple[Limit, ...]:
+        """Return the validity limits of `law` at a gap."""
+        return self.law.limits(gap)
+
+
+class WeightedLaw(AbstractLawAround):
+    """A contact law times a weight, for one of several contacts that together form a line contact.
+
+    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
+
+    - `law`: the law of the whole contact.
+    - `weight`: share of the law's force and energy.
+    """
+
+    weight: float = eqx.field(static=True)
+
+    @property
+    def force_jumps(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Whether the law's force may jump."""
+        return self.law.force_jumps
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the weight times the law's force, N."""
+        return self.weight * self.law.force(gap, entry_speed)
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return the weight times the law's elastic force, N."""
+        return self.weight * self.law.elastic_force(gap)
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return the weight times the law's energy, J."""
+        return self.weight * self.law.stored_energy(gap)
+
+    def onset_offset(self) -> Scalar:
+        """Return the distance of the surfaces at which the law's force begins, m."""
+        return self.law.onset_offset()
+
+    def slope_jumps(self) -> bool:
+        """Return whether the derivative of the law's force may jump at the onset."""
+        return self.law.slope_jumps()
+
+    @property
+    def delivered_restitution(self) -> Callable[[], Scalar]:
+        """Method of the law that returns the coefficient of restitution of a free impact.
+
+        The weight doesn't change the coefficient, because the motion in an impact stays the same if
+        force and mass are multiplied by the same factor. This is a property, so that ``hasattr``
+        tells whether the law has the method.
+
+        **Raises:** `AttributeError` if the law has no such method.
+        """
+        return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
+    """Return the innermost law of nested `AbstractLawAround` laws; any other law unchanged.
+
+    Reports show the returned law. A `ClearanceJoint` with `line_points`, or a `LubricatedJoint`
+    with a `transition`, computes with a law around the one that the user gave. This function
+    returns the user's law.
+    """
+    while isinstance(law, AbstractLawAround):
+        law = law.law
+    return law

@@ -1,0 +1,430 @@
+"""Drives between two bodies: prescribed rotations and translations, torques and motors.
+
+A driver is a drive that prescribes a motion. Drives that act about an axis do not hold the bodies
+on this axis: add a revolute joint, ideal or with clearance.
+
+A row is a scalar quantity, such as an angle or the error of a constraint equation, with its
+derivatives.
+"""
+
+import abc
+import math
+from dataclasses import replace
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..._fields.checks import require_axis, require_euler_parameters
+from ..._fields.objects import optional_quantity, quantity
+from ..._fields.types import Quadruple, Single, Triple
+from ..._math.rotations import unit
+from ..._math.smoothing import ramp, wrapped
+from ..._math.vectors import Scalar
+from ..bodies import Wrench
+from ..joints.base import (
+    PARALLEL,
+    AbstractConstraint,
+    AbstractForce,
+    AbstractPair,
+    AbstractPairAtPoints,
+    Motions,
+    Row,
+)
+from ..joints.constraint_rows import angle_about, point_in_plane, rate_of, row_following
+from .functions_of_time import (
+    FunctionOfTime,
+    SingleInTime,
+    as_function_of_time,
+    breakpoints_of,
+    require_continuous,
+    single_in_time,
+    value_at,
+)
+
+
+class AbstractDrive(AbstractPair):
+    """Base class of elements that act on the angle of a second body about an axis of a first body.
+
+    They either prescribe the angle or apply a torque.
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero.
+
+    **Raises:** `ValueError` if the bodies are the same, the axis is zero, or the orientation does
+    not have unit norm.
+    """
+
+    axis: eqx.AbstractVar[Triple]
+    orientation: eqx.AbstractVar[Quadruple]
+
+    def __check_init__(self):
+        require_axis("axis", self.axis)
+        require_euler_parameters("orientation", self.orientation)
+
+    def relative_angle(self, motions: Motions) -> Row:
+        """Return the second body's angle about the axis relative to the first body, as a row.
+
+        The row's value is the angle, rad in [-pi, pi], right-handed about the axis. The row's
+        `jacobian` holds the derivatives of the angle's rate by the velocities of both bodies.
+
+        **Arguments:** `motions`: positions and velocities of each body, by its name.
+        """
+        return angle_about(*self._between(motions), self.axis, self.orientation)
+
+
+class AbstractDriveAboutAxis(AbstractDrive):
+    """Base class of drives whose first fields are the names of the bodies and the axis.
+
+    Subclasses add their own fields and, as the last one, `orientation`, because it has a default.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    axis: Triple = quantity("1")
+
+
+class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
+    """Base class of ideal drivers: the second body's angle follows a function of time.
+
+    A driver has one constraint row. Its Lagrange multiplier is the driving moment in N m, positive
+    if it pushes the second body towards larger angles. `observe(...).reactions[driver]` contains
+    this moment as it acts on each body. The energy ledger of a run lists the work of the moment as
+    "supplied". Angles are taken modulo 2 pi, so that the number of revolutions is unlimited.
+
+    If the angle has kinks, return their times from the method `breakpoints`: an impulse of the
+    driver makes velocities jump there. A run ends with `RESULTS.not_followed` if the mechanism
+    can't follow the driver.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Swing(cj.extend.AbstractRotationDriver):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        amplitude: float  # rad
+        frequency: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def angle(self, t):
+            return self.amplitude * jnp.sin(self.frequency * t)
+
+    swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
+    scene, guess = cj.mechanisms.slider_crank(motor=swing)
+    state = cj.assemble(scene, guess)
+    ```
+    """
+
+    @abc.abstractmethod
+    def angle(self, t: Scalar) -> Scalar:
+        """Return the angle in rad at a time in s.
+
+        It must be continuous, and JAX must be able to differentiate it twice between the
+        `breakpoints`.
+        """
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return one row, "angle": the angle minus the prescribed angle, rad in [-pi, pi].
+
+        Whole revolutions are left out of the difference, since the bodies' positions determine the
+        angle only up to them.
+        """
+        row = row_following(self.relative_angle(motions), self.angle, t)
+        return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
+
+
+class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
+    """Rotates the second body relative to the first at constant speed.
+
+    For other motions use `PrescribedAngle`, or subclass `AbstractRotationDriver`.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `speed`: rad/s, right-handed about the axis.
+    - `initial_angle`: rad, at time zero; zero by default.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+
+    **Raises:** `ValueError` if the bodies are the same, or a value is invalid.
+
+    >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
+    >>> print(f"{drive.angle(0.1):.1f} rad")
+    5.0 rad
+    """
+
+    speed: Single = quantity("rad/s", shape=())
+    initial_angle: Single = quantity("rad", shape=(), default=0.0)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def angle(self, t: Scalar) -> Scalar:
+        """Return the initial angle plus speed times time, rad."""
+        return self.initial_angle + self.speed * t
+
+
+class AbstractDriveTorque(AbstractDrive, AbstractForce):
+    """Base class of torques on a second body about an axis of a first body.
+
+    The opposite torque, the reaction, acts on the first body.
+
+    A subclass declares the fields of `AbstractDrive` (`first`, `second`, `axis`, and `orientation`,
+    that of the second body at angle zero) and defines the torque as a function of the second body's
+    angle about the axis, its rate and time, as this motor does:
+
+    ```python
+    import clearjoint as cj
+
+    class Motor(cj.extend.AbstractDriveTorque):
+        first: str
+        second: str
+        axis: tuple[float, float, float]
+        stall_torque: float  # N m
+        idle_speed: float  # rad/s
+        orientation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+        def torque_at(self, angle, speed, t):
+            return self.stall_torque * (1.0 - speed / self.idle_speed)
+
+    motor = Motor("ground", "crank", (0, 0, 1), stall_torque=2.0, idle_speed=600.0)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
+    ```
+    """
+
+    @abc.abstractmethod
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the torque in N m, positive towards larger angles.
+
+        **Arguments:** `angle`: rad, in [-pi, pi]. `speed`: its rate, rad/s. `t`: s.
+        """
+
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return the torque on the second body and its reaction on the first, as wrenches by name
+        of the body."""
+        angle = self.relative_angle(motions)
+        torque = self.torque_at(angle.value, rate_of(angle, motions), t)
+        # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
+        return {
+            name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()
+        }
+
+    def speed(self, motions: Motions) -> Scalar:
+        """Return the rate of the angle of the second body relative to the first, rad/s."""
+        return rate_of(self.relative_angle(motions), motions)
+
+
+class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
+    """A torque on the second body about an axis of the first, constant or a function of time.
+
+    For a torque that depends on angle or speed, subclass `AbstractDriveTorque`, or use `Motor`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    axis = (0, 0, 1)
+    pulsing = cj.DriveTorque("ground", "crank", axis, lambda t: 2.0 + jnp.sin(30.0 * t))
+    switched = cj.DriveTorque("ground", "crank", axis, cj.PiecewiseConstant([0, 0.2], [2.0, 0.0]))
+    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 1.8, 2.1, 2.0])
+    replayed = cj.DriveTorque("ground", "crank", axis, measured)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `torque`: N m, positive towards larger angles: a number, or a function of time such as
+      `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
+      `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
+      of the compiled program and can't be saved in a scene file.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+
+    **Raises:** `ValueError` if the torque is neither a number nor a function, or another value is
+    invalid.
+
+    >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
+    >>> scene, state = cj.mechanisms.slider_crank(motor=drive)
+    """
+
+    torque: SingleInTime = single_in_time("N m")
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the torque at the time `t`, s, in N m."""
+        return value_at(self.torque, t)
+
+    def breakpoints(self) -> PyTree:
+        """Return the times, s, at which a torque that is a function of time jumps or has a kink.
+
+        A Python function can't declare such times, and none are returned for it.
+        """
+        return breakpoints_of(self.torque)
+
+
+class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
+    """Prescribes the second body's angle relative to the first as a function of time.
+
+    Its constraint is the row "angle" of `AbstractRotationDriver`.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    swing = cj.PrescribedAngle("ground", "crank", (0, 0, 1), lambda t: 0.5 * jnp.sin(20.0 * t))
+    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
+    replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `function`: the angle in rad as a function of time in s: a `Spline` or `PiecewiseLinear`
+      table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX
+      can differentiate twice; or a number for a constant angle. A Python function is part of the
+      compiled program, has no parameters to vary or fit, and can't be saved in a scene file.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+
+    **Raises:** `ValueError` if `function` is neither a number nor a continuous function of time, or
+    another value is invalid.
+    """
+
+    function: FunctionOfTime = quantity("rad", converter=as_function_of_time)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def __check_init__(self):
+        require_continuous(self.function)
+
+    def angle(self, t: Scalar) -> Scalar:
+        """Return the prescribed angle, rad, at the time `t`, s."""
+        return value_at(as_function_of_time(self.function), t)
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the function, s."""
+        return breakpoints_of(self.function)
+
+
+class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
+    """Prescribes the distance of two points along an axis of the first body as a function of time.
+
+    It constrains neither the motion across the axis nor rotations: add a prismatic or cylindrical
+    joint. The Lagrange multiplier of its one row is the driving force in N, positive if it pushes
+    the second body along the axis. The energy ledger of a run lists the work of this force as
+    "supplied".
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m from the centre
+      of mass in body axes.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `function`: distance in m from the first body's point to the second's along the axis, negative
+      against its direction: a number or a function of time, as for `PrescribedAngle`.
+
+    **Raises:** `ValueError` if the bodies are the same, `function` is neither a number nor a
+    continuous function of time, or a point or the axis is invalid.
+
+    >>> slide = cj.PrescribedTranslation(
+    ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
+    ... )
+    >>> slide.body_names()
+    ('ground', 'slider')
+    """
+
+    axis: Triple = quantity("1", check=require_axis)
+    function: FunctionOfTime = quantity("m", converter=as_function_of_time)
+
+    def __check_init__(self):
+        require_continuous(self.function)
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return one row, "distance": the actual minus the prescribed distance, m."""
+        points = self.point_first, unit(self.axis), self.point_second
+        distance = point_in_plane(*self._between(motions), *points)
+        prescribed = partial(value_at, as_function_of_time(self.function))
+        return {"distance": row_following(distance, prescribed, t)}
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the function, s."""
+        return breakpoints_of(self.function)
+
+
+ROUNDING = 0.02
+"""Distance from the torque limit of a `Motor`, as a fraction of the limit, within which a parabola
+replaces the kink of the limited torque."""
+SI = "give it in SI units"
+
+
+class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
+    """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
+
+    The torque is P (target - angle) + D (target's rate - speed), with the gains P and D in the
+    arguments `proportional` and `derivative`. It is limited in both directions. Within 2 % of the
+    limit a parabola replaces the kink, so that derivatives are continuous and steps stay long;
+    elsewhere the limit is exact.
+
+    The angle's error is taken within half a revolution. To control a speed regardless of the angle,
+    set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
+
+    ```python
+    import clearjoint as cj
+
+    target = cj.Polynomial((0.0, 50.0))  # 50 rad/s
+    axis = (0, 0, 1)
+    motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
+    scene, state = cj.mechanisms.slider_crank(motor=motor)
+    ```
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
+    - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`. It may also
+      be a `PiecewiseConstant`, whose rate counts as zero.
+    - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
+    - `torque_limit`: N m, positive; ``None``, the default, for no limit.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's frame to the first body's frame at angle zero; parallel frames by default.
+
+    **Raises:** `ValueError` if the bodies are the same, a value is outside its range, or the target
+    is neither a number nor a function of time.
+    """
+
+    target: FunctionOfTime = quantity("rad", converter=as_function_of_time)
+    proportional: Single = quantity("N m/rad", shape=(), positive=True, zero=True, remedy=SI)
+    derivative: Single = quantity("N m s/rad", shape=(), positive=True, zero=True, remedy=SI)
+    torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
+    orientation: Quadruple = quantity("1", default=PARALLEL)
+
+    def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
+        """Return the control torque, N m, within the torque limit.
+
+        **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: time, s.
+        """
+        # JAX differentiates floats only, not a time given as an integer.
+        t = jnp.asarray(t, dtype=float)
+        desired = partial(value_at, as_function_of_time(self.target))
+        target, target_speed = jax.jvp(desired, (t,), (jnp.ones_like(t),))
+        # Within half a revolution: `angle` is known only up to whole revolutions.
+        error = wrapped(target - angle, 2.0 * math.pi)
+        torque = self.proportional * error + self.derivative * (target_speed - speed)
+        if self.torque_limit is None:
+            return torque
+        # The excess above the positive limit is subtracted, and the shortfall below the negative
+        # limit is added. Ramps make both zero between the limits; they are smooth, so that the
+        # torque has no kinks.
+        width = ROUNDING * self.torque_limit
+        excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
+        return torque - ramp(excess, width) + ramp(shortfall, width)
+
+    def breakpoints(self) -> PyTree:
+        """Return the breakpoints of the target, the times of its jumps and kinks, s."""
+        return breakpoints_of(self.target)

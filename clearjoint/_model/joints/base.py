@@ -1,0 +1,521 @@
+"""Interfaces of the elements of a scene: constraints, forces and contact joints.
+
+An element is anything, except gravity, that acts on bodies: a joint, a force or a driver, which
+prescribes a motion. A row is one scalar constraint equation with its derivatives. A wrench is a
+force at a body's centre of mass together with a moment. A spin is an angular velocity in body axes.
+
+User-defined elements subclass `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; no
+registration is needed. In the methods that compute forces and constraints, vectors are `Vector`s of
+three scalars, not arrays, and so are the element's fields with three numbers.
+"""
+
+import abc
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, TypeAlias, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._fields.checks import require, require_point
+from ..._fields.objects import AbstractConverting, quantity
+from ..._fields.types import Triple
+from ..._math.vectors import Scalar, Vector
+from ..bodies import Motion, Wrench
+from ..contact.friction import AbstractBristleFriction
+from ..contact.laws import AbstractContactLaw, Gap, Limit
+from ..pen import AbstractPen, Marker
+from .motion_subspaces import AbstractMotionSubspace
+
+T = TypeVar("T")
+PARALLEL = (1.0, 0.0, 0.0, 0.0)
+"""Euler parameters of parallel frames."""
+
+Motions: TypeAlias = Mapping[str, Motion]
+"""Motion of each body by name, including the ground.
+
+>>> def height(motions: extend.Motions) -> extend.Scalar:
+...     return motions["arm"].position.z
+"""
+ByLabel: TypeAlias = dict[str, dict[str, T]]
+"""Values of contacts or constraint rows, ``values[joint][label]``: by name of the joint, then by
+label of the contact or row."""
+Attachment: TypeAlias = tuple[str, str, Triple]
+"""A point that an element has on a body: the name of the element's field that holds the point, the
+name of the body, and the point's position from the centre of mass, (3,) m in body axes."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One scalar constraint equation Phi = 0, evaluated for given positions and velocities.
+
+    - `value`: Phi, in m, rad, or without unit.
+    - `jacobian`: derivatives of the rate of Phi by the velocities, as a `Wrench` for each body by
+      name: `force` by the velocity of the centre of mass in global axes, `moment` by the spin in
+      body axes. The rate of Phi is sum(force . velocity + moment . spin) + `time_rate`. The
+      reaction on a body is this wrench times the row's Lagrange multiplier.
+    - `bias`: second time derivative of Phi if all linear and angular accelerations are zero.
+    - `time_rate`: rate of Phi with all bodies at rest. It is zero unless Phi depends explicitly on
+      time, as for a driver. The driver supplies the power -(multiplier * `time_rate`), W.
+
+    >>> pull = extend.Wrench(extend.UNIT_X, extend.ZERO)
+    >>> row = extend.Row(value=1e-3, jacobian={"ball": pull}, bias=0.0)  # x of the ball
+    >>> row.time_rate
+    0.0
+    """
+
+    value: Scalar
+    jacobian: dict[str, Wrench]
+    bias: Scalar
+    time_rate: Scalar = 0.0
+
+
+class AbstractElement(AbstractConverting):
+    """Base class of joints, forces and drivers: everything in a scene, except gravity, that acts on
+    bodies.
+
+    `point_fields` has the name of each field with a point, and of the field with the body's name.
+    """
+
+    point_fields: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    @abc.abstractmethod
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the bodies on which the element acts; the ground is "ground"."""
+
+    def breakpoints(self) -> PyTree:
+        """Return the times in s at which the element is not a smooth function of time; the default
+        is an empty tuple.
+
+        A breakpoint is the time of a jump or kink of the force, or of a kink of the angle or
+        distance that a driver prescribes. Return a number, an array of any shape, or a tuple of
+        numbers and arrays, in any order. Infinite times have no effect. The times may be
+        parameters: compute them from the element's fields to get derivatives by them.
+
+        Integration steps end at breakpoints, so that no step extends across a jump or kink, and
+        derivatives by parameters include the effect of a shift of the breakpoint. An undeclared
+        jump of a force costs many short steps, and at an undeclared kink of a driver a run ends
+        with `RESULTS.not_followed`. `sensitivities`, which computes derivatives by parameters,
+        raises an error for a class that inherits this method and compares, rounds or clips a number
+        that depends on time. If the elements of such a class are smooth in time all the same, let
+        the class define this method and return an empty tuple.
+        """
+        return ()
+
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Return the element's points on bodies, by default those in `point_fields`.
+
+        The scene warns of a point so far from the centre of mass that its unit is probably wrong.
+        """
+        fields = self.point_fields.items()
+        return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
+
+    def draw(self, pen: AbstractPen) -> None:
+        """Draw the element with a pen, whose methods draw symbols at points of bodies.
+
+        Figures are drawn by this method, and `arranged_state`, which makes a first guess of a
+        state, uses it too: it places the bodies such that the two points at which a joint is drawn
+        coincide. The default draws a marker at each point of `attachments`.
+        """
+        for _, body, point in self.attachments():
+            pen.mark(Marker(body, point))
+
+
+class AbstractConstraint(AbstractElement):
+    """Base class of ideal joints and drivers: constraint equations Phi = 0.
+
+    Lagrange multipliers, the forces and moments of the joint, enforce the equations.
+
+    This example is a massless rod between two centres of mass. `rows_from_residual` differentiates
+    its equation (d^2 - l^2)/2 = 0 for the distance d and the rod's length l:
+
+    ```python
+    import clearjoint as cj
+
+    class Rod(cj.extend.AbstractConstraint):
+        first: str
+        second: str
+        length: float  # m
+
+        def body_names(self):
+            return self.first, self.second
+
+        def rows(self, motions, t):
+            def residual(first, second):
+                (position_first, _), (position_second, _) = first, second
+                apart = position_second - position_first
+                return (0.5 * (apart.dot(apart) - self.length**2),)
+
+            names = self.body_names()
+            pair = [motions[name] for name in names]
+            return cj.extend.rows_from_residual(names, ("length",), residual, *pair)
+
+    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
+    scene = cj.Scene(bodies, {"rod": Rod("ground", "ball", length=0.5)})
+    state = cj.State({"ball": cj.body_state((0.5, 0.0, 0.0))})
+    ```
+    """
+
+    @abc.abstractmethod
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return the constraint rows by label, at time `t` in s; they must be linearly
+        independent.
+
+        `motions` contains the motion of each body by name.
+        """
+
+    def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
+        """Return the relative motion that the joint allows, for integration in joint coordinates.
+
+        The returned subspace describes the motion of the joint's other body relative to the body
+        with the name `parent`, and replaces the constraint rows. Return ``None``, the default, if
+        the relative motion has no such description: the joint's constraint rows are then kept.
+        """
+        return None
+
+
+class AbstractForce(AbstractElement):
+    """A force element without contact, such as a spring, a load or a drive torque.
+
+    This example is the quadratic drag of the air on one body:
+
+    ```python
+    import clearjoint as cj
+
+    class Drag(cj.extend.AbstractForce):
+        body: str
+        factor: float  # N s^2/m^2
+        point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, body axes
+
+        def body_names(self):
+            return (self.body,)
+
+        def wrenches(self, motions, t):
+            motion = motions[self.body]
+            velocity = motion.velocity_at(self.point)
+            speed, _ = cj.extend.norm_and_direction(velocity)
+            return {self.body: motion.wrench(velocity * (-self.factor * speed), self.point)}
+
+    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
+    scene = cj.Scene(bodies, forces={"air": Drag("ball", factor=0.02)}, gravity=(0, 0, -9.81))
+    ```
+    """
+
+    @abc.abstractmethod
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        """Return the wrench on each body by name, at time `t` in s.
+
+        A wrench is a force at the centre of mass, N in global axes, and a moment, N m in body axes.
+        A wrench on the ground is ignored. `motions` contains the motion of each body by name.
+        """
+
+    def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the element's potential energy in J, at time `t` in s; 0 by default."""
+        return 0.0
+
+    def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the power in W by which the element changes the total energy, at time `t` in s.
+
+        The total energy includes `stored_energy`. The power is therefore that of the wrenches plus
+        the rate of the stored energy: zero for a spring, negative for a damper. The default, the
+        power of the wrenches alone, is right for an element without stored energy.
+        """
+        power: Scalar = 0.0
+        for name, wrench in self.wrenches(motions, t).items():
+            power = power + motions[name].power(wrench)
+        return power
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Geometry of one possible contact between two surfaces.
+
+    - `gap`: penetration, m, and its rate, m/s.
+    - `normal`: global unit vector, the direction in which the second body penetrates the first. The
+      normal force on the second body is -F normal, on the first +F normal.
+    - `arm_first`, `arm_second`: contact points on the first and the second body's surface, from
+      that body's centre of mass, m in that body's axes.
+    - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
+      ``None`` without friction.
+    - `line_first`, `line_second`: optional points on the normal force's line of action, such as the
+      centre of a ball, from the centre of mass, m in each body's axes. Without friction the force
+      acts at these points instead of `arm_first` and `arm_second`, which has the same effect with
+      less arithmetic and rounding.
+    - `turning`: ``None``, except for a contact that acts as a couple. It then consists of the
+      derivatives of the penetration's rate by the first and the second body's spin, m in body axes.
+      A normal force F acts as the moments -F times these vectors, without a net force. `normal` is
+      the axis about which the second body rotates into the first, and there is no friction.
+    - `face_radius`: ``None``, except for two flat faces whose friction resists their relative
+      rotation as well. It is the mean radius of the faces, m. `slip` then has a component along the
+      normal: this radius times the spin of the second body relative to the first about the normal.
+    - `lever`: ``None``, except for friction in an ideal hinge or ball. The friction F then acts as
+      a couple with the moment `lever` F, m, and `slip` is `lever` times the angular velocity of the
+      second body relative to the first, about the axis of the hinge.
+
+    >>> gap = extend.Gap(depth=1e-6, rate=0.0)
+    >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
+    >>> contact = extend.Contact(gap, extend.UNIT_Z, *arms, slip=None)
+    >>> contact.normal.z
+    1.0
+    """
+
+    gap: Gap
+    normal: Vector
+    arm_first: Vector
+    arm_second: Vector
+    slip: Vector | None
+    line_first: Vector | None = None
+    line_second: Vector | None = None
+    turning: tuple[Vector, Vector] | None = None
+    face_radius: Scalar | None = None
+    lever: Scalar | None = None
+
+    def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
+        """Return the points where the force acts on the first and the second body.
+
+        Each is in m, from the centre of mass, in its body's axes. The points are `line_first` and
+        `line_second` if `has_friction` is false and both are given, otherwise `arm_first` and
+        `arm_second`.
+        """
+        if has_friction or self.line_first is None or self.line_second is None:
+            return self.arm_first, self.arm_second
+        return self.line_first, self.line_second
+
+
+class AbstractContactJoint(AbstractElement):
+    """A joint with unilateral contacts between a first and a second body.
+
+    Each contact has a label and a law for its normal force, which may use the entry speed: the
+    penetration rate at the onset of the contact. This example is a ball on a horizontal floor. Test
+    a user-defined joint with `clearjoint.testing.check_contact_joint`.
+
+    ```python
+    import clearjoint as cj
+
+    class BallOnFloor(cj.extend.AbstractContactJoint):
+        ball: str
+        radius: float  # m
+        law: cj.extend.AbstractContactLaw
+
+        def pair(self):
+            return "ground", self.ball
+
+        def laws(self):
+            return {"floor": self.law}
+
+        def contacts(self, motions):
+            ball, down = motions[self.ball], cj.extend.Vector(0.0, 0.0, -1.0)
+            gap = cj.extend.Gap(self.radius - ball.position.z, -ball.velocity.z)
+            on_floor = cj.extend.Vector(ball.position.x, ball.position.y, 0.0)
+            on_ball = ball.components(down * self.radius)
+            return {"floor": cj.extend.Contact(gap, down, on_floor, on_ball, slip=None)}
+
+        def friction_force(self, name, contact, normal_force):
+            return None
+
+    bodies = {"ball": cj.Body(0.1, (4e-6, 4e-6, 4e-6))}
+    joints = {"floor": BallOnFloor("ball", radius=0.01, law=cj.laws.Hertz(1e9))}
+    scene = cj.Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
+    ```
+    """
+
+    @abc.abstractmethod
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the law of the normal force of each contact, by label."""
+
+    @abc.abstractmethod
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the geometry of each contact, from the motion of each body by name.
+
+        The labels are those of `laws`.
+        """
+
+    @abc.abstractmethod
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction force on the second body, N in global axes; ``None`` without
+        friction.
+
+        The friction force is tangential. Only for a contact with a `face_radius` may the result
+        also have a component along the normal, which is not applied as a force: times this radius,
+        it is the moment about the normal by which friction resists the relative rotation of the
+        faces.
+
+        If there is friction, the contact's `slip` must not be ``None``: the energy ledger computes
+        the power of the friction from it.
+
+        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
+        positive if the surfaces push each other apart.
+        """
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the friction laws with bristles by label of the contact; empty by default.
+
+        Such a law models sticking by a deflection of the surfaces, which is integrated with the
+        motion. It replaces `friction_force` for its contact, whose `slip` must not be ``None`` and
+        whose `face_radius` must be ``None``.
+        """
+        return {}
+
+    @abc.abstractmethod
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second body."""
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.pair()
+
+    def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
+        """Return the wrench of a lubricant film on each body by name; empty by default.
+
+        The energy ledger of a run counts the whole power of these wrenches as dissipated.
+        """
+        return {}
+
+    def deepest(self) -> dict[str, Scalar]:
+        """Return the largest penetration for which the geometry is valid, m, by label of the
+        contact; empty by default.
+
+        A run ends when the penetration of a contact exceeds this value. A contact without an entry
+        has no limit.
+        """
+        return {}
+
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        """Return the quantities on which the validity of a contact's law depends, each with its
+        value at the penetration `depth` and its valid range; an empty tuple by default.
+
+        After a run that has recorded impacts, this method is called with the largest penetration of
+        each contact, and a warning is issued if a quantity is outside its range.
+
+        **Arguments:** `name`: label of the contact. `depth`: penetration, m.
+        """
+        return ()
+
+    def slid_out(self, motions: Motions) -> Scalar | None:
+        """Return the distance by which the second body has slid out of the first along the joint's
+        axis, m; negative inside.
+
+        A run warns of positive values at its saved times and at its end. ``None``, the default,
+        stands for a joint whose second body can't slide out.
+        """
+        return None
+
+    def centred_joint(self) -> AbstractConstraint | None:
+        """Return the ideal joint that holds the second body midway between its contacts; ``None``
+        by default.
+
+        `assemble`, which corrects initial states, moves a body that starts outside its clearance to
+        this position.
+        """
+        return None
+
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        """Return the ideal joint that holds the second body where it rests under a load.
+
+        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`;
+        these must have a `centred_joint` too. Return ``None``, the default, if there is no position
+        of rest: `assemble` then raises an error. Unlike in most methods, vectors are arrays here,
+        (3,).
+
+        **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
+        axes.
+        """
+        return None
+
+    def anchor(self) -> tuple[str, Vector, Vector] | None:
+        """Return the two points of a joint between a moving body and the ground; ``None`` by
+        default.
+
+        The result consists of the name of the moving body, the joint's point on this body, m in its
+        axes, and the joint's point on the ground, m in global axes. If the position of the body is
+        an integration variable, it is replaced by the small vector from the ground's point to the
+        body's point. Computed as a difference of large coordinates, this vector would lose digits.
+        """
+        return None
+
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        """Return constraint rows in addition to the contacts, by label; empty by default."""
+        return {}
+
+
+def require_distinct(first: str, second: str) -> None:
+    """Raise a ``ValueError`` unless two names of bodies are strings and differ."""
+    for argument, name in (("first", first), ("second", second)):
+        require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
+    require(first != second, "second", second, "another body than `first`", "name two bodies")
+
+
+class AbstractPair(AbstractElement):
+    """Base class of elements between two different bodies.
+
+    **Raises:** `ValueError` if the two names are equal or not strings.
+    """
+
+    first: eqx.AbstractVar[str]
+    second: eqx.AbstractVar[str]
+
+    def __check_init__(self):
+        require_distinct(self.first, self.second)
+
+    def pair(self) -> tuple[str, str]:
+        """Return the names of the first and the second body."""
+        return self.first, self.second
+
+    def body_names(self) -> tuple[str, ...]:
+        """Return the names of the first and the second body."""
+        return self.pair()
+
+    def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
+        """Return the pair of names, and the motions of both bodies.
+
+        Most functions of the module `.constraint_rows` take these three values as their first three
+        arguments.
+        """
+        return self.pair(), motions[self.first], motions[self.second]
+
+
+class AbstractPairAtPoints(AbstractPair):
+    """Base class of elements between a point of one body and a point of another.
+
+    `first` and `second` are the names of the bodies, `point_first` and `point_second` the points,
+    (3,) m from each body's centre of mass in its axes. A point of the ground is in global
+    coordinates.
+
+    **Raises:** `ValueError` if the names are equal or not strings, or a point does not have three
+    finite coordinates.
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point_first: Triple = quantity("m", check=require_point)
+    point_second: Triple = quantity("m", check=require_point)
+    point_fields = {"point_first": "first", "point_second": "second"}
+
+    def ends(
+        self, axis_first: Triple | None = None, axis_second: Triple | None = None
+    ) -> tuple[Marker, Marker]:
+        """Return markers of the element's points on the first and the second body, for drawing.
+
+        **Arguments:** `axis_first`, `axis_second`: direction of each marker, (3,) in body axes, or
+        ``None``, the default, for a marker without direction.
+        """
+        first = Marker(self.first, self.point_first, axis_first)
+        return first, Marker(self.second, self.point_second, axis_second)
+
+
+def each_label(
+    function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
+) -> ByLabel[T]:
+    """Call a function for each contact or row, and return the results by name of joint and label.
+
+    **Arguments:** `function`: gets the name of a joint and the label of one of its contacts or
+    rows. `tables`: labels of each joint, by its name.
+    """
+    return {
+        name: {label: function(name, label) for label in labels} for name, labels in tables.items()
+    }

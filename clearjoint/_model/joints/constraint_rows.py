@@ -1,0 +1,410 @@
+"""Constraint rows of which the ideal joints are composed, and their combinations.
+
+A row is one scalar constraint equation Phi = 0 with its derivatives. Its Jacobian holds the
+derivatives of the rate of Phi by the velocities and spins of the bodies, and its bias is the second
+time derivative of Phi if all accelerations are zero. A rate is a time derivative, and a spin is an
+angular velocity in body axes. In a row that describes a quantity, such as an angle, the quantity
+takes the place of Phi.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import reduce
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..._fields.checks import require
+from ..._math.rotations import rotation_matrix, transverse_axes, unit
+from ..._math.smoothing import polar_angle, where
+from ..._math.vectors import (
+    UNIT_X,
+    UNIT_Y,
+    UNIT_Z,
+    ZERO,
+    EulerParameters,
+    Matrix,
+    Scalar,
+    Vector,
+    add,
+    multiply,
+)
+from ..bodies import NO_WRENCH, Motion, Wrench
+from .base import Motions, Row
+
+Pair = tuple[str, str]
+"""Names of the first and the second body of a joint."""
+
+
+def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
+    """Return the Jacobian and the bias of a row whose value is a coordinate of a body's point.
+
+    The coordinate is measured along a fixed direction. The bias, m/s^2, is the component along this
+    direction of the point's centripetal acceleration relative to the centre of mass.
+
+    **Arguments:** `local`: the point, m from the centre of mass in body axes; `direction`: a unit
+    vector in global axes.
+    """
+    body_direction = motion.rotation.transposed_times(direction)
+    centripetal = motion.spin.cross(motion.spin.cross(local))
+    return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
+
+
+def coincident_points(
+    names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
+) -> dict[str, Row]:
+    """Return three rows that keep a point of the first body at a point of the second.
+
+    The rows' values are the global components of the vector from the second point to the first, m,
+    with the labels "translation x", "translation y" and "translation z".
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `local_first`, `local_second`: point of each body, m from its centre of mass in its axes.
+
+    >>> names, ground = ("ground", "ball"), still
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> rows = extend.coincident_points(names, ground, ball, extend.ZERO, extend.ZERO)
+    >>> print(f"{rows['translation x'].value:.1f} m")
+    -0.1 m
+    """
+    # One row for each global axis: the difference of the points' coordinates along it.
+    separation = first.point(local_first) - second.point(local_second)
+    rows = {}
+    for label, axis in (("x", UNIT_X), ("y", UNIT_Y), ("z", UNIT_Z)):
+        wrench_first, bias_first = _along(first, local_first, axis)
+        wrench_second, bias_second = _along(second, local_second, axis)
+        negative_second = Wrench(-wrench_second.force, -wrench_second.moment)
+        jacobian = {names[0]: wrench_first, names[1]: negative_second}
+        rows[f"translation {label}"] = Row(axis.dot(separation), jacobian, bias_first - bias_second)
+    return rows
+
+
+def perpendicular(
+    names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
+) -> Row:
+    """Return the row that keeps a direction of one body perpendicular to a direction of another.
+
+    The row's value is the scalar product of the two directions.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis_first`, `axis_second`: unit vector of each body, in that body's axes.
+
+    >>> names, ground = ("ground", "ball"), still
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> extend.perpendicular(names, ground, ball, extend.UNIT_X, extend.UNIT_Y).value
+    0.0
+    """
+    a, b = first.direction(axis_first), second.direction(axis_second)
+    b_in_first = first.rotation.transposed_times(b)
+    a_in_second = second.rotation.transposed_times(a)
+    rate_first, rate_second = first.spin.cross(axis_first), second.spin.cross(axis_second)
+    # Second derivative of a . b: centripetal terms of both directions, and twice the product of
+    # their rates.
+    bias = (
+        first.spin.cross(rate_first).dot(b_in_first)
+        + second.spin.cross(rate_second).dot(a_in_second)
+        + 2.0 * first.direction(rate_first).dot(second.direction(rate_second))
+    )
+    # The first body's part of the rate of a . b is (spin x a) . b = spin . (a x b), and likewise
+    # for the second body.
+    jacobian = {
+        names[0]: Wrench(ZERO, axis_first.cross(b_in_first)),
+        names[1]: Wrench(ZERO, axis_second.cross(a_in_second)),
+    }
+    return Row(a.dot(b), jacobian, bias)
+
+
+def point_in_plane(
+    names: Pair, first: Motion, second: Motion, origin: Vector, axis: Vector, local: Vector
+) -> Row:
+    """Return the row that keeps a point of the second body in a plane of the first.
+
+    The row's value is the point's distance from the plane, m, positive on the side of the normal.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `origin`: a point of the plane, m from the first body's centre of mass in its axes.
+    - `axis`: normal of the plane, a unit vector in the first body's axes.
+    - `local`: the point of the second body, m from its centre of mass in its axes.
+
+    >>> names, ground = ("ground", "ball"), still
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> row = extend.point_in_plane(names, ground, ball, extend.ZERO, extend.UNIT_X, extend.ZERO)
+    >>> print(f"{row.value:.1f} m")
+    0.1 m
+    """
+    normal = first.direction(axis)
+    arm = first.components(second.point(local) - first.position)
+    along, bias_second = _along(second, local, normal)
+    # `arm` has components in the axes of the first body, in which the plane is at rest, and
+    # `relative` is their rate. These axes rotate. The second derivative of `arm` is therefore the
+    # acceleration of the point minus the centripetal and Coriolis terms, of which `bias_first` is
+    # the component along the normal.
+    velocity = first.components(second.velocity_at(local) - first.velocity)
+    relative = velocity - first.spin.cross(arm)
+    spin = first.spin
+    bias_first = axis.dot(spin.cross(spin.cross(arm))) + 2.0 * axis.dot(spin.cross(relative))
+    jacobian = {names[0]: Wrench(-normal, axis.cross(arm)), names[1]: along}
+    return Row(axis.dot(arm - origin), jacobian, bias_second - bias_first)
+
+
+def turning_angle(
+    names: Pair, first: Motion, second: Motion, axis: Vector, direction: Vector
+) -> Row:
+    """Return the angle of a direction of the second body about an axis of the first, as a row.
+
+    The row's value is the angle, rad in [-pi, pi], right-handed about the axis. It is measured in
+    the plane perpendicular to the axis, from the first of the axis' `transverse_axes`, two unit
+    vectors in this plane, to the projection of the direction on the plane. Jacobian and bias are
+    exact even if the direction is not perpendicular to the axis.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis`: unit vector in the first body's axes.
+    - `direction`: unit vector in the second body's axes, not parallel to the axis.
+
+    >>> names, ground = ("ground", "ball"), still
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> row = extend.turning_angle(names, ground, ball, extend.UNIT_Z, extend.UNIT_X)
+    >>> sorted(row.jacobian)
+    ['ball', 'ground']
+    """
+    start, quarter = transverse_axes(axis)
+    cosine = perpendicular(names, first, second, start, direction)
+    sine = perpendicular(names, first, second, quarter, direction)
+    # c and s are the components of the direction along the transverse axes. The angle is
+    # atan2(s, c), and its derivatives are valid for any length of the projected direction.
+    c, s = cosine.value, sine.value
+    inverse = 1.0 / (c * c + s * s)
+    # The angle depends only on orientations, so that its Jacobian has moments but no forces.
+    jacobian = {}
+    for name in names:
+        moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
+        jacobian[name] = Wrench(ZERO, moment * inverse)
+    motions = dict(zip(names, (first, second), strict=True))
+    c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
+    rate = (c * s_rate - s * c_rate) * inverse
+    # The derivative of the rate by time, before multiplication by `inverse`. The last term comes
+    # from the derivative of `inverse`.
+    bias = c * sine.bias - s * cosine.bias - 2.0 * rate * (c * c_rate + s * s_rate)
+    return Row(polar_angle(s, c), jacobian, bias * inverse)
+
+
+def rate_of(row: Row, motions: Motions) -> Scalar:
+    """Return the part of the rate of a row's value that is due to the motion of the bodies.
+
+    The other part, the row's `time_rate`, is due to a prescribed function of time.
+    """
+    # `Motion.power` multiplies a wrench, here a part of the Jacobian, by velocity and spin.
+    return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
+
+
+def relative_angle_row(
+    names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
+) -> Row:
+    """Return the angle of the second body relative to the first about a common axis, as a row.
+
+    The row's value is in rad in [-pi, pi], right-handed about the first body's axis. It is zero if
+    the bodies' frames differ by the shortest rotation that makes the two axes parallel. An axis and
+    its opposite count as the same: the second axis is reversed if the scalar product of
+    `axis_first` and `axis_second` is negative.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis_first`, `axis_second`: the axis in each body's axes, of any length.
+    """
+    a, b = unit(axis_first), unit(axis_second)
+    start, _ = transverse_axes(a)
+    # An axis and its opposite define the same joint. Of b and -b, the one nearer to a is used, so
+    # that the shortest rotation from a to b exists. `direction` is `start`, which is perpendicular
+    # to a, after this rotation: at angle zero, it is `start` in the second body's axes.
+    b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
+    direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
+    return turning_angle(names, first, second, a, direction)
+
+
+def angle_about(
+    names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
+) -> Row:
+    """Return the angle of the second body about an axis of the first, as a row.
+
+    The row's value is in rad in [-pi, pi], right-handed about the axis.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `first`, `second`: motions of the bodies.
+    - `axis`: in the first body's axes, any length.
+    - `orientation`: Euler parameters that transform components in the second body's axes to the
+      first's at angle zero.
+    """
+    axis = unit(axis)
+    start, _ = transverse_axes(axis)
+    direction = rotation_matrix(orientation).transposed_times(start)
+    return turning_angle(names, first, second, axis, direction)
+
+
+Pose = tuple[Vector, Matrix]
+"""Position of a body's centre of mass, m in global axes, and matrix from body to global axes."""
+Velocities = tuple[Vector, Vector]
+"""Velocity of a body's centre of mass, m/s in global axes, and its spin, rad/s in body axes."""
+
+
+def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
+    """Return the time derivative of a pose: the velocity, m/s, and the rotation matrix' rate, 1/s.
+
+    The rate of the rotation matrix A is A ~spin, where ~spin is the matrix of the cross product
+    with the spin. Its rows are the cross products of A's rows with the spin.
+    """
+    velocity, spin = velocities
+    rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
+    return velocity, Matrix(*(row.cross(spin) for row in rows))
+
+
+def rows_from_residual(
+    names: Pair,
+    labels: Sequence[str],
+    residual: Callable[[Pose, Pose], Sequence[Scalar]],
+    first: Motion,
+    second: Motion,
+) -> dict[str, Row]:
+    """Return constraint rows by label, whose derivatives are found by automatic differentiation.
+
+    A user-defined joint that calls this function needs to define only the constraint equations, as
+    a function of positions and orientations. Hand-written Jacobians and biases are faster.
+
+    **Arguments:**
+
+    - `names`: of the first and the second body.
+    - `labels`: of the rows, in the order of the residual's values.
+    - `residual`: function that returns a scalar for each label, zero if the constraint is
+      satisfied. Its two arguments are the poses of the first and the second body. Each pose is a
+      pair: the position of the body's centre of mass, m in global axes, and the rotation matrix
+      from body to global axes. The function must not depend explicitly on time, because it is
+      differentiated by the poses only.
+    - `first`, `second`: motions of the bodies.
+
+    **Raises:** `ValueError` if the residual has another number of values than there are labels.
+
+    >>> names, ground = ("ground", "ball"), still
+    >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+    >>> def residual(first, second):
+    ...     return ((second[0] - first[0]).x,)
+    >>> rows = extend.rows_from_residual(names, ("x",), residual, ground, ball)
+    >>> print(f"{rows['x'].value:.1f} m")
+    0.1 m
+    """
+    pair = first, second
+    # JAX needs values and tangents of one type, but some components may be Python numbers.
+    poses = _as_arrays(tuple((motion.position, motion.rotation) for motion in pair))
+    velocities = _as_arrays(tuple((motion.velocity, motion.spin) for motion in pair))
+
+    # The rates of the constraint equations, from the poses and velocities of both bodies.
+    def rate(
+        poses: tuple[Pose, Pose], velocities: tuple[Velocities, Velocities]
+    ) -> tuple[Scalar, ...]:
+        pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
+        return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (pose_rates,))[1]
+
+    # The bias is the second derivative at constant velocities and spins. The rate is linear in
+    # velocities and spins, so that its values for unit velocities and spins are the Jacobian.
+    pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
+    biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
+    values = residual(*poses)
+    expected = f"{len(values)}, as many as the residual has values"
+    require(len(labels) == len(values), "labels", labels, expected, "give each row a label")
+    columns = [rate(poses, direction) for direction in _unit_velocities()]
+    rows = {}
+    for k, label in enumerate(labels):
+        # As in `_unit_velocities`: velocity and spin of the first body, then of the second.
+        v = [column[k] for column in columns]
+        vectors = [Vector(*v[j : j + 3]) for j in range(0, 12, 3)]
+        jacobian = {names[0]: Wrench(*vectors[:2]), names[1]: Wrench(*vectors[2:])}
+        rows[label] = Row(values[k], jacobian, biases[k])
+    return rows
+
+
+def _as_arrays(tree: PyTree) -> PyTree:
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), tree)
+
+
+def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
+    """Return twelve sets of velocities and spins of two bodies, in each of which one component is 1
+    and all others are zero.
+
+    Their order is velocity x, y, z and spin x, y, z of the first body, then of the second. From
+    them, `rows_from_residual` computes the columns of a Jacobian.
+    """
+    zero = _as_arrays(ZERO)
+    units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
+    pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]
+    rest = (zero, zero)
+    return [(pair, rest) for pair in pairs] + [(rest, pair) for pair in pairs]
+
+
+def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
+    """Return the row that keeps a vector's length constant, such as that of a massless rod.
+
+    The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
+
+    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m; their
+    `time_rate` must be zero. `length`: required length, m, positive. `motions`: motion of each body
+    by name.
+    """
+    # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
+    # derivative along the vector is 1, so that the multiplier is the force in N.
+    value, bias = -0.5 * length, 0.0
+    jacobian: dict[str, Wrench] = {}
+    for row in components:
+        slope, rate = row.value / length, rate_of(row, motions)
+        for name, wrench in row.jacobian.items():
+            jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * slope
+        # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.
+        value = value + 0.5 * slope * row.value
+        bias = bias + rate * rate / length + slope * row.bias
+    return Row(value, jacobian, bias)
+
+
+def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
+    """Return the row that makes a quantity follow a prescribed function of time.
+
+    The value of the returned row is the value of `row` minus the function at the time `t`.
+
+    **Arguments:** `row`: a row whose value is the quantity to prescribe, such as an angle.
+    `function`: the prescribed value, in the row's unit, as a function of the time in s; JAX must be
+    able to differentiate it twice. `t`: time, s.
+    """
+
+    def rate(t: Scalar) -> Scalar:
+        return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
+
+    t = jnp.asarray(t, dtype=float)
+    prescribed, acceleration = jax.jvp(rate, (t,), (jnp.ones_like(t),))
+    time_rate = add(row.time_rate, -prescribed)
+    return Row(row.value - function(t), row.jacobian, row.bias - acceleration, time_rate)
+
+
+def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
+    """Return the row `first` plus a constant `factor` times the row `second`.
+
+    Such a sum of two angles, or of a distance and an angle, couples the two motions. The factor
+    multiplies the value, Jacobian, bias and time rate of `second`.
+    """
+    jacobian = dict(first.jacobian)
+    for name, wrench in second.jacobian.items():
+        jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * factor
+    value = add(first.value, multiply(second.value, factor))
+    bias = add(first.bias, multiply(second.bias, factor))
+    return Row(value, jacobian, bias, add(first.time_rate, multiply(second.time_rate, factor)))

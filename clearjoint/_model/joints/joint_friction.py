@@ -1,0 +1,163 @@
+"""Friction of ideal joints: of hinges, sliders and balls that other joints hold."""
+
+import equinox as eqx
+
+from ..._fields.checks import require, require_axis, require_point
+from ..._fields.objects import optional_quantity, quantity
+from ..._fields.types import Single, Triple
+from ..._math.rotations import unit
+from ..._math.vectors import ZERO, Scalar, Vector
+from ..bodies import Motion, Wrench
+from ..contact.friction import AbstractBristleFriction, AbstractFriction, FrictionLaw
+from ..contact.laws import AbstractContactLaw, Gap, require_instance
+from .base import AbstractContactJoint, AbstractPair, Contact, Motions
+
+LABEL = "surface"
+"""Label of the only contact of a `JointFriction`."""
+PRESSED = 1e-9
+"""Depth of the contact, m, which is closed for ever. Its value has no effect, since the load does
+not depend on it."""
+
+
+class Preload(AbstractContactLaw):
+    """A constant normal force between surfaces that never part: the `load`, N."""
+
+    load: Single = quantity("N", positive=True, zero=True)
+    uses_entry_speed = False
+    force_jumps = False
+
+    def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        """Return the load, N."""
+        return self.load
+
+    def elastic_force(self, gap: Gap) -> Scalar:
+        """Return the load, N, since nothing is damped."""
+        return self.load
+
+    def stored_energy(self, gap: Gap) -> Scalar:
+        """Return zero: the surfaces do not move towards each other."""
+        return 0.0
+
+    def slope_jumps(self) -> bool:
+        """Return ``False``, since there is neither onset nor end."""
+        return False
+
+
+class JointFriction(AbstractPair, AbstractContactJoint):
+    """Friction in an ideal joint, by any of the laws in `clearjoint.frictions`.
+
+    Two surfaces, pressed together by a constant load, slip as the second body moves relative to the
+    first. In a hinge or ball, they have a radius r: the slip is r times the relative angular
+    velocity, and the friction F acts as a couple with the moment F r. In a slider the slip is the
+    velocity along the axis, and F acts along it. Laws with bristles, such as `LuGre`, hold the
+    joint below the breakaway load; laws of the slip speed alone let it creep.
+
+    Reactions of the ideal joint contain no part of the load. `simulate_nonsmooth` does not support
+    this element.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies that the ideal joint connects.
+    - `friction`: law of the friction over the load. A law's speeds are those of the surfaces, m/s.
+    - `load`: N, by which the surfaces are pressed together.
+    - `axis`: (3,) in the first body's axes, any length: of a hinge, or direction of a slider;
+      ``None`` for a ball, where friction resists every relative rotation.
+    - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider. For a law in N m and
+      rad/s, take ``radius=1``: the moment is then the `load` in N m times the law's ratio.
+    - `point_second`: of the second body, on the slider's surface, (3,) m in its axes; its centre of
+      mass by default. It matters only if the first body rotates.
+    - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
+      ``radius=1``); none by default.
+
+    **Raises:** `ValueError` if both bodies are the same, `friction` is no friction law, both `axis`
+    and `radius` are ``None``, or a value is outside its range.
+
+    ```python
+    import clearjoint as cj
+
+    z = (0, 0, 1)
+    # A hinge that holds 0.6 N m at rest, and resists with 0.5 N m when it turns.
+    law = cj.frictions.LuGre(breakaway=1.2, kinetic=1.0, stribeck_speed=0.05, stiffness=1e4)
+    scene = cj.Scene(
+        {"arm": cj.Body.rod(mass=1.0, length=0.5, diameter=0.02)},
+        {
+            "hinge": cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.25, 0, 0), z, z),
+            "friction": cj.JointFriction(
+                "ground", "arm", law, load=0.5, axis=z, radius=1.0
+            ),
+        },
+    )
+    ```
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    friction: FrictionLaw  # pyright: ignore[reportGeneralTypeIssues]
+    load: Single = quantity("N", positive=True, zero=True, remedy="give the load in N")
+    axis: Triple | None = optional_quantity("1", shape=(3,), check=require_axis)
+    radius: Single | None = optional_quantity("m", positive=True, remedy="give the radius in m")
+    point_second: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    viscosity: Single | None = optional_quantity("N s/m", positive=True, zero=True)
+
+    def __check_init__(self):
+        require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
+
+    def _check_together(self) -> None:
+        expected = "given for a slider, or else a `radius` for a hinge or ball"
+        remedy = "give the direction of the slider, (3,) in the first body's axes"
+        require(not (self.axis is None and self.radius is None), "axis", None, expected, remedy)
+
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        """Return the constant load."""
+        return {LABEL: Preload(self.load)}
+
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        """Return the surfaces, which are always in contact, and their slip."""
+        first, second = motions[self.first], motions[self.second]
+        on_first = first.components(second.point(self.point_second) - first.position)
+        slip = self._slip(first, second, on_first)
+        gap = Gap(PRESSED, 0.0)
+        # Without a normal, the load acts on neither body.
+        return {LABEL: Contact(gap, ZERO, on_first, self.point_second, slip, lever=self.radius)}
+
+    def _slip(self, first: Motion, second: Motion, on_first: Vector) -> Vector:
+        """Return the velocity of the second surface relative to the first, m/s in global axes; of a
+        hinge or ball, the radius times the relative angular velocity.
+
+        **Arguments:** `on_first`: the slider's point from the first body's centre of mass, m in its
+        axes.
+        """
+        if self.radius is None:
+            slip = second.velocity_at(self.point_second) - first.velocity_at(on_first)
+        else:
+            spin = second.direction(second.spin) - first.direction(first.spin)
+            slip = spin * self.radius
+        if self.axis is None:
+            return slip
+        axis = first.direction(unit(self.axis))
+        return axis * slip.dot(axis)
+
+    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        """Return the friction on the second body's surface, N in global axes."""
+        assert contact.slip is not None
+        return self.friction.force(normal_force, contact.slip)
+
+    def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
+        """Return the law of the friction, if it has bristles."""
+        return {LABEL: self.friction} if isinstance(self.friction, AbstractBristleFriction) else {}
+
+    def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
+        """Return the wrench of the viscous part on each body by name."""
+        if self.viscosity is None:
+            return {}
+        (contact,) = self.contacts(motions).values()
+        assert contact.slip is not None
+        drag = contact.slip * -self.viscosity
+        first, second = motions[self.first], motions[self.second]
+        if self.radius is not None:
+            moment = drag * self.radius
+            return {self.second: second.torque(moment), self.first: first.torque(-moment)}
+        return {
+            self.second: second.wrench(drag, contact.arm_second),
+            self.first: first.wrench(-drag, contact.arm_first),
+        }

@@ -1,0 +1,64 @@
+"""Shared parts of the mechanisms: axes, a steel, planar motions, and motors.
+
+The steel is that of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute
+joints with clearances for dynamic analysis of multi-body systems, 2006.
+"""
+
+import math
+
+import numpy as np
+
+from ..._math.vectors import Scalar
+from ..bodies import BodyState, body_state
+from ..contact.hunt_crossley import LankaraniNikravesh
+from ..contact.laws import RavnStiffness
+from ..joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
+
+ORIGIN = (0.0, 0.0, 0.0)
+X_AXIS, Y_AXIS, Z_AXIS = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+STEEL = RavnStiffness(207e9, 0.3)
+"""Ravn's stiffness for the steel of Flores et al. 2006, Table 2: 207 GPa, Poisson's ratio 0.3.
+
+>>> law = cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL)
+"""
+Joints = dict[str, AbstractConstraint | AbstractContactJoint]
+"""Joints of a scene by name."""
+Motor = AbstractConstraint | AbstractForce
+"""Element that drives a mechanism: a driver that prescribes the motion, or a torque."""
+
+
+def steel_law(restitution: Scalar) -> LankaraniNikravesh:
+    """Return the contact law of Lankarani and Nikravesh for the steel of Flores et al. 2006.
+
+    `restitution` is the ratio of rebound speed to entry speed, 0 to 1, that is requested of the
+    law. The ratio that the law delivers is higher, unless 1 is requested.
+    """
+    return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
+
+
+def turned_about_z(angle: float) -> tuple[float, float, float, float]:
+    """Return Euler parameters, (4,), scalar first, of a rotation about Z by an angle, rad."""
+    return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
+
+
+def planar_state(
+    centre: np.ndarray, angle: float, velocity: np.ndarray, speed: Scalar
+) -> BodyState:
+    """Return the state of a body that moves in the XY plane.
+
+    **Arguments:** `centre`: of mass, (2,) m. `angle`: rotation about Z, rad. `velocity`: of the
+    centre of mass, (2,) m/s. `speed`: angular velocity about Z, rad/s.
+    """
+    orientation, spin = turned_about_z(angle), np.array(Z_AXIS) * speed
+    return body_state((*centre, 0.0), orientation, (*velocity, 0.0), spin)
+
+
+def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
+    """Return the joints and the forces of a mechanism, by name, including its motor.
+
+    The motor gets the name "motor". A motor that is a force, such as a torque, becomes the only
+    force; a driver, which is a constraint, is added to the joints.
+    """
+    if isinstance(motor, AbstractForce):
+        return joints, {"motor": motor}
+    return {**joints, "motor": motor}, {}

@@ -1,0 +1,286 @@
+"""A robot arm, the first three links of the PUMA 560, with backlash in its joints."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from ..._math.rotations import composed, rotation_matrix
+from ..._math.vectors import EulerParameters, Scalar, pack
+from ..bodies import GROUND, Body, BodyState, State, body_state
+from ..clearance_joints.backlash import Backlash
+from ..contact.hunt_crossley import ExactRestitution
+from ..contact.laws import AbstractContactLaw
+from ..drives.drivers import PrescribedRotation
+from ..joints.ideal import RevoluteJoint
+from ..scene import Scene
+from .common import ORIGIN, Z_AXIS, Joints, turned_about_z
+
+Components: TypeAlias = Float[np.ndarray, "3"]
+"""The components of a vector, (3,)."""
+
+
+@dataclass(frozen=True)
+class ArmLink:
+    """A link: its standard Denavit-Hartenberg parameters, its mass and its inertia.
+
+    The frame of the link is at its far end. It is the parent's frame after a rotation about the z
+    axis by the joint's angle, translations by d along this axis and by a along the new x axis, and
+    a rotation about the new x axis by alpha.
+
+    - `offset` d and `length` a: m. `twist` alpha: rad.
+    - `mass`: kg.
+    - `centre`: of mass, (3,) m in the link's frame.
+    - `inertia`: moments about axes parallel to the frame's, through the centre of mass, (3,)
+      kg m^2; these axes are principal.
+    """
+
+    offset: float
+    length: float
+    twist: float
+    mass: float
+    centre: tuple[float, float, float]
+    inertia: tuple[float, float, float]
+
+    def tilt(self) -> EulerParameters:
+        """Return the orientation of the link's frame relative to its parent's at joint angle zero.
+
+        The Euler parameters transform components in the link's frame to the parent's.
+        """
+        return EulerParameters(math.cos(0.5 * self.twist), math.sin(0.5 * self.twist), 0.0, 0.0)
+
+    def axis(self) -> Components:
+        """Return the link's axis of rotation, a unit vector (3,) in the link's frame."""
+        return np.array([0.0, math.sin(self.twist), math.cos(self.twist)])
+
+    def joint(self) -> Components:
+        """Return the position of the link's joint, the origin of the parent's frame, (3,) m in the
+        link's frame."""
+        return -np.array([self.length, 0.0, 0.0]) - self.offset * self.axis()
+
+
+LINKS = ("link 1", "link 2", "link 3")
+FLANGES = ("flange 1", "flange 2", "flange 3")
+QUARTER = 0.5 * math.pi
+ARM = (
+    ArmLink(0.0, 0.0, QUARTER, 13.0, (0.0, 0.0, 0.0), (0.2, 0.35, 0.2)),
+    ArmLink(0.0, 0.4318, 0.0, 17.4, (-0.3638, 0.006, 0.2275), (0.13, 0.524, 0.539)),
+    ArmLink(0.15005, 0.0203, -QUARTER, 4.8, (-0.0203, -0.0141, 0.070), (0.066, 0.086, 0.02)),
+)
+WRIST = (
+    ArmLink(0.4318, 0.0, QUARTER, 0.82, (0.0, 0.019, 0.0), (1.8e-3, 1.3e-3, 1.8e-3)),
+    ArmLink(0.0, 0.0, -QUARTER, 0.34, (0.0, 0.0, 0.0), (0.3e-3, 0.4e-3, 0.3e-3)),
+    ArmLink(0.0, 0.0, 0.0, 0.09, (0.0, 0.0, 0.032), (0.15e-3, 0.15e-3, 0.04e-3)),
+)
+"""Links of the arm, and of the wrist that is fixed to its end.
+
+Source: P. Corke, B. Armstrong-Helouvry, A search for consensus among model parameters reported for
+the PUMA 560 robot, IEEE ICRA 1994, in the form of P. Corke, Robotics, Vision and Control.
+Exceptions: the first link's mass and its moments about the two axes across its axis of rotation,
+which have no effect on the motion; and the third link's last moment, 0.02 instead of 0.0125, which
+would violate the triangle inequality."""
+WRIST_ANGLES = (0.0, 0.25 * math.pi, 0.0)
+"""Fixed angles of the wrist, rad: those of the nominal pose."""
+
+
+@dataclass(frozen=True)
+class LinkFrame:
+    """A link's frame: its origin, (3,) m, and the orientation of its axes as Euler parameters.
+
+    Both are relative to the frame from which the chain of links starts, usually the ground.
+    """
+
+    origin: Components
+    orientation: EulerParameters
+
+    @property
+    def axes(self) -> Float[np.ndarray, "3 3"]:
+        """Unit vectors along the axes as columns, (3, 3), in the frame where the chain starts."""
+        return np.asarray(pack(rotation_matrix(self.orientation)))
+
+    def turned(self, angle: float) -> EulerParameters:
+        """Return the orientation after a rotation by an angle, rad, about the frame's z axis."""
+        return composed(self.orientation, EulerParameters(*turned_about_z(angle)))
+
+    def after(self, link: ArmLink, angle: float) -> "LinkFrame":
+        """Return the frame of the next link of a chain.
+
+        **Arguments:** `link`: the next link; `angle`: of its joint, rad, about the z axis of this
+        frame.
+        """
+        orientation = composed(self.turned(angle), link.tilt())
+        axes = LinkFrame(self.origin, orientation).axes
+        return LinkFrame(self.origin - axes @ link.joint(), orientation)
+
+
+BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
+"""The frame of the ground."""
+
+
+def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
+    """Return a list of frames: `BASE`, from which the chain of links starts, and that of each link.
+
+    **Arguments:** `links`: from the base to the end; `angles`: of each link relative to the one
+    before, rad.
+    """
+    frames = [BASE]
+    for link, angle in zip(links, angles, strict=True):
+        frames.append(frames[-1].after(link, angle))
+    return frames
+
+
+@dataclass(frozen=True)
+class Lump:
+    """Mass, kg, centre of mass, (3,) m, and inertia about the centre of mass, (3, 3) kg m^2.
+
+    They belong to one part or to several that are fixed to each other; all components are in the
+    frame of one link.
+    """
+
+    mass: float
+    centre: Components
+    inertia: Float[np.ndarray, "3 3"]
+
+
+def lumps() -> list[Lump]:
+    """Return mass, centre of mass and inertia of each link of the arm in the link's frame; the
+    third link includes the wrist."""
+    single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
+    parts = [single[2]]
+    for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
+        centre = frame.origin + frame.axes @ np.array(link.centre)
+        inertia = frame.axes @ np.diag(link.inertia) @ frame.axes.T
+        # The chain of the wrist starts in the frame of the third link, to which all is referred.
+        parts.append(Lump(link.mass, centre, inertia))
+    mass = sum(part.mass for part in parts)
+    centre = np.sum([part.mass * part.centre for part in parts], axis=0) / mass
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        # The parallel axis theorem.
+        arm = part.centre - centre
+        inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return [*single[:2], Lump(mass, centre, inertia)]
+
+
+def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
+    """Return the states of links and flanges by name.
+
+    Each flange moves with its link, as if the joints had no backlash.
+
+    **Arguments:** `angles`, `speeds`: of the three joints, rad and rad/s.
+    """
+    # The loop goes from the base outwards. Spin and velocity of the frame's origin, both in global
+    # axes, are those of the preceding link until they are updated to those of link k.
+    arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
+    states = {}
+    for k, (lump, speed) in enumerate(zip(lumps(), speeds, strict=True)):
+        parent, frame = arm_frames[k], arm_frames[k + 1]
+        spin = spin + speed * parent.axes[:, 2]
+        # The flange only rotates about the parent's z axis; the link's frame is also tilted.
+        flange = LinkFrame(parent.origin, parent.turned(angles[k]))
+        states[FLANGES[k]] = _state(flange, np.zeros(3), velocity, spin)
+        velocity = velocity + np.cross(spin, frame.origin - parent.origin)
+        states[LINKS[k]] = _state(frame, lump.centre, velocity, spin)
+    return states
+
+
+def _state(
+    frame: LinkFrame, centre: Components, velocity: Components, spin: Components
+) -> BodyState:
+    """Return the state of a body from the motion of a frame that is fixed to it.
+
+    **Arguments:** `frame`: the frame, relative to the ground; `centre`: the body's centre of mass,
+    (3,) m in this frame; `velocity`: of the frame's origin, (3,) m/s in global axes; `spin`: (3,)
+    rad/s in global axes.
+    """
+    arm, orientation = frame.axes @ centre, np.asarray(pack(frame.orientation))
+    position, velocity = frame.origin + arm, velocity + np.cross(spin, arm)
+    return body_state(position, orientation, velocity, frame.axes.T @ spin)
+
+
+NOMINAL = (0.0, 0.5 * QUARTER, 2.0 * QUARTER)
+"""Joint angles of the nominal pose, rad."""
+FLANK_RADIUS = 0.05
+"""Distance of the contacts of a joint's backlash from its axis, m."""
+FLANK_STIFFNESS = 1e9
+"""Stiffness of a backlash's contact, N/m^1.5, with which the weight in the nominal pose rotates the
+elbow by half a mrad."""
+FLANGE = Body(1e-3, (1e-6, 1e-6, 1e-6))
+"""Flange of a gearbox, with negligible mass."""
+GRAVITY = (0.0, 0.0, -9.81)
+PARENTS = (GROUND, *LINKS[:2])
+"""Name of the parent body of each link."""
+LUMPS = lumps()
+"""Mass, centre of mass and inertia of each link of the arm in the link's frame."""
+
+
+def robot_arm(
+    play: Scalar | None = 1e-3,
+    restitution: Scalar = 0.5,
+    *,
+    angles: tuple[float, float, float] = NOMINAL,
+    speeds: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    law: AbstractContactLaw | None = None,
+) -> tuple[Scene, State]:
+    """Return waist, shoulder and elbow of the PUMA 560 with backlash, and the initial state.
+
+    The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994). Upper arm
+    and forearm are each 0.4318 m long; the upper arm has 17.4 kg, and the forearm with the wrist
+    6.05 kg. In the nominal pose the angles of the arm are 0, 45 and 180 degrees, and those of the
+    wrist, which is fixed, 0, 45 and 0 degrees. In this pose gravity loads the joints with 0,
+    31.6399 and 6.0351 N m (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along -Z;
+    the first joint's axis is Z.
+
+    Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
+    the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
+    is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
+    and are 50 mm from the axis, are our choice. Revolute joints connect each flange ("bearing 1" to
+    "bearing 3") and each link ("joint 1" to "joint 3") with the preceding link, or with the ground
+    for the first flange and link.
+    The quantity `JointAngle` of "joint 1" to "joint 3" is the angle of Denavit and Hartenberg.
+
+    **Arguments:**
+
+    - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
+      no flanges, the motors drive the links directly, and `restitution` and `law` have no effect.
+    - `restitution`: ratio of rebound speed to entry speed, above 0 and at most 1, of the default
+      law of the backlash, `ExactRestitution`.
+    - `angles`: of the motors at the start, rad. `speeds`: of the motors, constant, rad/s.
+    - `law`: replaces the default law.
+
+    **Returns:** the scene and the initial state, in the middle of the play.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> scene, state = cj.mechanisms.robot_arm(play=1e-3)
+    >>> list(scene.bodies)
+    ['link 1', 'link 2', 'link 3', 'flange 1', 'flange 2', 'flange 3']
+    """
+    if law is None:
+        law = ExactRestitution(restitution=restitution, stiffness=FLANK_STIFFNESS)
+    joints: Joints = {}
+    bodies = {name: Body(lump.mass, lump.inertia) for name, lump in zip(LINKS, LUMPS, strict=True)}
+    for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):
+        parent, link, flange, axis = PARENTS[k], LINKS[k], FLANGES[k], ARM[k].axis()
+        # The hinge on the parent is the origin of the parent's Denavit-Hartenberg frame.
+        foot = np.zeros(3) if k == 0 else -LUMPS[k - 1].centre
+        on_link = ARM[k].joint() - LUMPS[k].centre
+        joints[f"joint {k + 1}"] = RevoluteJoint(parent, link, foot, on_link, Z_AXIS, axis)
+        # The orientation of the driven body relative to its parent while the motor's angle is zero.
+        driven, orientation_at_zero = link, ARM[k].tilt()
+        if play is not None:
+            # The motor drives the flange, which has a bearing of its own on the parent.
+            driven, orientation_at_zero, bodies[flange] = flange, BASE.orientation, FLANGE
+            joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, foot, ORIGIN, Z_AXIS, Z_AXIS)
+        orientation = np.asarray(pack(orientation_at_zero))
+        motor = PrescribedRotation(parent, driven, Z_AXIS, speed, angle, orientation)
+        joints[f"motor {k + 1}"] = motor
+        if play is not None:
+            joints[f"play {k + 1}"] = Backlash(
+                flange, link, axis_second=axis, play=play, radius=FLANK_RADIUS, law=law
+            )
+    states = arm_states(angles, speeds)
+    return Scene(bodies, joints, gravity=GRAVITY), State({name: states[name] for name in bodies})

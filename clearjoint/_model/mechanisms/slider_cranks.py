@@ -1,0 +1,242 @@
+"""Two slider-cranks: one with clearance at the slider's pin, one with clearance in its guide."""
+
+import math
+
+import numpy as np
+
+from ..._fields.types import TripleLike
+from ..._math.vectors import Scalar
+from ..bodies import GROUND, Body, State, body_state
+from ..clearance_joints.between_walls import SliderInGuide
+from ..clearance_joints.clearance import ClearanceJoint
+from ..contact.friction import FrictionLaw, RegularisedCoulomb
+from ..contact.hunt_crossley import ExactRestitution
+from ..contact.laws import AbstractContactLaw
+from ..drives.drivers import PrescribedRotation
+from ..joints.base import AbstractConstraint, AbstractForce
+from ..joints.ideal import (
+    InlineJoint,
+    LineInPlaneJoint,
+    PointInPlaneJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+)
+from ..scene import Scene
+from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, planar_state, steel_law, with_motor
+
+CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
+"""Lengths of crank and rod of `slider_crank`, m.
+
+>>> _, state = cj.mechanisms.slider_crank(clearance=None, angle=0.0)
+>>> slider = state.bodies["slider"].position[0]  # farthest out
+>>> bool(np.isclose(slider, cj.mechanisms.CRANK_LENGTH + cj.mechanisms.ROD_LENGTH))
+True
+"""
+SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
+"""Position of the slider pin on the rod of `slider_crank`, m in the rod's axes."""
+
+
+def slider_crank(
+    clearance: Scalar | None = 0.5e-3,
+    restitution: Scalar = 0.9,
+    *,
+    speed: Scalar = 5000.0 * math.pi / 30.0,
+    angle: float = 0.0,
+    motor: AbstractConstraint | AbstractForce | None = None,
+    bearing_radius: Scalar = 10e-3,
+    journal_length: Scalar = 20e-3,
+    law: AbstractContactLaw | None = None,
+    friction: FrictionLaw | None = None,
+    gravity: TripleLike | None = None,
+) -> tuple[Scene, State]:
+    """Return a slider-crank with clearance at the slider's pin, and its initial state.
+
+    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about the Z axis. A rod of 120 mm, 0.21
+    kg and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
+    journal, the "slider pin", with clearance. Centres of mass are at half length. The other moments
+    of inertia are those of bars 10 mm wide and a cube of 30 mm; they don't affect the planar
+    motion. These lengths, masses and moments and the default speed of 5000 rpm are common in
+    publications on joints with clearance, but were not checked against one.
+
+    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane.
+    The clearance joint is therefore axially free, and no constraint is redundant. The same holds
+    for `clearance=None`, where the pin is an ideal `InlineJoint`.
+
+    **Arguments:**
+
+    - `clearance`: radial, m; ``None`` for an ideal pin, for which `restitution`, `bearing_radius`,
+      `journal_length`, `law` and `friction` have no effect.
+    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
+      which is that of Lankarani and Nikravesh.
+    - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
+      out. The state is that of the ideal mechanism, with a centred journal.
+    - `motor`: an element that drives "crank" relative to "ground", such as a `DriveTorque` about
+      (0, 0, 1). By default it is a `PrescribedRotation` at constant speed.
+    - `bearing_radius`, `journal_length`: m.
+    - `law`: replaces the default law.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
+    - `gravity`: (3,) m/s^2; none by default.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> scene, state = cj.mechanisms.slider_crank()
+    >>> list(scene.joints)
+    ['crank bearing', 'crank pin', 'slider pin', 'guide', 'motor']
+    """
+    if clearance is None:
+        # A revolute joint would repeat constraints of the guide and the other joints.
+        pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)
+    else:
+        pin = ClearanceJoint(
+            "slider",
+            "rod",
+            journal_point=SMALL_END,
+            bearing_radius=bearing_radius,
+            clearance=clearance,
+            journal_length=journal_length,
+            law=steel_law(restitution) if law is None else law,
+            friction=friction,
+        )
+    if motor is None:
+        motor = PrescribedRotation(GROUND, "crank", Z_AXIS, speed, angle)
+    joints = _crank_joints(CRANK_LENGTH, ROD_LENGTH) | {
+        "slider pin": pin,
+        "guide": PrismaticJoint(GROUND, "slider", ORIGIN, ORIGIN, X_AXIS),
+    }
+    joints, forces = with_motor(joints, motor)
+    bodies = {
+        "crank": Body(0.30, (5e-6, 1e-5, 1e-5)),
+        "rod": Body(0.21, (3.5e-6, 2.5e-4, 2.5e-4)),
+        "slider": Body(0.14, (2.1e-5, 2.1e-5, 2.1e-5)),
+    }
+    return Scene(bodies, joints, forces, gravity), _slider_crank_state(speed, angle)
+
+
+def _crank_joints(crank: float, rod: float) -> Joints:
+    """Return the bearing of a crank and its pin with a rod, from the lengths of both, m."""
+    foot, tip, big_end = ((x, 0.0, 0.0) for x in (-0.5 * crank, 0.5 * crank, -0.5 * rod))
+    return {
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
+        "crank pin": RevoluteJoint("crank", "rod", tip, big_end, Z_AXIS, Z_AXIS),
+    }
+
+
+def _slider_crank_state(speed: Scalar, angle: float) -> State:
+    """Return the ideal mechanism's state at a crank angle, rad, and speed, rad/s."""
+    # The rod's far end is on the X axis, at the height of the slider.
+    tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle)])
+    rod_angle = -math.asin(tip[1] / ROD_LENGTH)
+    rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle)])
+    # Rates are derivatives by the crank's angle, to be multiplied by the crank's speed. The rate of
+    # the rod's angle follows from the rod's far end, tip + rod, whose height stays zero.
+    rod_rate = -tip[0] / rod[0]
+    tip_rate = np.array([-tip[1], tip[0]])
+    rod_centre_rate = tip_rate + 0.5 * rod_rate * np.array([-rod[1], rod[0]])
+    slider, slider_rate = tip[0] + rod[0], np.array([-tip[1] - rod_rate * rod[1], 0.0])
+    states = {
+        "crank": planar_state(0.5 * tip, angle, 0.5 * tip_rate * speed, speed),
+        "rod": planar_state(tip + 0.5 * rod, rod_angle, rod_centre_rate * speed, rod_rate * speed),
+        "slider": planar_state(np.array([slider, 0.0]), 0.0, slider_rate * speed, 0.0),
+    }
+    return State(states)
+
+
+CRANK, ROD = 0.153, 0.306
+"""Lengths of crank and rod of `guided_slider_crank`, m."""
+HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
+"""Half the length and half the height of the slider of `guided_slider_crank`, m."""
+GUIDE_STIFFNESS = 1e9
+"""Stiffness of a corner of the slider of `guided_slider_crank` on a wall, N/m^1.5. It is our
+choice, since the contacts of the publication are rigid."""
+FRICTION = RegularisedCoulomb(0.01)
+"""Friction in the guide of `guided_slider_crank`, with the coefficient of the publication."""
+
+
+def guided_slider_crank(
+    clearance: Scalar | None = 1e-3,
+    pin_clearance: Scalar | None = None,
+    *,
+    law: AbstractContactLaw | None = None,
+    friction: FrictionLaw | None = FRICTION,
+    pin_law: AbstractContactLaw | None = None,
+    speed: Scalar = 150.0,
+) -> tuple[Scene, State]:
+    """Return a slider-crank whose slider has clearance in its guide, and its initial state.
+
+    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about the Z axis. A rod of 306 mm,
+    0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
+    X, between walls with 1 mm clearance above and below by default. Centres of mass are at half
+    length, the pin is in the slider's middle, and gravity is 9.81 m/s^2 along -Y. The moments of
+    inertia are about Z; the others don't affect the planar motion. There is no motor. The mechanism
+    starts in a straight line with the slider farthest out, with the velocities of the ideal
+    mechanism.
+
+    Source: P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23, 2010.
+
+    **Arguments:**
+
+    - `clearance`: m, on either side of the slider; ``None`` for an ideal guide, for which `law` and
+      `friction` have no effect.
+    - `pin_clearance`: radial clearance of the pin between rod and slider, m, in a bearing of 10 mm
+      radius and 20 mm length; ``None``, the default, for an ideal pin. With a clearance, the ideal
+      joints "plane along" and "plane across" are added, which hold the slider in the plane.
+    - `law`: of the slider's corners on the walls; by default `ExactRestitution` with the published
+      restitution of 0.4 and a stiffness of 1e9 N/m^1.5, which is not published.
+    - `friction`: of the guide; coefficient 0.01 by default, as published; ``None`` for none.
+    - `pin_law`: of a pin with clearance; by default that of Lankarani and Nikravesh for steel with
+      a restitution of 0.9.
+    - `speed`: of the crank at the start, rad/s.
+
+    **Raises:** `ValueError` if a value is outside its range.
+
+    >>> scene, state = cj.mechanisms.guided_slider_crank()
+    >>> list(scene.joints)
+    ['crank bearing', 'crank pin', 'slider pin', 'guide']
+    """
+    joints, end = _crank_joints(CRANK, ROD), (0.5 * ROD, 0.0, 0.0)
+    if pin_clearance is None:
+        joints["slider pin"] = RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
+    else:
+        # The slider has the bearing and the rod the journal, as in `slider_crank`.
+        joints["slider pin"] = ClearanceJoint(
+            "slider",
+            "rod",
+            journal_point=end,
+            bearing_radius=10e-3,
+            clearance=pin_clearance,
+            journal_length=20e-3,
+            law=steel_law(0.9) if pin_law is None else pin_law,
+        )
+        # Unlike an ideal pin, a pin with clearance leaves the slider free to move along Z and to
+        # tilt about X and Y.
+        edge = (0.0, HALF_HEIGHT, 0.0)
+        joints["plane along"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS)
+        joints["plane across"] = PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS)
+    # The ideal guide has two rows, for the height along Y and the rotation about Z. A prismatic
+    # joint has five, three of which would repeat the constraints that hold the slider in the plane.
+    if clearance is None:
+        joints["guide"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Y_AXIS, X_AXIS)
+    else:
+        joints["guide"] = SliderInGuide(
+            GROUND,
+            "slider",
+            half_length=HALF_LENGTH,
+            half_height=HALF_HEIGHT,
+            clearance=clearance,
+            law=ExactRestitution(0.4, GUIDE_STIFFNESS) if law is None else law,
+            friction=friction,
+        )
+    bodies = {
+        "crank": Body(0.038, (2e-6, 7.4e-5, 7.4e-5)),
+        "rod": Body(0.038, (2e-6, 5.9e-4, 5.9e-4)),
+        "slider": Body(0.076, (2.7e-6, 2.7e-6, 2.7e-6)),
+    }
+    # The crank's end moves along Y, and the rod rotates about the slider, which is at rest.
+    velocity = np.array(Y_AXIS) * (0.5 * (CRANK * speed))
+    spin, rod_spin = np.array(Z_AXIS) * speed, np.array(Z_AXIS) * (-speed * CRANK / ROD)
+    states = {
+        "crank": body_state((0.5 * CRANK, 0.0, 0.0), velocity=velocity, spin=spin),
+        "rod": body_state((CRANK + 0.5 * ROD, 0.0, 0.0), velocity=velocity, spin=rod_spin),
+        "slider": body_state((CRANK + ROD, 0.0, 0.0)),
+    }
+    return Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), State(states)

@@ -1,0 +1,188 @@
+"""Drawing interface: an element describes its appearance with the methods of a pen.
+
+Elements are the joints, forces and drivers of a scene. An element draws itself in its method
+`draw(pen)`. The pen determines the style and the size of symbols, so that the same `draw` serves
+all kinds of figures. User-defined elements use the same methods.
+"""
+
+import abc
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from .._fields.checks import require, require_axis
+from .._fields.types import Single, Triple
+from .profiles import AbstractProfile
+
+
+class Marker(NamedTuple):
+    """A point of a body with an optional direction, at which a pen draws a symbol.
+
+    - `body`: name of the body.
+    - `point`: (3,) m in body axes, from the centre of mass; on the ground from the origin.
+    - `axis`: direction, (3,) in body axes, any length; ``None``, the default, for none.
+
+    >>> extend.Marker("arm", (0.5, 0.0, 0.0), axis=(0.0, 3.0, 4.0)).along()
+    array([0. , 0.6, 0.8])
+    """
+
+    body: str
+    point: Triple
+    axis: Triple | None = None
+
+    def along(self) -> np.ndarray:
+        """Return the marker's direction as a unit vector, (3,) in body axes.
+
+        **Raises:** `ValueError` if the marker has no axis, or one of length zero.
+        """
+        remedy = "draw with Marker(body, point, axis)"
+        require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
+        numbers = np.asarray(self.axis, dtype=float)
+        require_axis("axis", numbers)
+        return numbers / np.linalg.norm(numbers)
+
+
+class AbstractPen(abc.ABC):
+    """Interface that draws symbols at markers, which are points of bodies.
+
+    In a method with two markers, the first belongs to the element's first body. In this example an
+    element draws itself as a spring:
+
+    ```python
+    import clearjoint as cj
+
+    class Rope(cj.extend.AbstractForce):
+        body: str
+
+        def body_names(self):
+            return "ground", self.body
+
+        def wrenches(self, motions, t):
+            return {}
+
+        def draw(self, pen):
+            top = cj.extend.Marker("ground", (0, 0, 1))
+            pen.spring(top, cj.extend.Marker(self.body, (0, 0, 0)))
+
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"rope": Rope("ball")})
+    ```
+    """
+
+    @abc.abstractmethod
+    def mark(self, marker: Marker) -> None:
+        """Draw a dot at a point for which no other method has a symbol."""
+
+    @abc.abstractmethod
+    def weld(self, first: Marker, second: Marker) -> None:
+        """Draw a rigid connection of two bodies."""
+
+    @abc.abstractmethod
+    def pin(self, first: Marker, second: Marker) -> None:
+        """Draw a hinge; the axis of each marker is the axis of rotation."""
+
+    @abc.abstractmethod
+    def ball(self, first: Marker, second: Marker) -> None:
+        """Draw a ball joint."""
+
+    @abc.abstractmethod
+    def cross(self, first: Marker, second: Marker) -> None:
+        """Draw the cross of a universal joint, with an arm along the axis of each marker."""
+
+    @abc.abstractmethod
+    def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
+        """Draw a block with its centre at the marker `block` on a rail along the axis of `rail`.
+
+        If `turning` is true, draw a sleeve, which can rotate about the rail, in place of the block.
+        """
+
+    @abc.abstractmethod
+    def plane(self, plane: Marker, point: Marker) -> None:
+        """Draw the plane through the marker `plane`, perpendicular to its axis, and a `point` in
+        this plane."""
+
+    @abc.abstractmethod
+    def rod(self, first: Marker, second: Marker) -> None:
+        """Draw a thin rod between two points."""
+
+    @abc.abstractmethod
+    def spring(self, first: Marker, second: Marker) -> None:
+        """Draw a spring between two points."""
+
+    @abc.abstractmethod
+    def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
+        """Draw an arrow for a force that acts at a point.
+
+        **Arguments:** `marker`: the point; `force`: (3,) N in global axes, or a function that
+        returns it from the time in s. The function must work under `jax.vmap`.
+        """
+
+    @abc.abstractmethod
+    def bearing(
+        self,
+        bearing: Marker,
+        journal: Marker,
+        *,
+        radius: Single | None,
+        clearance: Single,
+        length: Single,
+        profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
+    ) -> None:
+        """Draw a journal in a bearing, each along the axis of its marker.
+
+        A joint draws at most one: a view shows the forces of all its contacts at this journal.
+
+        **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
+        ``None`` if unknown. `clearance`: radius of the bearing less that of the journal, m.
+        `length`: of the journal, m. `profiles`: deviations of the bearing and of the journal from
+        circles; ``None`` for a circle.
+        """
+
+    @abc.abstractmethod
+    def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
+        """Draw a ball in a socket.
+
+        **Arguments:** `socket`, `ball`: centres. `radius`: of the socket, m. `clearance`: radius of
+        the socket less that of the ball, m.
+        """
+
+    @abc.abstractmethod
+    def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
+        """Draw two parallel walls that guide a part of another body.
+
+        **Arguments:**
+
+        - `middle`: a point midway between the walls.
+        - `runner`: centre of the guided part; the walls are as long as the path of this point.
+        - `normal`: of the walls, (3,) in the axes of the body of `middle`, any length.
+        - `distance`: between the two walls, m.
+        """
+
+    @abc.abstractmethod
+    def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
+        """Draw a rectangular block, such as a slider between walls.
+
+        **Arguments:** `centre`: of the block, with an axis. `normal`: (3,) in the same body's axes,
+        perpendicular to the axis. `length`: along the axis, m. `height`: along the normal, m.
+        """
+
+    @abc.abstractmethod
+    def roller(self, centre: Marker, *, radius: Single) -> None:
+        """Draw a cylinder with a `radius`, m, and its axis along the line of sight.
+
+        The line of sight on a planar mechanism is perpendicular to the plane of motion.
+        """
+
+    @abc.abstractmethod
+    def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
+        """Draw a spur gear.
+
+        **Arguments:**
+
+        - `centre`: of the gear, with its axis.
+        - `radius`: of the pitch circle, m, negative for an internal gear.
+        - `teeth`: number of teeth.
+        - `phase`: angle of the middle of a tooth about the gear's axis, rad, from the first vector
+          that `clearjoint._math.rotations.transverse_axes` returns for this axis.
+        """

@@ -1,0 +1,480 @@
+"""Deviations of a bearing's wall or a journal from a circle, and where the two come closest.
+
+A profile is given by its support function p(u): the distance from the centre to the tangent that is
+perpendicular to the unit vector u. With support functions the penetration of two convex shapes is
+exact. Let p_J be that of a journal, p_B that of the bearing's wall, and e the vector from the
+bearing's centre to the journal's. The journal is inside the bearing if e.u + p_J(u) <= p_B(u) for
+every u. The largest value of e.u + p_J(u) - p_B(u) over all u is the penetration, and the u where
+it occurs is the normal of the contact. The radius measured along u differs from p(u) by about
+s^2/(2 R) only, with the slope s of the deviation and the radius R: 5e-10 m for 3 um per rad and
+R = 10 mm. Deviations of the radius are therefore used as deviations of p(u).
+"""
+
+import abc
+import operator
+from typing import Any, NamedTuple, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._fields.checks import caution_unless, concrete, require, require_finite, require_numbers
+from .._fields.objects import AbstractConverting, on_device, quantity
+from .._fields.types import ArrayLike, Column
+from .._math.smoothing import polar_angle
+from .._math.vectors import Scalar, library
+
+NEWTON_STEPS = 4
+"""Number of Newton steps in the search for the angle at which journal and wall come closest.
+
+The search starts at the best of evenly spaced angles. Up to the sixth harmonic, each wave contains
+eight or more of these angles, so that the start is at most a sixteenth of a wave from the result.
+Each step roughly squares this error, so that four steps reach rounding accuracy.
+"""
+FEWEST_ANGLES = 16
+"""Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for
+two waves around the circumference."""
+MOST_ANGLES = 48
+"""Largest number of evenly spaced angles at which `closest_approach` begins to search. The compiler
+of native code (`clearjoint._native`) turns an array of up to this length into separate numbers; a
+longer one is kept in memory and processed by slower loops."""
+ANGLES_PER_WAVE = 8
+"""Number of evenly spaced angles per wave of the highest harmonic among which the search for the
+closest approach chooses its start. The start is then within a sixteenth of a wave from the maximum,
+so that Newton's method converges to it."""
+
+
+NumberOrArray: TypeAlias = Float[Any, "..."]
+"""A number, or an array of numbers."""
+
+
+class Deviation(NamedTuple):
+    """Deviation of a profile's support function from that of its circle, at an angle of the normal.
+
+    - `value`: support function of the profile less that of the circle, m.
+    - `slope`: derivative of `value` by the angle, m/rad.
+    - `bend`: second derivative of `value` by the angle, m/rad^2.
+
+    >>> cj.profiles.Harmonics([2e-6]).at(0.0)._fields
+    ('value', 'slope', 'bend')
+    """
+
+    value: NumberOrArray
+    slope: NumberOrArray
+    bend: NumberOrArray
+
+
+class AbstractProfile(AbstractConverting):
+    """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
+
+    A subclass defines two methods: `at`, the deviation as a twice continuously differentiable
+    function of an angle, and `angles`, the number of angles that resolve it. The angle is measured
+    about the axis of the part (bearing or journal), from the x axis towards the y axis of a frame
+    that is fixed to the part and has its z axis along the axis of the part. The x and y axes are
+    those that `transverse_axes` returns; for the axis (0, 0, 1) they are the x and y axes of the
+    body. A positive deviation enlarges the radius: it removes material from a bearing and adds
+    material to a journal.
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Egg(cj.extend.AbstractProfile):
+        height: float  # m
+
+        def at(self, angle):
+            wave = self.height * jnp.cos(2.0 * angle)
+            return cj.extend.Deviation(wave, -2.0 * self.height * jnp.sin(2.0 * angle), -4.0 * wave)
+
+        def angles(self):
+            return 16
+    ```
+    """
+
+    @abc.abstractmethod
+    def at(self, angle: NumberOrArray) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles.
+
+        Each field of the deviation has the shape of the angle.
+        """
+
+    @abc.abstractmethod
+    def angles(self) -> int:
+        """Return how many evenly spaced angles resolve the waves of the profile.
+
+        The search for the closest approach of journal and wall begins at the best of these angles.
+        It uses at least 16 and at most 48 angles: for waves above the sixth harmonic, it may find a
+        maximum of the penetration that is not the largest.
+        """
+
+
+class Harmonics(AbstractProfile):
+    """Waves around the circumference: the sum over k of a_k cos(k angle) + b_k sin(k angle).
+
+    The first harmonic shifts the circle, the second makes it oval, the third gives three lobes.
+
+    **Arguments:**
+
+    - `cosines`: (K,) m, a_1, a_2, ..., a_K.
+    - `sines`: (K,) m, b_1, ..., b_K; zero by default.
+
+    **Raises:** `ValueError` if the coefficients are not finite, non-empty rows of equal length.
+
+    >>> oval = cj.profiles.Harmonics([0.0, 5e-6])
+    >>> print(f"{oval.at(0.0).value:.1e} m, {oval.at(np.pi / 2).value:.1e} m")
+    5.0e-06 m, -5.0e-06 m
+    """
+
+    cosines: Column = quantity("m", table=True)
+    sines: Column = quantity("m", table=True)
+
+    def __init__(self, cosines: ArrayLike, sines: ArrayLike | None = None):
+        self.cosines = cosines
+        self.sines = np.zeros(np.shape(cosines)) if sines is None else sines
+
+    def __check_init__(self):
+        shape = np.shape(self.cosines)
+        remedy = "pass the coefficients in a list, that of the first harmonic first"
+        require(len(shape) == 1 and shape != (0,), "cosines", shape, "a row", remedy)
+        given = np.shape(self.sines)
+        require(given == shape, "sines", given, f"of the shape {shape} of `cosines`", remedy)
+        require_finite("cosines", self.cosines)
+        require_finite("sines", self.sines)
+
+    def at(self, angle: NumberOrArray) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles."""
+        cosines, sines = on_device(self.cosines), on_device(self.sines)
+        numpy = library((angle,))
+        c, s = cosine, sine = numpy.cos(angle), numpy.sin(angle)
+        value = slope = bend = numpy.zeros_like(cosine)
+        for k in range(1, len(cosines) + 1):
+            a, b = cosines[k - 1], sines[k - 1]
+            wave = a * cosine + b * sine
+            value = value + wave
+            slope = slope + k * (b * cosine - a * sine)
+            bend = bend - k * k * wave
+            # The addition theorem is cheaper than a cosine and a sine for each harmonic.
+            cosine, sine = cosine * c - sine * s, sine * c + cosine * s
+        return Deviation(value, slope, bend)
+
+    def angles(self) -> int:
+        """Return the number of evenly spaced angles that resolve the profile.
+
+        It is eight for each wave of the highest harmonic.
+        """
+        return ANGLES_PER_WAVE * np.shape(self.cosines)[0]
+
+
+class AbstractPeriodicSpline(AbstractProfile):
+    """Base class of periodic cubic splines with evenly spaced knots.
+
+    A subclass defines `coefficients_around`, and `angles`, the number of knots.
+    """
+
+    def at(self, angle: NumberOrArray) -> Deviation:
+        """Return the deviation at an angle, rad, or at an array of angles."""
+        count = self.angles()
+        per_knot = count / (2.0 * np.pi)
+        # The knots next to angles that are known before compilation are found by NumPy, so that
+        # the compiled program need not search for them.
+        numpy = library((angle,))
+        turns = numpy.asarray(angle, float) / (2.0 * np.pi)
+        position = (turns - numpy.floor(turns)) * count
+        knot = numpy.floor(position)
+        x = position - knot
+        near = self.coefficients_around(knot.astype(int))
+        a, b, c, d = (near[..., k] for k in range(4))
+        # Powers of x of the four cubic B-splines that are not zero between two knots.
+        linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
+        value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
+        slope = linear + x * (2.0 * square + x * 3.0 * cubic)
+        bend = 2.0 * square + x * 6.0 * cubic
+        return Deviation(value, slope * per_knot, bend * per_knot**2)
+
+    @abc.abstractmethod
+    def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
+        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
+        m.
+
+        **Arguments:** `knot`: index, or array (...) of indices, of the knot before an angle: 0 to
+        N - 1 for N knots, or N by rounding, which stands for knot 0.
+        """
+
+
+class PeriodicSpline(AbstractPeriodicSpline):
+    """A periodic cubic spline with evenly spaced knots, such as a measured or a worn profile.
+
+    Use `PeriodicSpline.through(values)` for a profile through given values.
+
+    **Arguments:** `coefficients`: (N,) m, of the cubic B-splines that are centred at the angles
+    0, 2 pi/N, 4 pi/N, ...; at least four.
+
+    **Raises:** `ValueError` if the coefficients are not a row of at least four finite numbers.
+
+    >>> values = 1e-6 * np.cos(2.0 * np.arange(64) * 2.0 * np.pi / 64)
+    >>> profile = cj.profiles.PeriodicSpline.through(values)
+    >>> print(f"{profile.at(0.0).value:.3e} m, {profile.at(0.1).value:.3e} m")
+    1.000e-06 m, 9.801e-07 m
+    """
+
+    coefficients: Column = quantity("m", table=True)
+
+    def __check_init__(self):
+        shape = np.shape(self.coefficients)
+        remedy = "give the profile at four or more evenly spaced angles"
+        require(len(shape) == 1 and shape[0] >= 4, "coefficients", shape, "a row", remedy)
+        require_finite("coefficients", self.coefficients)
+
+    @staticmethod
+    def through(values: ArrayLike) -> "PeriodicSpline":
+        """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ...
+
+        **Raises:** `ValueError` if the values are not a row of at least four finite numbers.
+        """
+        row = PeriodicSpline(values).coefficients  # converted and checked
+        library, count = jnp if isinstance(row, jax.Array) else np, row.shape[0]
+        # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution. Its
+        # Fourier transform is that of c times these factors.
+        factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)) / 3.0
+        return PeriodicSpline(library.fft.irfft(library.fft.rfft(row) / factors, count))
+
+    def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
+        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
+        m."""
+        return periodic(on_device(self.coefficients), knot)
+
+    def angles(self) -> int:
+        """Return the number of evenly spaced angles that resolve the profile: that of the knots."""
+        return np.shape(self.coefficients)[0]
+
+
+def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
+    """Return four successive entries of a periodic row, (..., 4).
+
+    **Arguments:** `row`: (N,). `knot`: index of the second of the entries, 0 to N, or an array
+    (...) of indices.
+    """
+    # One gather for the four entries. The row continues after its end with its first three entries:
+    # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
+    # and the knot the length of the row.
+    row = jnp.concatenate([row[-1:], row, row[:3]])
+    return row.at[knot[..., None] + np.arange(4)].get(mode="promise_in_bounds")
+
+
+class Approach(NamedTuple):
+    """Direction in which a journal comes closest to the wall, and the contact there.
+
+    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section, from the bearing's
+      x axis.
+    - `depth`: penetration in this direction, m, negative without contact.
+    - `journal`: deviation of the journal from its circle in this direction, with derivatives by the
+      angle about the journal's own axis; zeros for a circle.
+    """
+
+    cosine: Scalar
+    sine: Scalar
+    depth: Scalar
+    journal: Deviation
+
+
+class PlanarAxes(NamedTuple):
+    """Components of a journal's x and y axes along the x and y axes of its bearing.
+
+    For example, `x_along_y` is the component of the journal's x axis along the bearing's y axis.
+    The journal may be tilted, or its axis may point against the bearing's.
+    """
+
+    x_along_x: Scalar
+    x_along_y: Scalar
+    y_along_x: Scalar
+    y_along_y: Scalar
+
+
+_ROUND = Deviation(0.0, 0.0, 0.0)
+
+
+def closest_approach(
+    x: Scalar,
+    y: Scalar,
+    clearance: Scalar,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Approach:
+    """Return where a journal comes closest to the wall of its bearing, or penetrates it most.
+
+    The penetration is the maximum over the angle of x cos(angle) + y sin(angle) - clearance -
+    (deviation of the wall) + (deviation of the journal). The search begins at the best of evenly
+    spaced angles and ends with Newton steps, so it finds the largest of several maxima if the
+    angles resolve them. There are at most `MOST_ANGLES` of these angles. At least one of `bearing`
+    and `journal` must be given, since two circles need no search.
+
+    **Arguments:**
+
+    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m from the
+      bearing's centre along the bearing's x and y axes.
+    - `clearance`: radius of the bearing's circle less that of the journal's, m. The profiles are
+      deviations from these circles.
+    - `bearing`, `journal`: the profiles; ``None`` for a circle.
+    - `axes`: components of the journal's x and y axes along the bearing's.
+    """
+    # JAX does not differentiate the search, except for its last Newton step.
+    shapes = x, y, bearing, journal, axes
+    constant = jax.lax.stop_gradient(shapes)
+    counts = [profile.angles() for profile in (bearing, journal) if profile is not None]
+    count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
+    spacing = 2.0 * np.pi / count
+    angles = np.arange(count) * spacing
+    found = overlaps(*constant[:2], angles, *constant[2:])
+    # The angle of the largest overlap; of equal ones the largest angle. An argmax is avoided, since
+    # XLA aborts when it compiles two of them in one program (jaxlib 0.10).
+    start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
+
+    # A loop, since steps that are written out would take longer to compile.
+    def refine(k: jax.Array, angle: Scalar) -> Scalar:
+        del k
+        # Within one spacing, a step can't leave the highest maximum for another one.
+        closer = angle + _newton_step(angle, *constant)
+        return jnp.clip(closer, start - spacing, start + spacing)
+
+    angle = jax.lax.fori_loop(0, NEWTON_STEPS - 1, refine, start)
+    # The derivative of one step is that of the maximum (implicit function theorem).
+    angle = angle + _newton_step(angle, *shapes)
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    part, _, _ = _of_journal(cosine, sine, journal, axes)
+    depth = overlaps(x, y, angle, bearing, journal, axes) - clearance
+    return Approach(cosine, sine, depth, part)
+
+
+def _newton_step(
+    angle: Scalar,
+    x: Scalar,
+    y: Scalar,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Scalar:
+    """Return the change of an angle, rad, that leads to the maximum of `overlaps`, or zero if the
+    second derivative is not that of a maximum.
+
+    The arguments are those of `overlaps`.
+    """
+    # First and second derivative of the penetration by the angle. Those of the journal's deviation
+    # contain the rate of the angle about the journal's own axis, which may be tilted.
+    cosine, sine = jnp.cos(angle), jnp.sin(angle)
+    wall = _ROUND if bearing is None else bearing.at(angle)
+    part, rate, change = _of_journal(cosine, sine, journal, axes)
+    slope = y * cosine - x * sine - wall.slope + part.slope * rate
+    bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
+    # The inner `where` avoids a division by zero, whose derivative would be NaN even if not used.
+    return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
+
+
+def overlaps(
+    x: NumberOrArray,
+    y: NumberOrArray,
+    angle: NumberOrArray,
+    bearing: AbstractProfile | None,
+    journal: AbstractProfile | None,
+    axes: PlanarAxes,
+) -> Scalar:
+    """Return the overlap of journal and wall in given directions, m, if the clearance were zero.
+
+    It is the penetration plus the clearance.
+
+    **Arguments:** `angle`: of the direction in the bearing's cross-section, rad, a number or an
+    array. The other arguments are those of `closest_approach`.
+    """
+    numpy = library((angle,))
+    cosine, sine = numpy.cos(angle), numpy.sin(angle)
+    wall = _ROUND if bearing is None else bearing.at(angle)
+    part, _, _ = _of_journal(cosine, sine, journal, axes)
+    return x * cosine + y * sine - wall.value + part.value
+
+
+def _of_journal(
+    cosine: Scalar, sine: Scalar, journal: AbstractProfile | None, axes: PlanarAxes
+) -> tuple[Deviation, Scalar, Scalar]:
+    """Return the journal's deviation in a direction of the bearing's cross-section.
+
+    **Arguments:** `cosine`, `sine`: of the direction's angle. `journal`, `axes`: as for
+    `closest_approach`.
+
+    **Returns:** the deviation, and the first and second derivative of the angle about the journal's
+    own axis by the angle in the cross-section. For a circle all are zero.
+    """
+    if journal is None:
+        return _ROUND, 0.0, 0.0
+    # Components of the direction along the journal's axes. Their polar angle is that about the
+    # journal's axis; for a journal that is not tilted, its rate is 1 or -1.
+    along_x = axes.x_along_x * cosine + axes.x_along_y * sine
+    along_y = axes.y_along_x * cosine + axes.y_along_y * sine
+    square = along_x * along_x + along_y * along_y
+    rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
+    # Half the derivative of `square` by the angle. The numerator of `rate` is constant, so that the
+    # derivative of `rate` is -2 rate change/square.
+    change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
+    change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
+    return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
+
+
+def require_room(
+    clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
+) -> None:
+    """Check that a journal in the centre of its bearing doesn't touch the wall, however the two are
+    rotated relative to each other.
+
+    **Arguments:** `clearance`: radius of the bearing's circle less that of the journal's, m;
+    `bearing`, `journal`: the profiles, or ``None`` for a circle.
+
+    **Raises:** `ValueError`, with the clearance that the profiles need, if they may touch.
+    """
+    if bearing is None and journal is None:
+        return
+    # The highest point of the journal may face the point where the bearing is narrowest.
+    least = _sampled(journal).value.max() - _sampled(bearing).value.min()
+    expected = "larger than the {1} m by which the profiles of both parts narrow it"
+    remedy = "check the unit (m) and the sign of the profiles: positive values enlarge the radius"
+    require_numbers(operator.gt, "clearance", (clearance, least), expected, remedy)
+
+
+def caution_two_contacts(
+    clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
+) -> None:
+    """Warn if the journal may touch the wall at two points that are close to each other.
+
+    The model has one contact, the deepest, in each cross-section. The journal touches at one point
+    at most if the smallest radius of curvature of the wall exceeds the largest of the journal. The
+    radius of curvature is R + h + h'' for a circle of radius R and a deviation h, whose second
+    derivative by the angle is h''. A clearance or a profile that JAX traces is not checked. The
+    arguments are those of `require_room`.
+
+    **Warns:** `UnusualValueWarning`, with the clearance that the profiles need, if the condition
+    for the radii of curvature is not met.
+    """
+    if bearing is None and journal is None:
+        return
+    wall, part = _sampled(bearing), _sampled(journal)
+    # The radius of the bearing's circle exceeds that of the journal's by the clearance.
+    least = clearance + (wall.value + wall.bend).min() - (part.value + part.bend).max()
+    # ``None`` stands for a number that JAX traces, which is unknown.
+    if concrete(least) is not None:
+        width = float(clearance)
+        expected = (
+            f"more than {width - float(least):.4g} m for profiles so curved, since only the "
+            "deepest of several points of contact has a force,"
+        )
+        remedy = "give a larger clearance, or a profile with lower waves"
+        caution_unless(bool(least > 0.0), "clearance", width, "m", expected, remedy)
+
+
+def _sampled(profile: AbstractProfile | None) -> Deviation:
+    """Return the deviation at evenly spaced angles, four times as many as resolve the profile.
+
+    For a circle, whose profile is ``None``, it is zero at one angle.
+    """
+    if profile is None:
+        return Deviation(*(np.zeros(1),) * 3)
+    count = 4 * profile.angles()
+    return profile.at(np.arange(count) * (2.0 * np.pi / count))

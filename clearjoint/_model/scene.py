@@ -1,0 +1,208 @@
+"""The scene: the bodies, joints and forces of a mechanism by name, and gravity."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import jax
+import numpy as np
+
+from .._fields.cautions import LooseBodyWarning, caution
+from .._fields.checks import caution_above, caution_unless, concrete, named, nearest, require
+from .._fields.objects import AbstractReadable, optional_quantity
+from .._fields.types import Triple, TripleLike
+from .bodies import GROUND, Body
+from .contact.friction import AbstractBristleFriction
+from .contact.laws import AbstractContactLaw
+from .drives.drivers import AbstractDrive
+from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
+
+FARTHEST = 100.0
+"""Ratio of a point's distance from the centre of mass to the body's radius of gyration, above which
+a warning is issued, since a length in mm may have been given."""
+KINDS = {
+    "bodies": (Body,),
+    "joints": (AbstractConstraint, AbstractContactJoint),
+    "forces": (AbstractForce,),
+}
+"""Classes of the elements in each argument of `Scene`."""
+STRONGEST_GRAVITY = 1e3
+"""Acceleration of gravity, m/s^2, above which a warning is issued, since it may be in mm/s^2."""
+
+
+class Scene(AbstractReadable):
+    """A mechanism: bodies, joints, forces and gravity.
+
+    A scene is a PyTree. Runs of scenes that differ only in their numbers use the same compiled
+    program, provided that the same components of vectors and matrices are exactly 0 or 1: a program
+    contains these as constants.
+
+    **Arguments:**
+
+    - `bodies`: `Body` by name, at least one. The name "ground" is reserved for the fixed body.
+    - `joints`: ideal joints, clearance joints and drivers by name.
+    - `forces`: springs, dampers, loads and drive torques by name.
+    - `gravity`: acceleration of gravity, (3,) m/s^2 in global axes; ``None`` (default) for zero.
+
+    **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or not a
+    string, an element has the wrong class or names an unknown body, a joint and a force have the
+    same name, or the gravity is not three finite numbers.
+    **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with joints, or
+    if no chain of joints, apart from drivers, connects the two bodies of a driver, drive torque or
+    torsional spring; `UnusualValueWarning` if a point is farther than 100 radii of gyration from
+    its body's centre of mass, or gravity exceeds 1e3 m/s^2.
+
+    >>> scene = cj.Scene(
+    ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
+    ...     joints={"pivot": cj.SphericalJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0))},
+    ...     gravity=(0, 0, -9.81),
+    ... )
+    >>> list(scene.bodies), list(scene.joints)
+    (['arm'], ['pivot'])
+    """
+
+    bodies: dict[str, Body]
+    joints: dict[str, AbstractConstraint | AbstractContactJoint]
+    forces: dict[str, AbstractForce]
+    gravity: Triple | None = optional_quantity("m/s^2", shape=(3,))
+
+    def __init__(
+        self,
+        bodies: Mapping[str, Body],
+        joints: Mapping[str, AbstractConstraint | AbstractContactJoint] = MappingProxyType({}),
+        forces: Mapping[str, AbstractForce] = MappingProxyType({}),
+        gravity: TripleLike | None = None,
+    ):
+        self.bodies = named("bodies", bodies, "pass {name: Body(...)}")
+        self.joints = named("joints", joints, "pass for example {name: RevoluteJoint(...)}")
+        self.forces = named("forces", forces, "pass for example {name: SpringDamper(...)}")
+        self.gravity = gravity
+
+    def _check_together(self) -> None:
+        """Check the bodies, the elements and their names, and warn of unusual numbers.
+
+        `AbstractReadable` calls it when a scene has been made. Runs repeat it, without warnings.
+
+        **Raises:** `ValueError` if there is no body, a body is named "ground", an element has the
+        wrong class or names an unknown body, or a joint and a force have the same name.
+        **Warns:** `UnusualValueWarning` if a point is far from its body's centre of mass, or
+        gravity is large.
+        """
+        remedy = "pass {name: Body(...)}"
+        require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
+        expected = "without the reserved name of the fixed body"
+        require(GROUND not in self.bodies, "bodies", GROUND, expected, "rename the body")
+        for family, kinds in KINDS.items():
+            expected = "one of " + ", ".join(kind.__name__ for kind in kinds)
+            for name, element in getattr(self, family).items():
+                # The advice names the argument in which the element belongs, if there is one.
+                belongs = [one for one, classes in KINDS.items() if isinstance(element, classes)]
+                remedy = "pass an element of that class"
+                remedy += "".join(f"; pass this one in `{one}`" for one in belongs)
+                argument, given = f"{family}[{name!r}]", type(element).__name__
+                require(isinstance(element, kinds), argument, given, expected, remedy)
+        for family in ("joints", "forces"):
+            for name, element in getattr(self, family).items():
+                _check_names(f"{family}[{name!r}]", element, self.bodies)
+                _check_distances(f"{family}[{name!r}]", element, self.bodies)
+        # Elements are also looked up by name among joints and forces together.
+        shared = sorted(set(self.joints) & set(self.forces))
+        require(not shared, "forces", shared, "of other names than the joints", "rename them")
+        # A gravity that JAX traces is unknown.
+        if self.gravity is not None and concrete(self.gravity) is not None:
+            size = np.linalg.norm(self.gravity)
+            caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
+
+    def _caution_together(self) -> None:
+        """Warn of bodies on which nothing acts, and of drives whose axis no joint holds.
+
+        A drive is a driver, a drive torque or a torsional spring. `AbstractReadable` calls the
+        method when a scene has been made.
+
+        **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with
+        joints, or if no chain of joints, apart from drivers, connects the two bodies of a drive.
+        """
+        elements = (*self.joints.values(), *self.forces.values())
+        connected = {body for element in elements for body in element.body_names()}
+        for name in self.bodies:
+            # Without any joint, free bodies are probably intended.
+            if self.joints and name not in connected:
+                caution(
+                    f"No joint and no force acts on body {name!r}, which moves freely: connect it, "
+                    "or remove it.",
+                    LooseBodyWarning,
+                )
+        # Sets of bodies that chains of joints connect. A driver is among the joints, but it doesn't
+        # hold its axis: its two bodies would move apart if nothing else connected them.
+        chains: list[set[str]] = []
+        for joint in self.joints.values():
+            if not isinstance(joint, AbstractDrive):
+                bodies = set(joint.body_names())
+                joined = bodies.union(*(chain for chain in chains if chain & bodies))
+                chains = [joined, *(chain for chain in chains if not chain & bodies)]
+        for name, drive in {**self.joints, **self.forces}.items():
+            if not isinstance(drive, AbstractDrive):
+                continue
+            if not any({drive.first, drive.second} <= chain for chain in chains):
+                caution(
+                    f"Drive {name!r} rotates a body about an axis that no joint holds: add a "
+                    "joint, such as a RevoluteJoint, between the same bodies.",
+                    LooseBodyWarning,
+                )
+
+    def contact_joints(self) -> dict[str, AbstractContactJoint]:
+        """Return the joints that have contacts, by name."""
+        joints = self.joints.items()
+        return {name: one for name, one in joints if isinstance(one, AbstractContactJoint)}
+
+    def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
+        """Return the friction laws with bristles, ``laws[joint][contact]``.
+
+        Joints without such a law are left out.
+        """
+        laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
+        return {name: family for name, family in laws.items() if family}
+
+    def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
+        """Return the laws of the normal force, ``laws[joint][contact]``, by name of the joint and
+        label of the contact."""
+        return {name: joint.laws() for name, joint in self.contact_joints().items()}
+
+
+def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
+    """Check that the scene has all bodies whose names an element contains.
+
+    **Arguments:** `argument`: name of the element in the error message; `bodies`: of the scene.
+
+    **Raises:** `ValueError` for a body that is neither in the scene nor the ground.
+    """
+    known = {GROUND, *bodies}
+    for name in element.body_names():
+        if name in known:
+            continue
+        remedy = nearest(name, known, "correct the name, or add the body to the scene")
+        expected = f"between known bodies {sorted(known)}"
+        # The message names the field that holds this very string.
+        fields = [f".{key}" for key, value in vars(element).items() if value is name]
+        require(False, f"{argument}{''.join(fields[:1])}", name, expected, remedy)
+
+
+def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
+    """Warn of points of an element that are far from their body's centre of mass, since their unit
+    may be wrong.
+
+    Points of the ground, and points and bodies with traced numbers, are not checked.
+
+    **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
+
+    **Warns:** `UnusualValueWarning` if the distance exceeds 100 radii of gyration of the body.
+    """
+    for name, body, point in element.attachments():
+        # A point of the ground may be anywhere.
+        numbers = (bodies[body], point) if body in bodies else ()
+        if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
+            continue
+        distance, radius = float(np.linalg.norm(point)), bodies[body].gyration_radius()
+        fine, unit = distance <= FARTHEST * radius, "m from the centre of mass"
+        expected = f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}"
+        remedy = "give points in m, and inertias in kg m^2"
+        caution_unless(fine, f"{argument}.{name}", distance, unit, expected, remedy)

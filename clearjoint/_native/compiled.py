@@ -1,0 +1,144 @@
+"""Functions that are compiled to native code on CPUs, and by XLA elsewhere.
+
+Native code is machine code that LLVM compiles without XLA. It is made from a jaxpr by a rule for
+each JAX primitive. Some primitives, or some uses of them, have no rule; XLA compiles functions that
+contain these.
+"""
+
+import os
+import warnings
+from collections.abc import Callable
+from functools import update_wrapper
+from typing import Generic, ParamSpec, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jax.lax import dynamic_index_in_dim, dynamic_update_index_in_dim
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
+
+from .._compilation import Compiled, traced_once
+from .._compilation.xla import is_tracing
+from .functions import FlatArguments, NativeFunction
+from .lowering import UnsupportedPrimitiveError
+from .machine_code import RecentPrograms
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+SWITCH = "CLEARJOINT_NATIVE"
+"""Environment variable: with the value 0, XLA compiles everything."""
+_reported: set[str] = set()
+"""Reasons for which a `NativeFallbackWarning` was issued."""
+
+
+class NativeFallbackWarning(UserWarning):
+    """Warning that XLA compiles a program, because `clearjoint._native` has no rule for a primitive
+    or for the way in which it is used, or because LLVM rejects the program.
+
+    Results are correct, but compiling takes longer.
+    """
+
+
+class Native(Generic[Arguments, Result]):
+    """A function that is compiled when it is first called, on CPUs to native code.
+
+    XLA compiles the function instead in each of these cases:
+
+    - on accelerators;
+    - inside of JAX's transformations, such as `jax.jit` and `jax.grad`;
+    - for calls with keyword arguments;
+    - if native code cannot be made, for instance if a primitive has no rule;
+    - if the environment variable `CLEARJOINT_NATIVE` is 0.
+
+    Arrays in results of native code are NumPy arrays.
+
+    - `native`: the function in native code.
+
+    **Arguments:** `function`: function of PyTrees; `warns`: whether a `NativeFallbackWarning` is
+    issued if native code cannot be made; `few_runs`: as in `NativeFunction`.
+    """
+
+    __wrapped__: Callable[Arguments, Result]
+
+    def __init__(
+        self, function: Callable[Arguments, Result], warns: bool = True, few_runs: bool = False
+    ):
+        self._compiled, self._warns = Compiled(function), warns
+        self.native = NativeFunction(function, few_runs)
+        self._refused: RecentPrograms[bool] = RecentPrograms()
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
+        """Return the function's result.
+
+        If native code cannot be made for the structure, shapes, dtypes and static leaves of the
+        arguments, XLA computes this call and all later ones with such arguments.
+        """
+        if options or is_tracing() or not is_native():
+            return self._compiled(*arguments, **options)
+        flat = FlatArguments.of(arguments)
+        if not flat.traced and self._refused.recent(flat.key) is None:
+            try:
+                return self.native.run(flat)
+            except UnsupportedPrimitiveError as error:
+                self._refused.add(flat.key, True)
+                if self._warns:
+                    report_fallback(error)
+        return self._compiled(*arguments, **options)
+
+    def programs(self) -> int:
+        """Return the number of programs of this function, which XLA or LLVM has compiled or which
+        were loaded from disk."""
+        return self._compiled.programs() + self.native.count()
+
+
+def is_native() -> bool:
+    """Return whether programs are compiled to native code: on CPUs, unless the environment variable
+    `CLEARJOINT_NATIVE` is 0."""
+    return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
+
+
+def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) -> Result:
+    """Return the results of a function for the first of n rows, stacked in arrays (n, ...).
+
+    If `is_native()` is true, a loop computes one row after another: native code consists of scalar
+    operations, and would contain all operations of a mapped function once for each row. Otherwise
+    `jax.vmap` computes all rows at once.
+
+    **Arguments:** `function`: takes one row of each of the PyTrees `rows`, as PyTrees of arrays
+    (...). `count`: number of rows to compute; the results of the others have no meaning. `rows`:
+    PyTrees of arrays (n, ...), whose index along the first axis is the row.
+    """
+    if not is_native():
+        return jax.vmap(function)(*rows)
+    call, first = traced_once(function), jax.tree.map(lambda leaf: leaf[0], rows)
+    length = len(jax.tree.leaves(rows)[0])
+    arrays = jax.tree.map(
+        lambda of_row: jnp.zeros((length, *of_row.shape), of_row.dtype),
+        jax.eval_shape(call, *first),
+    )
+
+    def add(k: jax.Array, arrays: Result) -> Result:
+        # Native code has rules for these functions with large arrays, unlike for ``array[k]``.
+        row = jax.tree.map(lambda leaf: dynamic_index_in_dim(leaf, k, keepdims=False), rows)
+        return jax.tree.map(
+            lambda array, result: dynamic_update_index_in_dim(array, result, k, 0),
+            arrays,
+            call(*row),
+        )
+
+    return jax.lax.fori_loop(0, count, add, arrays)
+
+
+def report_fallback(error: UnsupportedPrimitiveError) -> None:
+    """Issue a `NativeFallbackWarning` with the text of `error` as reason, unless this process has
+    issued one with the same reason."""
+    reason = str(error)
+    if reason not in _reported:
+        _reported.add(reason)
+        warnings.warn(
+            f"XLA compiles this program, which takes longer: no native code for {reason}. "
+            f"Results are correct. Write it with other functions of jax.numpy, or set {SWITCH}=0.",
+            NativeFallbackWarning,
+            stacklevel=4,
+        )

@@ -1,0 +1,237 @@
+"""Loops that compute several lanes at once, each in one element of the processor's vectors.
+
+A lane is one of several runs that differ only in numbers, as in a sweep. The memory of a group of
+lanes has a column for each lane. A loop in machine code returns to its host, the Python code that
+called it, as soon as a lane needs the host, for instance to empty a buffer of results. The next
+call continues all lanes from their states in memory. The arithmetic of a lane does not depend on
+other columns.
+"""
+
+import abc
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.extend import core
+from jax.interpreters import partial_eval
+from jaxtyping import PyTree
+
+from .._compilation.xla import program_of
+from .cells import Memory, Region, numbers_of
+from .control import borrowed, loop
+from .functions import RULES
+from .lowering import Array, InMemory, Lowering, aval_of, scalar
+from .machine_code import Code, Stopwatch
+from .operations import Operations, Symbol, Value
+
+WIDTH = 8
+"""Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
+LONGEST_RUN = 4096
+"""Number of steps after which the loop returns at the latest, so that its host can react to an
+interrupt and show progress."""
+
+
+class AbstractLaneLoop(abc.ABC):
+    """A loop that advances the states of a group of lanes.
+
+    The memory of the group has one column for each lane. A row is called a cell, and an array
+    occupies consecutive cells, which are its region.
+
+    - `width`: number of lanes.
+    - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
+      cases one array after the other.
+    - `occupied`: cell that is 1 if the column has a lane, else 0. A column without a lane is
+      advanced too, but the loop never returns because of it.
+    - `status`: regions of the scalars that a loop computes for its host from the state of a lane,
+      by name, such as "moves": whether the lane can take a step without the host.
+    """
+
+    width: int
+    own_cells: slice
+    state_cells: slice
+    occupied: int
+    status: dict[str, Region]
+
+    @abc.abstractmethod
+    def columns(self, shared: PyTree) -> Memory:
+        """Return memory for a group of lanes, with no column occupied.
+
+        **Arguments:** `shared`: data of all lanes, a PyTree of arrays.
+        """
+
+    @abc.abstractmethod
+    def run(self, columns: Memory) -> int:
+        """Advance all lanes by the same number of steps.
+
+        The loop returns when lanes need their host, or after a largest number of steps. The
+        subclass decides on this number, and on how many lanes must need the host.
+
+        **Returns:** the number of steps of each lane.
+        """
+
+    def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
+        """Put a lane into the column `lane`.
+
+        **Arguments:** `own`, `state`: (cells,) float64, numbers of the lane's constant data and of
+        its state. Integers and bools are int64 numbers whose bits stand in the place of a float64,
+        as `Cells.rows` returns them.
+        """
+        columns.floats[self.own_cells, lane] = own
+        columns.floats[self.state_cells, lane] = state
+        columns.integers[self.occupied, lane] = 1
+
+    def leave(self, columns: Memory, lane: int) -> None:
+        """Mark a column as not occupied."""
+        columns.integers[self.occupied, lane] = 0
+
+    def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
+        """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
+
+        Integers and bools are int64. The arrays are views of the memory, which the next `run`
+        changes.
+        """
+        return {
+            name: numbers_of(columns.floats, region.dtype)[region.start]
+            for name, region in self.status.items()
+        }
+
+
+class LaneLoop(AbstractLaneLoop):
+    """A loop over the steps of `WIDTH` lanes, in machine code.
+
+    - `code`: the machine code.
+
+    **Arguments:**
+
+    - `step`: function of `shared`, `own` and `state` that returns the state after a step.
+    - `status`: function of the same arguments that returns scalars by name. Among them is "moves",
+      whether the lane can take a step without its host.
+    - `shared`: data of all lanes.
+    - `own`, `state`: constant data and state of one lane. Of the arrays in `shared`, `own` and
+      `state`, only shapes and dtypes are used; all other leaves become part of the program.
+
+    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule for
+    machine code, for an unsupported dtype such as float32, and if LLVM rejects the program.
+    """
+
+    width = WIDTH
+
+    def __init__(
+        self,
+        step: Callable[[PyTree, PyTree, PyTree], PyTree],
+        status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
+        shared: PyTree,
+        own: PyTree,
+        state: PyTree,
+    ):
+        stopwatch = Stopwatch()
+        arrays, static = eqx.partition((shared, own, state), eqx.is_array)
+        names, steps, checks = _traced(step, status, arrays, static)
+        moves = names.index("moves")
+        stopwatch.end("tracing")
+
+        # The arguments stand in memory: first `shared` and `own`, then `state`.
+        lowering = Lowering(Operations(width=WIDTH), RULES)
+        ops = lowering.ops
+        regions = [lowering.region(aval_of(v)) for v in steps.jaxpr.invars]
+        arguments = [lowering.argument(region) for region in regions]
+        # `ends` divides the regions and arguments into those of `shared`, `own` and `state`.
+        ends = np.cumsum([0, *(len(jax.tree.leaves(tree)) for tree in arrays)]).tolist()
+        parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        # Each step reads `shared` and `own`, so no step may overwrite them.
+        fixed = [borrowed(array) for array in arguments[: ends[2]]]
+
+        # Two further cells tell the loop which columns are occupied, and when it must return.
+        self.occupied, self._limit = ops.allocate(1), ops.allocate(1)
+        occupied, limit = ops.load("b", self.occupied), ops.load("i", self._limit)
+        ops.mark_uniform(limit)
+
+        def status_values(state: list[Array]) -> list[Array]:
+            return lowering.inline(checks, [*fixed, *map(borrowed, state)])
+
+        # The carries of the loop are the number of steps and the arrays of the state.
+        def holds(carries: list[Array]) -> Value:
+            count, goes = scalar(carries[0]), scalar(status_values(carries[1:])[moves])
+            ops.mark_uniform(count)
+            # All lanes stop together as soon as one of them needs its host, so that the condition
+            # is uniform and no lane's state has to be kept from changing.
+            waits = Symbol(ops, occupied) & ~Symbol(ops, goes)
+            return (~waits.emit("any") & Symbol(ops, count).compare("lt", Symbol(ops, limit))).value
+
+        def iterate(carries: list[Array]) -> list[Array]:
+            following = (Symbol(ops, scalar(carries[0])) + 1).value
+            return [following, *lowering.inline(steps, [*fixed, *carries[1:]])]
+
+        first: list[Array] = [ops.constant("i", 0), *arguments[ends[2] :]]
+        count, *after = loop(lowering, first, holds, iterate, uniform=True)
+
+        # The next call goes on with these states. Arrays that the loop has updated in place are in
+        # their cells already.
+        for array, region in zip(after, parts[2], strict=True):
+            if not (isinstance(array, InMemory) and array.start == region.start):
+                lowering.write(array, region.start)
+        outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
+        self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
+        stopwatch.end("lowering")
+        self.code = Code(lowering, stopwatch, scalar(count))
+        self._shared = parts[0]
+        self.own_cells, self.state_cells = (
+            slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0) for part in parts[1:]
+        )
+
+    def columns(self, shared: PyTree) -> Memory:
+        """Return memory for a group of lanes, with no column occupied.
+
+        **Arguments:** `shared`: data of all lanes, a PyTree of arrays.
+        """
+        columns = self.code.memory()
+        leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
+        for leaf, region in zip(leaves, self._shared, strict=True):
+            columns.write(region, leaf)
+        return columns
+
+    def run(self, columns: Memory) -> int:
+        """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps.
+
+        **Returns:** the number of steps, which is the same for all lanes.
+        """
+        columns.integers[self._limit] = LONGEST_RUN
+        return self.code.run(columns)
+
+
+def _traced(
+    step: Callable[..., PyTree],
+    status: Callable[..., dict[str, PyTree]],
+    arrays: tuple[PyTree, PyTree, PyTree],
+    static: tuple[PyTree, PyTree, PyTree],
+) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
+    """Return the names of the scalars that `status` returns, and the jaxprs of `step` and `status`.
+
+    Both jaxprs take the leaves of `arrays`. That of `step` returns the arrays of the new state, and
+    that of `status` the scalars in the order of the returned names. Equations that the results
+    don't need are removed.
+
+    **Arguments:** `arrays`, `static`: the functions' arguments, divided by `eqx.partition`.
+    """
+    leaves, structure = jax.tree.flatten(arrays)
+    names: list[str] = []
+
+    def step_of_arrays(*leaves: PyTree) -> list[PyTree]:
+        trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
+        return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
+
+    # The names are known once JAX has traced this function.
+    def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
+        values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
+        names[:] = values
+        return [jax.numpy.asarray(value) for value in values.values()]
+
+    # All arguments are kept (`instantiate`), so that both jaxprs have the same ones.
+    def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
+        closed, _ = program_of(function, *leaves)
+        outs = [True] * len(closed.jaxpr.outvars)
+        needed, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
+        return core.ClosedJaxpr(needed, closed.consts)
+
+    return names, program(step_of_arrays), program(status_of_arrays)

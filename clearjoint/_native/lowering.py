@@ -1,0 +1,897 @@
+"""Lower jaxprs to operations on scalars.
+
+A value is the result of one such operation (see `.operations`). Memory consists of numbered cells,
+one for each element of an array. The equations of inner jaxprs are added in the place of their
+calls. Only large jaxprs that are called repeatedly become functions of machine code. An array has
+one of four forms (`Array`):
+
+- a scalar is one value of the program;
+- a small array is a NumPy array of values, one for each element, so that slices and concatenations
+  need no operation;
+- an array with one element for each tangent (derivative by a parameter) is one vector (`Packed`);
+- an array of more than `LARGEST_UNROLLED` elements is in memory (`InMemory`) and is processed by
+  loops. It is updated in place if nothing reads its former content.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from jax.core import ShapedArray
+from jax.extend import core, source_info_util
+from jax.interpreters import partial_eval
+from numpy.typing import ArrayLike
+
+from .._compilation.xla import CALLS, ELEMENTWISE, SHARED
+from .cells import Region
+from .elementary import ELEMENTARY
+from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
+from .operations import KINDS, Operations, Symbol, Value
+
+LARGEST_UNROLLED = 48
+"""Largest number of elements of an array whose elements are separate values. Each element of a
+larger one would cost code and time of compilation, which a loop saves."""
+LONGEST_PACKED = 16
+"""Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
+FEWEST_PACKED = 60
+"""Least number of additions and multiplications of one-axis arrays of some length that a program
+must have so that arrays of this length are kept as vectors. With fewer, the arrays are probably not
+tangents."""
+LONGEST_CHOICE = 24
+"""Largest number of equations of a branch that is computed whether its result is needed or not. To
+compute a longer one in vain costs more than a jump."""
+SMALLEST_FUNCTION = 1000
+"""Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
+shorter one, the exchange of values in memory costs more than the code that a function saves."""
+SMALLEST_SHARED = 60
+"""Number of equations from which on a jaxpr that many places share becomes a function."""
+FEWEST_CALLS = 3
+"""Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
+little code."""
+MOST_ELEMENTARY = 32
+"""Number of elementary functions, such as sines, of a program whose operations are added at their
+places. A sine has some 50 operations; in a program with more of them, further ones are calls."""
+Atom = core.Var | core.Literal
+"""A variable or a number in a jaxpr."""
+Equation = core.JaxprEqn
+# Kinds by dtype: finding the name of a dtype takes 20 times as long as this look-up.
+_KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
+_UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
+
+
+class UnsupportedPrimitiveError(NotImplementedError):
+    """Raised for a primitive, or a use of one, for which there is no rule, for arrays of an
+    unsupported type, and for a program that LLVM rejects.
+
+    - `location`: source line at which the primitive is called; "" if it is not known.
+
+    **Arguments:** `what`: what is not supported, such as "sort" or "gather of batches"; `location`:
+    see above.
+    """
+
+    def __init__(self, what: str, location: str = ""):
+        super().__init__(f"{what}, in {location}" if location else what)
+        self.location = location
+
+
+@dataclass(frozen=True)
+class Packed:
+    """An array with one element for each tangent, as one vector.
+
+    - `value`: the vector.
+    """
+
+    value: Value
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """An array in memory.
+
+    - `start`: first cell, in which its first element is.
+    - `shape`: shape of the array.
+    - `kind`: kind of its elements: "f" (float64), "i" (int64, uint32), "w" (int32) or "b" (bool).
+    - `owned`: whether its cells may be overwritten, because nothing else reads them.
+    """
+
+    start: int
+    shape: tuple[int, ...]
+    kind: str
+    owned: bool = False
+
+    @property
+    def size(self) -> int:
+        """The number of elements."""
+        return math.prod(self.shape)
+
+    def overlaps(self, other: "InMemory") -> bool:
+        """Return whether the array has a cell in common with another one."""
+        return self.start < other.start + other.size and other.start < self.start + self.size
+
+
+Array = Value | Packed | np.ndarray | InMemory
+"""A scalar, a vector of tangents, a NumPy array of values, or an array in memory."""
+EquationRule = Callable[..., Sequence[Array]]
+"""Function of a `Lowering`, an equation and the equation's arguments that adds the equation to the
+program and returns its results."""
+
+
+def scalar(array: Array, what: str = "an array in the place of a number") -> Value:
+    """Return an array of shape () as a value.
+
+    **Arguments:** `what`: what is not supported if the array has another shape.
+
+    **Raises:** `UnsupportedPrimitiveError` for another shape.
+    """
+    if not isinstance(array, int):
+        raise UnsupportedPrimitiveError(what)
+    return array
+
+
+def borrowed(array: Array) -> Array:
+    """Return the array as one that must not be overwritten."""
+    return replace(array, owned=False) if isinstance(array, InMemory) else array
+
+
+def aval_of(atom: Atom) -> ShapedArray:
+    """Return the shape and dtype of a variable or a number in a jaxpr.
+
+    **Raises:** `UnsupportedPrimitiveError` for a variable that is no array.
+    """
+    if not isinstance(atom.aval, ShapedArray):
+        raise UnsupportedPrimitiveError(f"values of type {type(atom.aval).__name__}")
+    return atom.aval
+
+
+def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
+    """Return the kind of the elements of an array: "f" (float64), "i" (int64, uint32), "w" (int32)
+    or "b" (bool).
+
+    **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`, such as float32.
+    """
+    kind = _KINDS.get(array.dtype)
+    if kind is None:
+        raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
+    return kind
+
+
+def element_indices(aval: ShapedArray) -> np.ndarray:
+    """Return an array of the shape of `aval` that has in each place the row-major index of that
+    place."""
+    return np.arange(aval.size).reshape(aval.shape)
+
+
+def is_contiguous(indices: np.ndarray) -> bool:
+    """Return whether each of the indices, (n,), is the previous one plus 1; false if n is 0."""
+    return indices.size > 0 and np.array_equal(
+        indices, np.arange(indices[0], indices[0] + indices.size)
+    )
+
+
+def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
+    """Iterate over the jaxprs among the parameters of an equation."""
+    # Rules know the parameters of primitives that work element by element, which are most.
+    if equation.primitive.name in RULES:
+        return
+    for parameter in equation.params.values():
+        items = parameter if isinstance(parameter, tuple | list) else [parameter]
+        for item in items:
+            jaxpr = getattr(item, "jaxpr", item)
+            if hasattr(jaxpr, "eqns"):
+                yield jaxpr
+
+
+def count_equations(jaxpr: core.Jaxpr) -> int:
+    """Count the equations of a jaxpr and of its inner jaxprs."""
+    return sum(1 + sum(map(count_equations, inner_jaxprs(e))) for e in jaxpr.eqns)
+
+
+def tangents_of(jaxpr: core.Jaxpr) -> int:
+    """Return the number of tangents, or 0 if the jaxpr seems to have none.
+
+    A jaxpr does not say which arrays are tangents, but programs with tangents add and multiply many
+    arrays of one axis whose length is the number of tangents. The result is the length from 2 to
+    `LONGEST_PACKED` with the most of these operations, or 0 if that has fewer than `FEWEST_PACKED`
+    of them.
+    """
+    # Many places share a jaxpr, whose operations are counted once.
+    counted: dict[int, Counter[int]] = {}
+
+    def lengths_of(jaxpr: core.Jaxpr) -> Counter[int]:
+        lengths = counted.get(id(jaxpr))
+        if lengths is None:
+            lengths = counted[id(jaxpr)] = Counter()
+            for equation in jaxpr.eqns:
+                shape = getattr(equation.outvars[0].aval, "shape", ()) if equation.outvars else ()
+                if equation.primitive.name in ("mul", "add", "add_any") and len(shape) == 1:
+                    lengths[shape[0]] += 1
+                for inner in inner_jaxprs(equation):
+                    lengths.update(lengths_of(inner))
+        return lengths
+
+    for length, count in lengths_of(jaxpr).most_common():
+        if 1 < length <= LONGEST_PACKED and count >= FEWEST_PACKED:
+            return length
+    return 0
+
+
+@dataclass
+class RepeatedCall:
+    """Several equations that call the same jaxpr.
+
+    - `shared`: for each argument, whether it is the same variable or number in all calls.
+    - `function`: function of machine code for the jaxpr; ``None`` until it is added to the program,
+      at the first call.
+    """
+
+    shared: list[bool]
+    function: "Function | None" = None
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
+
+    - `number`: number of the function, for `Operations.call`.
+    - `parameters`: for each value that differs between calls, the first cell to which the caller
+      writes it. (A vector of tangents occupies several cells.)
+    - `places`: the arrays that differ between calls. Those in memory have the cells to which the
+      caller copies its arrays.
+    - `results`: arrays that the function returns, with the values as they are named inside of it.
+    - `cells`: for each value in `results` that the function computes, the first cell to which the
+      function writes it. All other values in `results` are computed outside, once for all calls.
+    """
+
+    number: int
+    parameters: list[int]
+    places: list[Array]
+    results: list[Array]
+    cells: dict[Value, int]
+
+
+@dataclass(frozen=True)
+class PureFunction:
+    """A function of machine code for a jaxpr, of values that are passed as arguments.
+
+    - `number`: number of the function, for `Operations.called`.
+    - `results`: arrays that the function returns, with the values as they are named inside of it.
+    - `computed`: the values in `results` that the function computes. The others are constants.
+    """
+
+    number: int
+    results: list[Array]
+    computed: list[Value]
+
+
+def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
+    """Return those equations of `jaxpr` that call an inner jaxpr for which a function of machine
+    code may be made.
+
+    The inner jaxpr has at least `SMALLEST_FUNCTION` equations and is called at least `FEWEST_CALLS`
+    times.
+
+    **Returns:** a `RepeatedCall` for the `id` of each of these equations. Equations that call the
+    same inner jaxpr share one.
+    """
+    # Calls of the same jaxpr share one object for it.
+    groups: dict[int, list[Equation]] = {}
+    for equation in jaxpr.eqns:
+        if equation.primitive.name in ("jit", "pjit"):
+            groups.setdefault(id(equation.params["jaxpr"].jaxpr), []).append(equation)
+    calls: dict[int, RepeatedCall] = {}
+    for equations in groups.values():
+        if len(equations) < FEWEST_CALLS:
+            continue
+        if count_equations(equations[0].params["jaxpr"].jaxpr) >= SMALLEST_FUNCTION:
+            columns = zip(*(equation.invars for equation in equations), strict=True)
+            group = RepeatedCall([_are_equal(column) for column in columns])
+            calls.update((id(equation), group) for equation in equations)
+    return calls
+
+
+def _are_equal(atoms: Sequence[Atom]) -> bool:
+    first = atoms[0]
+    if not isinstance(first, core.Literal):
+        return all(atom is first for atom in atoms)
+    # The bits count: 0.0 and -0.0 are different numbers, and NaN is equal to itself.
+    bits = {np.asarray(a.val).tobytes() for a in atoms if isinstance(a, core.Literal)}
+    return len(bits) == 1 and all(isinstance(a, core.Literal) for a in atoms)
+
+
+class Lowering:
+    """Adds the equations of jaxprs to a program. A rule receives this object to add operations.
+
+    - `ops`: operations of the program.
+    - `constants`: arrays that must be in memory before the program starts, by their first cells.
+
+    **Arguments:** `ops`: operations of the program; `rules`: rules of the primitives that do not
+    work element by element, by the primitives' names. (The rules of the others are in
+    `.elementwise`.)
+    """
+
+    def __init__(self, ops: Operations, rules: Mapping[str, EquationRule]):
+        self.ops, self._rules = ops, rules
+        self.constants: dict[int, np.ndarray] = {}
+        self._repeated: dict[int, RepeatedCall] = {}
+        # Functions that every block can call: those of shared jaxprs by the jaxpr and the forms of
+        # its arguments, and elementary functions by their names and the kind of their arguments.
+        self._shared: dict[Hashable, PureFunction] = {}
+        self._jaxprs: list[core.Jaxpr] = []
+        self._count_of_elementary = 0
+
+    # Forms of arrays.
+
+    def region(self, aval: ShapedArray) -> Region:
+        """Reserve the cells of an array of the given shape and dtype."""
+        return Region.of(aval, self.ops.allocate(aval.size))
+
+    def argument(self, region: Region) -> Array:
+        """Return the argument of the program that is in a region.
+
+        A small array is read from there. A larger one stays there and may be overwritten.
+
+        **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
+        """
+        memory = InMemory(region.start, region.shape, kind_of(region), owned=True)
+        return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
+
+    def constant(self, array: ArrayLike) -> Array:
+        """Return known numbers as an array of the program.
+
+        **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
+        """
+        array = np.asarray(array)
+        kind = kind_of(array)
+        if array.size > LARGEST_UNROLLED:
+            start = self.ops.allocate(array.size)
+            self.constants[start] = array
+            return InMemory(start, array.shape, kind)
+        values = [self.ops.constant(kind, x) for x in array.ravel().tolist()]
+        return self.array(values, array.shape)
+
+    def array(self, values: Sequence[Value], shape: tuple[int, ...]) -> Array:
+        """Return the array with the given shape and elements, in row-major order, in the form for
+        this shape: a scalar, a vector of tangents, or an array of values."""
+        if shape == ():
+            return values[0]
+        if self.is_packed(shape):
+            return Packed(self.ops.pack(list(values)))
+        return np.array(values, dtype=np.int64).reshape(shape)
+
+    def is_known(self, memory: InMemory) -> bool:
+        """Return whether an array in memory consists of numbers known while the program is built,
+        which are the same in all lanes."""
+        return memory.start in self.constants
+
+    def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
+        """Reserve cells for an array and return the array, whose elements are not defined yet."""
+        return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
+
+    def is_packed(self, shape: tuple[int, ...]) -> bool:
+        """Return whether an array of this shape is kept as a vector of tangents."""
+        return self.ops.packed > 0 and shape == (self.ops.packed_length,)
+
+    def values(self, array: Array) -> list[Value]:
+        """Return the elements of an array in row-major order, each as a value of its own."""
+        if isinstance(array, int):
+            return [array]
+        if isinstance(array, Packed):
+            return [self.ops.element(array.value, k) for k in range(self.ops.packed_length)]
+        if isinstance(array, InMemory):
+            return [self.ops.load(array.kind, array.start + k) for k in range(array.size)]
+        return array.ravel().tolist()
+
+    def vector(self, array: Array) -> Value:
+        """Return an array with one element for each tangent, or a scalar repeated for each tangent,
+        as a vector."""
+        if isinstance(array, Packed):
+            return array.value
+        if isinstance(array, int) and self.ops.kinds[array].endswith("p"):
+            return array
+        values = self.values(array)
+        return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
+
+    def read(self, memory: InMemory) -> Array:
+        """Add the reads of a small array in memory, and return it in the form for its shape."""
+        return self.array(self.values(memory), memory.shape)
+
+    def write(self, array: Array, start: int, index: Value | None = None) -> None:
+        """Add the writes of an array to the cells from `start`, or `start` + `index`, on.
+
+        An array in memory must not overlap with these cells, since it is copied one element after
+        the other.
+        """
+        ops = self.ops
+        if not isinstance(array, InMemory):
+            for k, value in enumerate(self.values(array)):
+                ops.store(value, start + k, index)
+            return
+
+        def visit(k: Value) -> None:
+            target = k if index is None else ops.emit("add", "i", index, k)
+            ops.store(ops.load(array.kind, array.start, k), start, target)
+
+        ops.repeat(array.size, visit)
+
+    def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
+        """Return an array of the given shape in memory; write it to new cells if necessary."""
+        if isinstance(array, InMemory):
+            return array
+        values = self.values(array)
+        # Nothing reads an array without elements, so its kind does not matter.
+        memory = self.new_array(shape, self.ops.kinds[values[0]] if values else "f")
+        self.write(array, memory.start)
+        return memory
+
+    def stored(self, array: Array, aval: ShapedArray) -> Region:
+        """Return the region of memory that has an array; write the array there if necessary.
+
+        **Arguments:** `aval`: shape and dtype of the array.
+        """
+        if isinstance(array, InMemory):
+            return Region.of(aval, array.start)
+        region = self.region(aval)
+        self.write(array, region.start)
+        return region
+
+    def copied(self, memory: InMemory) -> InMemory:
+        """Copy an array in memory to new cells, and return the copy."""
+        copy = self.new_array(memory.shape, memory.kind)
+        self.write(memory, copy.start)
+        return copy
+
+    def flatten(self, arrays: Sequence[Array]) -> list[Value]:
+        """Return all values of arrays in one list, as branches, loops and functions exchange them.
+        A vector of tangents is one value, and an array in memory is left out."""
+        flat: list[Value] = []
+        for array in arrays:
+            if isinstance(array, Packed):
+                flat.append(array.value)
+            elif not isinstance(array, InMemory):
+                flat += self.values(array)
+        return flat
+
+    def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
+        """Return arrays with the given values and the forms of `like`: the inverse of `flatten`.
+
+        `flatten` leaves out arrays in memory, so the arrays in memory of `like` are returned.
+        """
+        remaining = iter(values)
+        arrays: list[Array] = []
+        for array in like:
+            if isinstance(array, InMemory):
+                arrays.append(array)
+            elif isinstance(array, Packed):
+                arrays.append(Packed(next(remaining)))
+            elif isinstance(array, int):
+                arrays.append(next(remaining))
+            else:
+                elements = [next(remaining) for _ in range(array.size)]
+                arrays.append(np.array(elements, dtype=np.int64).reshape(array.shape))
+        return arrays
+
+    def take(self, array: Array, indices: np.ndarray) -> Array:
+        """Return the elements of an array at known row-major indices, in the shape of `indices`.
+
+        If the array is in memory, the result may share its cells.
+        """
+        shape, flat, ops = indices.shape, indices.ravel(), self.ops
+        if isinstance(array, InMemory) and is_contiguous(flat):
+            part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
+            if flat.size <= LARGEST_UNROLLED:
+                return self.read(part)
+            # Other parts of the same array may be read later: only a view of the whole array may be
+            # overwritten.
+            return replace(part, owned=False) if flat.size < array.size else part
+        if isinstance(array, InMemory) and flat.size <= LARGEST_UNROLLED:
+            return self.array([ops.load(array.kind, array.start + int(k)) for k in flat], shape)
+        if not isinstance(array, InMemory):
+            values = self.values(array)
+            if flat.size <= LARGEST_UNROLLED:
+                return self.array([values[k] for k in flat], shape)
+            # A large result that repeats one value everywhere is filled by a loop.
+            if len(values) == 1:
+                return self._by_loop(lambda value: value, ops.kinds[values[0]], shape, values)
+            array = self.in_memory(array, (len(values),))
+        # A loop reads the indices of the elements from a table in memory.
+        table = self.new_array(flat.shape, "i")
+        self.constants[table.start] = flat
+        kind, start = array.kind, array.start
+        return self._by_loop(lambda index: ops.load(kind, start, index), kind, shape, [table])
+
+    def _by_loop(
+        self,
+        rule: Callable[..., Value],
+        kind: str,
+        shape: tuple[int, ...],
+        arguments: Sequence[Array],
+        by_vectors: bool = False,
+    ) -> InMemory:
+        """Add a loop that applies a function to the elements of arrays, and return its results.
+
+        **Arguments:** `rule`: adds the operations for one element of each argument, and returns
+        the result; `kind`, `shape`: those of the array of results; `arguments`: arrays of that
+        shape, and scalars, which are the same for all elements; `by_vectors`: whether the function
+        also takes vectors, so that a program with tangents computes several elements at once.
+        """
+        ops = self.ops
+        out = self.new_array(shape, kind)
+        forms = [a if isinstance(a, int) else self.in_memory(a, shape) for a in arguments]
+
+        def apply_to(suffix: str, given: Sequence[Value | InMemory], index: Value) -> None:
+            values = [
+                a if isinstance(a, int) else ops.load(a.kind + suffix, a.start, index)
+                for a in given
+            ]
+            ops.store(rule(*values), out.start, index)
+
+        step = ops.packed if by_vectors and ops.packed else 1
+        if step > 1:
+            vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
+            length = ops.constant("i", step)
+
+            def visit(k: Value) -> None:
+                apply_to("p", vectors, ops.emit("mul", "i", k, length))
+
+            ops.repeat(out.size // step, visit)
+        # The elements that don't fill a vector.
+        for k in range(out.size // step * step, out.size if step > 1 else 0):
+            apply_to("", forms, ops.constant("i", k))
+        if step == 1:
+            ops.repeat(out.size, partial(apply_to, "", forms))
+        return out
+
+    def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
+        """Add a loop for each result of a jaxpr, which computes an element of the result from those
+        of the arguments.
+
+        **Arguments:** `closed`: made by `elementwise`, or by JAX's derivatives from such a jaxpr;
+        `arguments`: arrays of the shapes of its results, and scalars.
+        """
+        results: list[Array] = []
+        for out in closed.jaxpr.outvars:
+            # The derivatives of a linear function do not need its values, which have another shape.
+            part, used = partial_eval.dce_jaxpr(
+                closed.jaxpr, [other is out for other in closed.jaxpr.outvars]
+            )
+            shape, kind = tuple(aval_of(out).shape), kind_of(aval_of(out))
+            variables = (*part.invars, *(v for e in part.eqns for v in e.outvars))
+            # Versions of JAX differ in how they repeat a scalar: an equation for it has no rule
+            # for single elements, and then each operation has a loop.
+            if not all(tuple(aval_of(v).shape) in ((), shape) for v in variables) or not all(
+                equation.primitive.name in RULES for equation in part.eqns
+            ):
+                return self.inline(closed, arguments)
+            needed = [array for array, is_used in zip(arguments, used, strict=True) if is_used]
+            rule = partial(self._element, part)
+            results.append(self._by_loop(rule, kind, shape, needed, by_vectors=True))
+        return results
+
+    def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
+        """Add the equations of a jaxpr for one element of each argument, or a vector of them, and
+        return that of the result."""
+        known: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
+        are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
+        for equation in jaxpr.eqns:
+            name = equation.primitive.name
+            given = [scalar(self._atom(atom, known)) for atom in equation.invars]
+            # Numbers in the jaxpr are scalars.
+            given = [*map(self.vector, given)] if are_vectors else given
+            parameter = equation.params.get(PARAMETERS.get(name, ""))
+            rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
+            known[equation.outvars[0]] = rule(*given)
+        return scalar(self._atom(jaxpr.outvars[0], known))
+
+    # Equations.
+
+    def inline(
+        self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
+    ) -> list[Array]:
+        """Add the equations of a jaxpr to the program and return its results.
+
+        Owned arrays in memory among the arguments may be overwritten.
+
+        **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule,
+        and for an unsupported dtype.
+        """
+        closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
+        opened = closed.jaxpr
+        constants = [self.constant(const) for const in closed.consts]
+        self._repeated |= repeated_calls(opened)
+        known: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
+        known |= dict(zip(opened.invars, arguments, strict=True))
+        # An array may be overwritten by the last equation that reads it; the results are read last.
+        reads = [*(equation.invars for equation in opened.eqns), opened.outvars]
+        last_reads = {
+            atom: number
+            for number, atoms in enumerate(reads)
+            for atom in atoms
+            if not isinstance(atom, core.Literal)
+        }
+        for number, equation in enumerate(opened.eqns):
+            self._add_equation(equation, known, last_reads, number)
+        return [self._atom(atom, known) for atom in opened.outvars]
+
+    def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
+        """Return the array of a variable, or of a number in a jaxpr."""
+        if not isinstance(atom, core.Literal):
+            return known[atom]
+        if np.ndim(atom.val) == 0:
+            kind = _KINDS.get(aval_of(atom).dtype)
+            if kind is not None:
+                return self.ops.constant(kind, atom.val)
+        return self.constant(np.asarray(atom.val, dtype=aval_of(atom).dtype))
+
+    def _add_equation(
+        self,
+        equation: Equation,
+        known: dict[Atom, Array],
+        last_reads: dict[Atom, int],
+        number: int,
+    ) -> None:
+        """Add an equation to the program and its results to `known`.
+
+        Arrays in memory that something else may read later are marked as not owned: arguments that
+        are read again, and results that share cells with these or with each other.
+
+        **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
+        the last equation that reads each variable; `number`: number of this equation.
+
+        **Raises:** `UnsupportedPrimitiveError` with the source line of the equation, if there is no
+        rule for its primitive or for this use of it, or if a dtype is not supported.
+        """
+        arguments: list[Array] = []
+        kept: dict[Atom, InMemory] = {}
+        for atom in equation.invars:
+            array = self._atom(atom, known)
+            # The numbers of a literal are never overwritten.
+            if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
+                # A rule may overwrite an argument that no later equation reads. If the argument
+                # occurs twice in this equation, writing for one would change the other.
+                is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
+                if not is_last:
+                    kept[atom] = array
+                    array = replace(array, owned=False)
+            arguments.append(array)
+        try:
+            outs = self._lower(equation, arguments)
+        except UnsupportedPrimitiveError as error:
+            if error.location:
+                raise
+            location = source_info_util.summarize(equation.source_info)
+            raise UnsupportedPrimitiveError(str(error), location) from error
+        # In most equations the result is a scalar, which is not in memory.
+        if len(outs) == 1 and isinstance(outs[0], int):
+            known[equation.outvars[0]] = outs[0]
+            return
+        # A result, such as a part of an array, may have cells in common with an argument that is
+        # read later or with another result. Then neither of the two may be overwritten.
+        in_memory = [out for out in outs if isinstance(out, InMemory)]
+        for atom, array in kept.items():
+            if any(map(array.overlaps, in_memory)):
+                known[atom] = replace(array, owned=False)
+        for variable, out in zip(equation.outvars, outs, strict=True):
+            # Each result in memory overlaps with itself.
+            if isinstance(out, InMemory) and sum(map(out.overlaps, in_memory)) > 1:
+                out = replace(out, owned=False)
+            known[variable] = out
+
+    def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
+        """Add an equation to the program by the rule of its primitive, and return its results.
+
+        **Raises:** `UnsupportedPrimitiveError` if there is no such rule, or if the rule does not
+        support this use of the primitive.
+        """
+        name = equation.primitive.name
+        if name in IDENTITIES:
+            return arguments
+        if name in RULES:
+            return [self._elementwise(equation, arguments)]
+        if name in CALLS:
+            closed = equation.params[CALLS[name]]
+            if equation.params.get("name") == SHARED:
+                return self._call_shared(closed, arguments)
+            is_elementwise = equation.params.get("name") == ELEMENTWISE
+            if is_elementwise and any(isinstance(array, InMemory) for array in arguments):
+                return self._by_one_loop(closed, arguments)
+            repeated = self._repeated.get(id(equation))
+            if repeated is not None:
+                return self._call(repeated, closed, arguments)
+            return self.inline(closed, arguments)
+        rule = self._rules.get(name)
+        if rule is None:
+            raise UnsupportedPrimitiveError(name)
+        return rule(self, equation, *arguments)
+
+    def _call(
+        self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
+    ) -> list[Array]:
+        """Add a call of the function for a jaxpr, and at the first call the function itself.
+
+        Functions keep programs short: the time that LLVM needs for a block grows faster than the
+        block's length, and each Runge-Kutta stage of an integrator's step computes the time
+        derivative of the state by the same large jaxpr.
+        """
+        # Arguments that are the same in all calls are used directly; the others are passed.
+        ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
+        varied = [array for array, shared in pairs if not shared]
+        values = self.flatten(varied)
+        if repeated.function is None:
+            kinds = [ops.kinds[value] for value in values]
+            parameters = [ops.allocate_for(kind) for kind in kinds]
+            # The code of a function names the cells that it reads, so arrays in memory have cells
+            # of their own in it.
+            places = [
+                borrowed(self.new_array(array.shape, array.kind))
+                if isinstance(array, InMemory)
+                else array
+                for array in varied
+            ]
+            results: list[Array] = []
+            cells: dict[Value, int] = {}
+
+            def build() -> None:
+                loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
+                remaining = iter(self.unflatten(loaded, places))
+                mixed = [array if shared else next(remaining) for array, shared in pairs]
+                results[:] = self.inline(closed, mixed)
+                # Values from outside of the function are the same for all calls.
+                for value in self.flatten(results):
+                    if value not in cells and ops.is_inside(value):
+                        cells[value] = ops.pass_on(value)
+
+            number = ops.function(build)
+            repeated.function = Function(number, parameters, places, results, cells)
+        # The call: write the arguments, execute the function, and read its results.
+        function = repeated.function
+        for value, cell in zip(values, function.parameters, strict=True):
+            ops.pass_on(value, cell)
+        # All lanes compute in a function, whatever the conditions at the call.
+        with ops.masked(None):
+            for array, place in zip(varied, function.places, strict=True):
+                if isinstance(array, InMemory) and isinstance(place, InMemory):
+                    self.write(array, place.start)
+        ops.call(function.number)
+        loaded = {v: ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()}
+        new = [loaded.get(value, value) for value in self.flatten(function.results)]
+        # The next call overwrites the arrays that the function has left in memory.
+        return [
+            self.copied(array) if isinstance(array, InMemory) else array
+            for array in self.unflatten(new, function.results)
+        ]
+
+    def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
+        """Add a call of the function for a jaxpr that many places call, and at the first call the
+        function itself.
+
+        All arguments are passed, so that every block can call the function. If one of them is in
+        memory, the equations of the jaxpr are added instead.
+        """
+        ops = self.ops
+        if any(isinstance(array, InMemory) for array in arguments):
+            return self.inline(closed, arguments)
+        values = self.flatten(arguments)
+        kinds = [ops.kinds[value] for value in values]
+        shapes = (np.shape(array) if isinstance(array, np.ndarray) else () for array in arguments)
+        key = id(closed.jaxpr), (*shapes, *kinds)
+        function = self._shared.get(key)
+        if function is None:
+            if count_equations(closed.jaxpr) < SMALLEST_SHARED:
+                return self.inline(closed, arguments)
+            function = self._shared_function(partial(self.inline, closed), arguments, kinds)
+            self._shared[key] = function
+            # The jaxpr is kept, so that no other one gets its identity.
+            self._jaxprs.append(closed.jaxpr)
+        return self.unflatten(self._called(function, values), function.results)
+
+    def _shared_function(
+        self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
+    ) -> PureFunction:
+        """Add a function that every block can call.
+
+        **Arguments:** `add`: adds the function's operations, and returns its results for its
+        arguments; `like`: arrays of the forms of the arguments; `kinds`: kinds of the values in
+        them.
+        """
+        results: list[Array] = []
+        computed: list[Value] = []
+
+        def build(parameters: list[Value]) -> list[Value]:
+            results[:] = add(self.unflatten(parameters, like))
+            values = dict.fromkeys(self.flatten(results))
+            computed[:] = [value for value in values if self.ops.number(value) is None]
+            return computed
+
+        return PureFunction(self.ops.pure_function(kinds, build), results, computed)
+
+    def _called(self, function: PureFunction, values: list[Value]) -> list[Value]:
+        """Add a call of a function that every block can call, and return the values of its
+        results.
+
+        **Arguments:** `values`: values of the function's arguments.
+        """
+        computed = self.ops.called(function.number, values)
+        found = dict(zip(function.computed, computed, strict=True))
+        return [found.get(value, value) for value in self.flatten(function.results)]
+
+    def _elementary(self, name: str, argument: Value) -> Value:
+        """Add an elementary function of a float, and return its result.
+
+        After `MOST_ELEMENTARY` of them, calls of functions are added. Sine and cosine have most of
+        their operations in common, so one function returns both.
+        """
+        ops = self.ops
+        if ops.number(argument) is not None:
+            return apply(ops, name, argument)
+        self._count_of_elementary += 1
+        if self._count_of_elementary <= MOST_ELEMENTARY:
+            return apply(ops, name, argument)
+        names = ("sin", "cos") if name in ("sin", "cos") else (name,)
+        kind = ops.kinds[argument]
+        function = self._shared.get((names, kind))
+        if function is None:
+
+            def add(arguments: list[Array]) -> list[Array]:
+                return [apply(ops, each, scalar(arguments[0])) for each in names]
+
+            function = self._shared_function(add, [argument], [kind])
+            self._shared[names, kind] = function
+        return self._called(function, [argument])[names.index(name)]
+
+    def operation(
+        self, name: str, aval: ShapedArray, parameter: object = None
+    ) -> Callable[..., Value]:
+        """Return the function that applies the primitive `name`, which works element by element, to
+        values.
+
+        **Arguments:** `aval`: has the dtype of the result; `parameter`: for a primitive whose rule
+        takes a parameter as last argument, this parameter, such as the exponent of "integer_pow".
+        """
+
+        if name in ELEMENTARY:
+            return partial(self._elementary, name)
+
+        def rule(*values: Value) -> Value:
+            value = apply(self.ops, name, *values, parameter=parameter)
+            if aval.dtype != _UNSIGNED:
+                return value
+            # uint32 is computed in 64-bit integers, whose higher bits are cut off.
+            return (Symbol(self.ops, value) & _LARGEST_UINT32).value
+
+        return rule
+
+    def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
+        """Add an equation that works element by element, and return its result."""
+        aval, name = aval_of(equation.outvars[0]), equation.primitive.name
+        kind, shape = kind_of(aval), tuple(aval.shape)
+        parameter = equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
+        rule = self.operation(name, aval, parameter)
+        if shape != ():
+            arguments = [
+                self._repeat_axes(argument, aval_of(v), shape)
+                for argument, v in zip(arguments, equation.invars, strict=True)
+            ]
+        if shape == ():
+            return rule(*self.flatten(arguments))
+        if aval.size > LARGEST_UNROLLED:
+            return self._by_loop(rule, kind, shape, arguments, by_vectors=True)
+        if self.is_packed(shape):
+            return Packed(rule(*map(self.vector, arguments)))
+        # A small array: the operation is added for each element.
+        rows = [
+            [argument] * aval.size if isinstance(argument, int) else self.values(argument)
+            for argument in arguments
+        ]
+        return self.array([rule(*row) for row in zip(*rows, strict=True)], shape)
+
+    def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
+        """Return the array in `shape`, with axes of length one repeated; a scalar is unchanged.
+
+        **Arguments:** `aval`: has the shape of `array`.
+        """
+        if isinstance(array, int) or tuple(aval.shape) == shape:
+            return array
+        return self.take(array, np.broadcast_to(element_indices(aval), shape))

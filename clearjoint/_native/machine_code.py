@@ -1,0 +1,383 @@
+"""Machine code of native programs, and the files that save it for other processes.
+
+LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
+in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text and the
+processor. A process that reads it need not compile, but must trace the function and make the text
+to find the file. A file with a whole program also has the layout of the program's arguments and
+results. Its name is a digest of the function, of the structure, shapes, dtypes and static values of
+the arguments, of versions and settings, and of the processor, so that a process that reads it need
+not trace the function or make the text either.
+"""
+
+import ctypes
+import functools
+import pickle
+import sys
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from contextlib import suppress
+from importlib import metadata
+from typing import TypeVar, cast
+
+import equinox as eqx
+import jax
+import llvmlite
+import llvmlite.binding as llvm
+from jaxtyping import PyTree
+from numpy.typing import ArrayLike
+
+from .._compilation import keeps_programs
+from .._compilation.digests import LONG, digest
+from .._compilation.package_code import ChangedCodeError, source_digest
+from .._compilation.plain_values import VERSIONED, NotPlainError, digest_of
+from .._compilation.program_store import ProgramStore, cache_in_use, system_errors_suppressed
+from .cells import Memory, Region
+from .llvm_text import llvm_text
+from .lowering import Lowering, UnsupportedPrimitiveError
+from .operations import Value
+
+Program = TypeVar("Program")
+FOR_LOOPS, FOR_FEW_RUNS = 2, 0
+"""LLVM's levels of optimisation, of 0 to 3: for programs that spend their time running, and for
+those that run once in a call of the package. For a chain of ten joints with backlash, the program
+of the checks takes 0.7 s to compile at level 0 and 5 s at level 2, and then runs for 15 and 9 µs.
+Results do not depend on the level, because `.llvm_text` decides which products are fused, and LLVM
+gets no permission to rearrange operations on floats."""
+LARGE = 450_000
+"""Number of characters of a program's text from which on LLVM makes only the passes over it that
+shorten a run: for a chain of 30 joints with backlash, all passes took as long as generating machine
+code, and runs were as fast with one. Without that one, a step took 1.15 times as long."""
+_IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
+"""Programs do not depend on settings of JAX whose names contain one of these texts."""
+
+
+_NOT_PICKLED = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    ImportError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    pickle.PickleError,
+)
+"""Errors of a program that cannot be pickled, and of a file of another version when it is read. No
+wider class is suppressed: a handler of signals may raise an error in between, to end a run."""
+_NOT_DESCRIBED = (
+    ArithmeticError,
+    AttributeError,
+    ChangedCodeError,
+    LookupError,
+    NotPlainError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
+"""Errors of values for which there is no key."""
+MOST_PROGRAMS = 256
+"""Largest number of programs that `RecentPrograms` holds."""
+
+
+class RecentPrograms(OrderedDict[Hashable, Program]):
+    """Programs of a process by their keys, at most `MOST_PROGRAMS`.
+
+    A program occupies about 1 MB and four of the mappings of memory of which a process may have
+    65 530. Beyond the limit, the least recently used program is removed. Its machine code is freed
+    when the last call of it has ended, because a call holds the program. Threads may use the object
+    at once.
+    """
+
+    def recent(self, key: Hashable) -> Program | None:
+        """Return the program with a key, which counts as its use, or ``None`` without one."""
+        program = self.get(key)
+        if program is not None:
+            # Another thread may have removed it.
+            with suppress(KeyError):
+                self.move_to_end(key)
+        return program
+
+    def add(self, key: Hashable, program: Program) -> None:
+        """Add a program, and remove the least recently used one if there are too many."""
+        self[key] = program
+        while len(self) > MOST_PROGRAMS:
+            # Another thread may have emptied it.
+            with suppress(KeyError):
+                self.popitem(last=False)
+
+
+class Stopwatch:
+    """Measures the processor time that this thread spends in each stage of making a program.
+
+    - `seconds`: time of each stage, s, by its name.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.thread_time()
+
+    def end(self, stage: str) -> None:
+        """Record the time since the previous call, or since the start, as that of a stage."""
+        now = time.thread_time()
+        self.seconds[stage] = now - self._last
+        self._last = now
+
+
+class Code:
+    """Machine code of a program. The object can be pickled.
+
+    The code is compiled, or read from disk, when the object is made, and loaded into the process
+    when it is first run.
+
+    - `text`: the program in LLVM's language; empty after unpickling.
+    - `seconds`: processor time, s, of each stage: "writing", "compiling", and those that
+      `stopwatch` has recorded before, such as "tracing" and "lowering".
+
+    **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
+    `result`: value of the program, an int64, that `run` returns; ``None`` if `run` is to return 0.
+    If the program computes several runs (lanes) at once, `run` returns the value of the first lane.
+    `optimisation`: LLVM's level of optimisation, `FOR_LOOPS` or `FOR_FEW_RUNS`.
+
+    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
+    """
+
+    def __init__(
+        self,
+        lowering: Lowering,
+        stopwatch: Stopwatch,
+        result: Value | None = None,
+        optimisation: int = FOR_LOOPS,
+    ):
+        operations = lowering.ops
+        self.text = llvm_text(operations, result, optimisation == FOR_LOOPS)
+        stopwatch.end("writing")
+        self._object_file = _saved_object_file(self.text, optimisation)
+        stopwatch.end("compiling")
+        self.seconds = stopwatch.seconds
+        self._constants, self._lanes = lowering.constants, operations.width
+        self._cells = operations.cells
+
+    def __getstate__(self) -> dict[str, object]:
+        state: dict[str, object] = {**vars(self), "text": ""}
+        state.pop("_loaded", None)
+        return state
+
+    def memory(self) -> Memory:
+        """Return new memory for the program, with its constants and with zeros in all other cells.
+
+        The caller writes the arguments to it before `run`, and reads the results from it after.
+        """
+        memory = Memory(self._cells, self._lanes)
+        for start, array in self._constants.items():
+            memory.write(Region.of(array, start), array)
+        return memory
+
+    def run(self, memory: Memory) -> int:
+        """Execute the program, and return the number of `result`.
+
+        **Arguments:** `memory`: memory that the method `memory` has returned, with the arguments.
+        """
+        engine, function = self._loaded  # The engine owns the code; it must live during the call.
+        return function(memory.address)
+
+    @functools.cached_property
+    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
+        # Each object has its own engine, which takes over the target machine given to it. From
+        # Python 3.12 on `cached_property` has no lock, so that concurrent first calls make an
+        # engine each, which does no harm.
+        machine = _new_target_machine(FOR_LOOPS)  # The level matters only to a compilation.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+        engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
+        engine.finalize_object()
+        address = engine.get_function_address("program")
+        return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
+
+
+def _new_target_machine(optimisation: int) -> llvm.TargetMachine:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    if sys.platform == "linux":
+        # With glibc, mathematical functions are in a library of their own, which the process may
+        # not have loaded. Other C libraries contain them.
+        with suppress(RuntimeError):
+            llvm.load_library_permanently("libm.so.6")
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=optimisation,
+    )
+
+
+_target_machine = functools.cache(_new_target_machine)
+
+
+def _saved_object_file(text: str, optimisation: int) -> bytes:
+    """Return the object file of a program's text from disk, or compile and save it.
+
+    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
+    """
+    parts = text, str(optimisation), *_target()
+    key = digest(*parts, digits=LONG)
+    store = _store()
+    code = None if store is None else store.read(key)
+    if code is None:
+        code = _object_file(text, optimisation)
+        if store is not None:
+            # The program can be used even if it cannot be saved.
+            with system_errors_suppressed():
+                store.write(key, code)
+    return code
+
+
+def _object_file(text: str, optimisation: int) -> bytes:
+    """Compile a program's text to an object file for the processor of this machine.
+
+    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
+    """
+    machine = _target_machine(optimisation)
+    try:
+        module = llvm.parse_assembly(text)
+    except RuntimeError as error:
+        raise UnsupportedPrimitiveError(f"a program that LLVM rejects ({error})") from error
+    options = llvm.create_pipeline_tuning_options(speed_level=optimisation)
+    # Programs are mostly straight code with few loops, on which these passes only take time.
+    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
+    # The builder keeps results of analyses of the module, and must be freed before it. After an
+    # interrupt, Python would free both in the order in which the error's traceback holds them.
+    with module, options, llvm.create_pass_builder(machine, options) as builder:
+        if optimisation == FOR_LOOPS and len(text) >= LARGE:
+            passes = llvm.create_new_module_pass_manager()
+            passes.add_instruction_combine_pass()
+        else:
+            passes = builder.getModulePassManager()
+        with passes:
+            passes.run(module, builder)
+        return machine.emit_object(module)
+
+
+def _target() -> tuple[str, ...]:
+    """Return the version of llvmlite, which contains LLVM, and name and features of the processor.
+
+    They are part of all keys, because saved machine code is valid for these only.
+    """
+    features = llvm.get_host_cpu_features().flatten()
+    return llvmlite.__version__, llvm.get_host_cpu_name(), features
+
+
+def _store() -> ProgramStore | None:
+    """Return the store of programs in JAX's compilation cache; ``None`` if that is not in use."""
+    folder = cache_in_use()
+    return None if folder is None else ProgramStore(folder / "native")
+
+
+def load_or_make(
+    function: Callable[..., PyTree],
+    arguments: tuple[PyTree, ...],
+    make: Callable[[], Program],
+    optimisation: int = FOR_LOOPS,
+) -> Program:
+    """Load the program of a function from disk, or make and save it.
+
+    A loaded program needs neither tracing nor lowering. The program is made and not saved
+
+    - unless `keep_programs`, in `..compilation.program_store`, has switched saving on;
+    - if JAX's compilation cache is not in use;
+    - if the package's code has changed since its import;
+    - if the function or its arguments contain classes or functions that belong neither to this
+      package nor to one of a known version, since a change of their code would not be noticed;
+    - if they contain other values that `digest_of` refuses;
+    - if the program cannot be pickled or written.
+
+    **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
+    shapes, dtypes and static values for which the program is valid; `make`: makes the program, at
+    LLVM's level `optimisation`.
+
+    **Raises:** what `make` raises.
+    """
+    kept = load(function, arguments, optimisation)
+    if kept is not None:
+        return cast(Program, kept)
+    # The place is determined after the program is made, so that it is `None` if the package's code
+    # has changed in the meantime.
+    program, place = make(), _place(function, arguments, optimisation)
+    if place is not None:
+        store, key = place
+        with suppress(*_NOT_PICKLED), system_errors_suppressed():
+            store.write(key, pickle.dumps(program))
+    return program
+
+
+def load(
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int = FOR_LOOPS
+) -> object:
+    """Load the program that `load_or_make` has saved for the same function and arguments.
+
+    **Returns:** the program; ``None`` if there is none, or if it cannot be read.
+    """
+    place = _place(function, arguments, optimisation)
+    if place is None:
+        return None
+    store, key = place
+    content = store.read(key)
+    with suppress(*_NOT_PICKLED):
+        return None if content is None else pickle.loads(content)
+    return None
+
+
+def _place(
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int
+) -> tuple[ProgramStore, str] | None:
+    """Return the store and the key of a program; ``None`` if it cannot or shall not be saved."""
+    store = _store() if keeps_programs() else None
+    if store is None:
+        return None
+    # A value that cannot be described has no key.
+    with suppress(*_NOT_DESCRIBED), system_errors_suppressed():
+        return store, _key(function, arguments, optimisation)
+    return None
+
+
+def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int) -> str:
+    """Return the key of a function's program for the given arguments.
+
+    It is a text that is the same in all processes. It depends on the shapes and dtypes of arrays in
+    the arguments, but not on their numbers.
+
+    **Raises:** `NotPlainError` if function or arguments contain classes or functions that belong
+    neither to this package nor to one of a known version, or other values that `digest_of` refuses;
+    `ChangedCodeError` if the package's own code has changed since its import.
+    """
+    shapes = jax.tree.map(_form, arguments)
+    settings = {
+        name: repr(value)
+        for name, value in sorted(jax.config.values.items())
+        if not any(part in name for part in _IRRELEVANT)
+    }
+    machine = optimisation, *_target()
+    return digest_of([function, shapes, source_digest(), _versions(), settings, machine])
+
+
+def _form(leaf: PyTree) -> PyTree:
+    """Return shape, dtype and weakness of the type of an array, or any other leaf itself."""
+    if not eqx.is_array(leaf):
+        return leaf
+    return jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, weak_type=is_weak(leaf))
+
+
+def is_weak(array: ArrayLike) -> bool:
+    """Return whether an array has a weak type: JAX makes it from a Python number, and gives results
+    of operations with it the type of the other operand."""
+    return getattr(array, "weak_type", False)
+
+
+@functools.cache
+def _versions() -> tuple[str, ...]:
+    return (sys.version, *(f"{name} {_version(name)}" for name in VERSIONED))
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "none"

@@ -1,0 +1,498 @@
+"""Parameters of a scene that a fit estimates, and scales, which relate values to coordinates.
+
+A fit works in these coordinates. On a suitable scale, a typical change of a coordinate is of the
+order of 1, so that parameters of different units can be compared.
+"""
+
+import abc
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._fields.checks import require, require_positive, require_shape, require_types
+from .._math.vectors import Scalar, library
+from .._model.bodies import State
+from .._model.scene import Scene
+from .paths import NumberPath, value_at
+from .variations import (
+    AbstractNumber,
+    AbstractSeriesVariation,
+    AbstractVariation,
+    Change,
+    MadeByFunction,
+    SceneNumber,
+    SeriesBias,
+    SeriesDelay,
+    SeriesDrift,
+    SeriesGain,
+    StateNumber,
+)
+
+
+@dataclass(frozen=True)
+class AbstractScale(abc.ABC):
+    """A map from the real numbers, the coordinates, to the values that a parameter may have.
+
+    A subclass defines `value`, its inverse `coordinate`, and `max_step`, the largest change of the
+    coordinate in one step of a fit. Fields of a scale, such as bounds, are constants of the
+    compiled program: a scale whose fields have other values causes a recompilation.
+
+    ```python
+    from dataclasses import dataclass
+
+    import clearjoint as cj
+
+    @dataclass(frozen=True)
+    class Squared(cj.extend.AbstractScale):
+        unit: float = 1.0
+        max_step = 1.0
+
+        def value(self, coordinate):
+            return self.unit * coordinate**2
+
+        def coordinate(self, value):
+            return (value / self.unit) ** 0.5
+
+    stiffness = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, Squared(unit=100.0))
+    ```
+    """
+
+    max_step: ClassVar[float]
+    """Largest change of the coordinate in one step of a fit, which keeps a parameter that the data
+    hardly determine from running away; infinite for no limit."""
+
+    @abc.abstractmethod
+    def value(self, coordinate: Scalar) -> Scalar:
+        """Return the parameter's value at a coordinate.
+
+        JAX must be able to differentiate the function, and to vectorise it (`jax.vmap`).
+
+        **Arguments:** `coordinate`: a single number.
+        """
+
+    @abc.abstractmethod
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
+        """Return the coordinate at which the parameter has a given value.
+
+        **Raises:** `ValueError` for a value that the scale doesn't allow.
+        """
+
+    def slope(self, coordinate: Scalar) -> np.ndarray:
+        """Return the derivative of the value by the coordinate, an array of shape ()."""
+        return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
+
+    def uninformative_std(self, coordinate: float) -> float:
+        """Return the standard deviation of the coordinate above which an estimate carries no
+        information.
+
+        A parameter whose estimate has a larger standard deviation counts as not identifiable. The
+        default is 1, the size of a typical change: on a `Log` scale, an uncertainty by a factor of
+        e.
+
+        **Arguments:** `coordinate`: estimated coordinate.
+        """
+        return 1.0
+
+    def label(self, name: str) -> str:
+        """Return text that names the coordinate of the parameter `name`; by default the name
+        itself."""
+        return name
+
+
+@dataclass(frozen=True)
+class Linear(AbstractScale):
+    """Scale of any value: value = unit * coordinate.
+
+    The steps of a fit are not limited.
+
+    **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
+
+    **Raises:** `ValueError` unless `unit` is a single positive, finite number.
+
+    >>> cj.Linear(unit=0.5).value(3.0)
+    1.5
+    """
+
+    unit: float = 1.0
+    max_step: ClassVar[float] = math.inf
+
+    def __post_init__(self) -> None:
+        require_positive("unit", self.unit, "give the size of a typical change")
+
+    def value(self, coordinate: Scalar) -> Scalar:
+        """Return unit * coordinate."""
+        return self.unit * coordinate
+
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
+        """Return value / unit.
+
+        **Raises:** `ValueError` unless the value is a single finite number.
+        """
+        return _finite(value) / self.unit
+
+    def uninformative_std(self, coordinate: float) -> float:
+        """Return max(1, abs(coordinate)).
+
+        If the standard deviation of the coordinate is larger, that of the value exceeds both the
+        magnitude of the value and `unit`.
+        """
+        return max(1.0, abs(float(coordinate)))
+
+    def label(self, name: str) -> str:
+        """Return the name divided by the unit, such as "length/0.01"; the name for unit 1."""
+        return name if self.unit == 1.0 else f"{name}/{self.unit:g}"
+
+
+@dataclass(frozen=True)
+class Log(AbstractScale):
+    """Scale of positive values: value = exp(coordinate).
+
+    One step of a fit changes the value by a factor of e at most.
+
+    >>> scale = cj.Log()
+    >>> print(f"{scale.coordinate(1.0):.1f}, {scale.value(0.0):.1f}")
+    0.0, 1.0
+    """
+
+    max_step: ClassVar[float] = 1.0
+
+    def value(self, coordinate: Scalar) -> Scalar:
+        """Return exp(coordinate)."""
+        return library((coordinate,)).exp(coordinate)
+
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
+        """Return log(value).
+
+        **Raises:** `ValueError` for a value that is not a positive, finite number.
+        """
+        number = _finite(value)
+        require(number > 0.0, "value", number, "positive", "take a Linear() scale")
+        return math.log(number)
+
+    def label(self, name: str) -> str:
+        """Return "log" and the name, such as "log stiffness"."""
+        return f"log {name}"
+
+
+@dataclass(frozen=True)
+class Bounded(AbstractScale):
+    """Scale of values between two bounds: coordinate = log((value - low)/(high - value)).
+
+    One step of a fit changes the coordinate by 1 at most.
+
+    **Arguments:** `low`, `high`: bounds in the parameter's unit. Only a value strictly between them
+    has a coordinate. Far coordinates, such as 40, give a value that is rounded to a bound.
+
+    **Raises:** `ValueError` unless both are single finite numbers and low < high.
+
+    >>> scale = cj.Bounded(0.0, 1.0)
+    >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")
+    0.50, 0.993
+    """
+
+    low: float
+    high: float
+    max_step: ClassVar[float] = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high"):
+            require_shape(name, getattr(self, name), (), "pass a single number")
+        above = f"above low = {self.low}"
+        require(self.low < self.high, "high", self.high, above, "swap the bounds")
+
+    def value(self, coordinate: Scalar) -> Scalar:
+        """Return low + (high - low)/(1 + exp(-coordinate))."""
+        return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
+
+    def coordinate(self, value: Scalar | np.ndarray) -> float:
+        """Return log((value - low)/(high - value)).
+
+        **Raises:** `ValueError` for a value that is not between the bounds.
+        """
+        number = _finite(value)
+        inside = self.low < number < self.high
+        bounds = f"between {self.low} and {self.high}"
+        require(inside, "value", number, bounds, "start inside the bounds, or widen them")
+        return math.log((number - self.low) / (self.high - number))
+
+    def uninformative_std(self, coordinate: float) -> float:
+        """Return pi/sqrt(3), about 1.8, for every coordinate.
+
+        This is the standard deviation of the coordinate if only the bounds are known, with a value
+        that is uniformly distributed between them.
+        """
+        return math.pi / math.sqrt(3.0)
+
+    def label(self, name: str) -> str:
+        """Return "logit" and the name, such as "logit friction"."""
+        return f"logit {name}"
+
+
+def _finite(value: Scalar | np.ndarray) -> float:
+    """Return a value as a float.
+
+    **Raises:** `ValueError` unless it is a single finite number.
+    """
+    require_shape("value", value, (), "pass a single number")
+    return float(value)
+
+
+@dataclass(frozen=True, init=False)
+class Parameter:
+    """A number of the scene that a fit estimates, and the scale of the estimate.
+
+    A parameter may also be a number of the initial state (`Parameter.initial`), a value from which
+    a function makes scene and state (`Parameter.change`), or an unknown error of the sensors of
+    measured series: `Parameter.delay`, `Parameter.bias`, `Parameter.gain` and `Parameter.drift`.
+
+    **Arguments:**
+
+    - `path`: function that selects the number in a scene, such as
+      ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
+      them: they share one value. Instead of a path, an `AbstractVariation` may be given, which says
+      in another way how a value changes scene and state. The field `variation` is the given
+      `AbstractVariation`, or a `SceneNumber` made from the path.
+    - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
+      numbers between bounds. A scale gives each value an unbounded coordinate; the fit works in
+      these coordinates, and derivatives are with respect to them.
+    - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state. A
+      guess is required for an `AbstractVariation` that selects no number.
+    - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
+      in the scene. It is ignored for an `AbstractVariation`, which has its own unit.
+
+    **Raises:** `ValueError` for a path that is not a function, and for a `scale` that is no
+    `AbstractScale`.
+
+    >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
+    >>> scene, state = cj.mechanisms.double_pendulum(clearance=0.5e-3)
+    >>> print(f"{parameter.coordinate_in(scene, state):.4f}")  # log(0.5e-3)
+    -7.6009
+    """
+
+    variation: AbstractVariation
+    scale: AbstractScale
+    value: float | None
+
+    def __init__(
+        self,
+        path: NumberPath | AbstractVariation,
+        scale: AbstractScale | None = None,
+        *,
+        value: float | None = None,
+        unit: str | None = None,
+    ):
+        variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
+        kind = scale if isinstance(scale, type) else type(scale)
+        remedy = "pass for example cj.Log() or cj.Bounded(0.0, 1.0)"
+        fine = isinstance(scale, AbstractScale | None)
+        require(fine, "scale", kind.__name__, "a scale, such as Linear(), or None", remedy)
+        object.__setattr__(self, "variation", variation)
+        object.__setattr__(self, "scale", Linear() if scale is None else scale)
+        object.__setattr__(self, "value", value)
+
+    @staticmethod
+    def initial(
+        path: NumberPath,
+        scale: AbstractScale | None = None,
+        *,
+        value: float | None = None,
+        unit: str | None = None,
+    ) -> "Parameter":
+        """Return a parameter that is a number of the initial state.
+
+        **Arguments:** `path`: function that selects the number in a `State`, such as
+        ``lambda state: state.bodies["arm"].spin[2]``. The other arguments, and the errors, are as
+        in `Parameter`; the default of `value` is the number in the initial state.
+        """
+        return Parameter(StateNumber(path, unit), scale, value=value)
+
+    @staticmethod
+    def change(
+        make: Change, value: float, scale: AbstractScale | None = None, unit: str = "1"
+    ) -> "Parameter":
+        """Return a parameter whose value enters the scene and the initial state through a function.
+
+        **Arguments:**
+
+        - `make`: function that receives the scene, the initial state and a value, and returns the
+          changed pair (scene, state).
+        - `value`: first guess, in `unit`; required, because the scene has no such number.
+        - `scale`: as in `Parameter`.
+        - `unit`: text that labels the value; by default "1", for a number without a unit.
+
+        **Raises:** `ValueError` if `make` is not a function, and for a `scale` that is no
+        `AbstractScale`.
+        """
+        return Parameter(MadeByFunction(make, unit), scale, value=value)
+
+    @staticmethod
+    def delay(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the delay, s, of the time stamps of measured series.
+
+        A sample at time t is compared with the motion at t - delay. Fits by `identify`,
+        `identify_many` and `minimise`, and `posterior`, accept delays.
+
+        **Arguments:**
+
+        - `series`: names of the series in `Measurements`, the measured data of the fit; at least
+          one. All of them have the same delay.
+        - `value`: first guess, s.
+        - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
+
+        A sample whose time less the delay is before the start of the run is compared with the
+        initial state: leave out these samples by `Measurements.between`. A delay common to all
+        series is identifiable only if the initial state is known, or if the motion depends on
+        time itself, for example by a driver, and not only on the time since its start.
+
+        **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that
+        is no `AbstractScale`.
+
+        >>> delay = cj.Parameter.delay("probe x", "probe y")
+        >>> delay.value
+        0.0
+        """
+        return _of_sensors(SeriesDelay, series, value, scale)
+
+    @staticmethod
+    def bias(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the bias of the sensors of measured series.
+
+        The reading of a sensor with errors is gain * y + bias + drift * t, for the quantity y and
+        the time t since the start of the run. `identify`, `identify_many`, `minimise`, `posterior`,
+        `sensitivities`, `identifiability` and `fit_horizon` accept these parameters; the last three
+        refer to outputs or sensors in place of series.
+
+        **Arguments:**
+
+        - `series`: names of the series in `Measurements`, the measured data of the fit; at least
+          one. All of them have the same value, so that they must have the same unit.
+        - `value`: first guess, in the SI unit of the series.
+        - `scale`: `Linear()` by default.
+
+        If the channel has a period, such as an angle, whole periods of a residual don't count.
+
+        **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that
+        is no `AbstractScale`.
+
+        >>> bias = cj.Parameter.bias("encoder", value=0.01)
+        >>> bias.value
+        0.01
+        """
+        return _of_sensors(SeriesBias, series, value, scale)
+
+    @staticmethod
+    def gain(*series: str, value: float = 1.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the gain of the sensors of measured series: the factor by
+        which they multiply the quantity.
+
+        See `Parameter.bias` for the reading of a sensor with several errors. A gain is identifiable
+        only if something else than the size of the motion shows it, such as the frequency of a
+        vibration, the scene's known lengths, or another sensor. The reading of an angle that jumps
+        from pi to -pi jumps by 2 pi times the gain.
+
+        **Arguments, errors:** as in `Parameter.bias`; `value`: 1 for an ideal sensor.
+
+        >>> cj.Parameter.gain("torque", scale=cj.Bounded(0.8, 1.2)).value
+        1.0
+        """
+        return _of_sensors(SeriesGain, series, value, scale)
+
+    @staticmethod
+    def drift(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
+        """Return a parameter that is the drift of the sensors of measured series: the constant rate
+        at which their bias changes, in the SI unit of the series per second.
+
+        At the start of the run the drift has no effect. See `Parameter.bias` for the reading of a
+        sensor with several errors.
+
+        **Arguments, errors:** as in `Parameter.bias`.
+
+        >>> cj.Parameter.drift("encoder").value
+        0.0
+        """
+        return _of_sensors(SeriesDrift, series, value, scale)
+
+    def coordinate_in(self, scene: Scene, state: State) -> float:
+        """Return the coordinate of `value` on the parameter's scale.
+
+        If `value` is ``None``, the result is the coordinate of the number in the scene or state; of
+        tied numbers, that of the first.
+
+        **Raises:** `ValueError` for a value that the scale doesn't allow. If `value` is ``None``,
+        also for a path that leads to no number, and for a variation that selects no number of the
+        scene or state, such as an error of sensors.
+        """
+        value = self.value
+        if value is None:
+            variation = self.variation
+            if not isinstance(variation, AbstractNumber):
+                kind = type(variation).__name__
+                raise ValueError(
+                    f"Argument `value` must be a number for a {kind}, of which the scene has no "
+                    "value, but is None: pass Parameter(..., value=...)."
+                )
+            value = value_at(variation.tree(scene, state), variation.path)
+        return self.scale.coordinate(value)
+
+
+def _of_sensors(
+    kind: type[AbstractSeriesVariation],
+    series: tuple[str, ...],
+    value: float,
+    scale: AbstractScale | None,
+) -> Parameter:
+    """Return a parameter that is an error of the sensors of measured series, given by name.
+
+    **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that is
+    no `AbstractScale`.
+    """
+    remedy = f'pass their names in the measurements, such as Parameter.{kind.noun}("probe")'
+    named = len(series) > 0 and all(isinstance(name, str) for name in series)
+    require(named, "series", series, "names of series", remedy)
+    return Parameter(kind(series), scale, value=value)
+
+
+PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance)}'
+
+
+def check_parameters(parameters: Mapping[str, Parameter]) -> None:
+    """Check that `parameters` is a dictionary of `Parameter` by name.
+
+    **Raises:** `ValueError` if it is not a dictionary, and for an entry that is no `Parameter` or
+    whose name is not a non-empty string. The message names the wrong entry.
+    """
+    require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
+
+
+def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Return the largest change of each parameter's coordinate in one step of a fit, (p,).
+
+    The limit is `AbstractScale.max_step`; it may be infinite.
+    """
+    return np.array([parameter.scale.max_step for parameter in parameters.values()])
+
+
+def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.ndarray:
+    """Return the values at n coordinates on a scale, (n,)."""
+    # A user-defined scale need not accept arrays. One call for each number would be slow, since JAX
+    # may compile in each.
+    return np.asarray(jax.vmap(scale.value)(jnp.asarray(coordinates)), float)
+
+
+def values_at(
+    parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
+) -> dict[str, float]:
+    """Return the value of each parameter by name at coordinates (p,)."""
+    pairs = zip(parameters.items(), coordinates, strict=True)
+    return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}
+
+
+def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Return the coordinates of all parameters, (p,), each from `Parameter.coordinate_in`."""
+    return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

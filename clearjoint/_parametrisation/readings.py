@@ -1,0 +1,175 @@
+"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._compilation import Compiled
+from .._fields.checks import require
+from .._model.bodies import State
+from .._model.scene import Scene
+from .parameter import AbstractScale, Parameter
+from .variations import AbstractSeriesVariation, MadeByFunction, SeriesDelay, unchanged
+
+Row = jax.Array | np.ndarray
+"""Numbers of one output at several times, or coordinates."""
+
+
+class SensorErrors(eqx.Module):
+    """Those parameters of a run that are errors of the sensors of its outputs.
+
+    - `errors`: each error with its index among the p parameters.
+    - `scales`: (p,) scale of each parameter.
+    """
+
+    errors: tuple[tuple[int, AbstractSeriesVariation], ...] = eqx.field(static=True, default=())
+    scales: tuple[AbstractScale, ...] = eqx.field(static=True, default=())
+
+    @property
+    def delays(self) -> tuple[tuple[int, tuple[str, ...]], ...]:
+        """The index of each delay among the parameters, with the names of its outputs."""
+        return tuple((k, one.series) for k, one in self.errors if isinstance(one, SeriesDelay))
+
+    @property
+    def of_values(self) -> bool:
+        """Whether there are errors other than delays, which change the reading at a given time."""
+        return len(self.delays) < len(self.errors)
+
+    def value(self, number: int, coordinates: jax.Array) -> jax.Array:
+        """Return the value of an error, (...), at coordinates (..., p).
+
+        `number`: index of the error among the parameters.
+        """
+        # A user-defined scale need not accept arrays.
+        return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
+
+    def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
+        """Return the reading of a sensor, (T,), with all errors except a delay.
+
+        **Arguments:** `name`: of the output; `quantity`: (T,) its values; `elapsed`: (T,) s, times
+        since the start of the run; `coordinates`: (p,) of the parameters.
+        """
+        exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
+        reading = exact
+        for number, one in self.errors:
+            if name in one.series:
+                value = self.scales[number].value(coordinates[number])
+                reading = reading + one.error(value, exact, since_start)
+        return reading
+
+
+NO_ERRORS = SensorErrors()
+
+
+@Compiled
+def with_sensor_errors(
+    sensors: SensorErrors,
+    values: Mapping[str, Row],
+    derivatives: Mapping[str, Row],
+    elapsed: Row,
+    coordinates: Row,
+) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
+    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), by name.
+
+    **Arguments:** `values`: quantities (T,) by name; `derivatives`: theirs by the coordinates,
+    (T, p); `elapsed`: (T,) s, times since the start of the run; `coordinates`: (p,).
+    """
+    readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
+    for name in {name: None for _, one in sensors.errors for name in one.series}:
+
+        def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
+            return sensors.reading(name, quantity, elapsed, coordinates)
+
+        # A reading depends on the quantity at the same time only.
+        readings[name], factor = jax.jvp(
+            lambda quantity: reading(quantity, coordinates),
+            (values[name],),
+            (jnp.ones_like(values[name]),),
+        )
+        own = jax.jacfwd(reading, argnums=1)(values[name], coordinates)
+        slopes[name] = factor[:, None] * derivatives[name] + own
+    return readings, slopes
+
+
+@Compiled
+def readings_of_runs(
+    sensors: SensorErrors,
+    values: Mapping[str, Float[jax.Array | np.ndarray, "n T"]],
+    elapsed: Float[jax.Array | np.ndarray, " T"],
+    coordinates: Float[jax.Array | np.ndarray, "n p"],
+) -> dict[str, jax.Array]:
+    """Return the readings of all sensors in n runs, (n, T) each, by name.
+
+    **Arguments:** `values`: quantities (n, T) by name; `elapsed`: (T,) s, times since the start of
+    the runs; `coordinates`: (n, p).
+    """
+
+    def of_one(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
+        return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
+
+    return jax.vmap(of_one)(values, coordinates)
+
+
+def sensor_errors(
+    parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
+) -> SensorErrors:
+    """Return the errors of sensors among the parameters of a run with given outputs.
+
+    **Raises:** `ValueError` for an error of an unknown output, and for two errors of the same kind
+    of one output.
+    """
+    errors, taken = [], set()
+    for number, (label, parameter) in enumerate(parameters.items()):
+        error = parameter.variation
+        if isinstance(error, AbstractSeriesVariation):
+            for name in error.series:
+                argument, noun = f"parameters[{label!r}]", error.noun
+                known = f"a {noun} of measured series: {', '.join(outputs)}"
+                require(name in outputs, argument, name, known, "correct the name of the series")
+                once, remedy = (
+                    f"the only {noun} of its series",
+                    f"remove the series from one {noun}",
+                )
+                require((type(error), name) not in taken, argument, name, once, remedy)
+                taken.add((type(error), name))
+            errors.append((number, error))
+    scales = tuple(one.scale for one in parameters.values())
+    return SensorErrors(tuple(errors), scales) if errors else NO_ERRORS
+
+
+def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
+    """Return the parameters by name, with errors of sensors as parameters that change nothing."""
+    still = MadeByFunction(unchanged, "1")
+    return {
+        name: Parameter(still, one.scale, value=one.value)
+        if isinstance(one.variation, AbstractSeriesVariation)
+        else one
+        for name, one in parameters.items()
+    }
+
+
+def units_of(
+    parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the unit of each parameter's value by name.
+
+    **Arguments:** `series`: unit of each measured series by name.
+
+    **Raises:** `ValueError` for an error of the sensors of series with different units.
+    """
+    units = {}
+    for name, parameter in parameters.items():
+        error = parameter.variation
+        if isinstance(error, AbstractSeriesVariation):
+            several = {error.unit_of(series[one]): None for one in error.series}
+            expected = "an error of series with the same unit"
+            remedy = f"pass a {error.noun} for each unit"
+            require(len(several) == 1, f"parameters[{name!r}]", [*several], expected, remedy)
+            units[name] = next(iter(several))
+        else:
+            units[name] = error.unit_in(scene, state)
+    return units

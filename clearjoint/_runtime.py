@@ -1,0 +1,209 @@
+"""Settings of a process: 64-bit floats, the cache of compiled programs, threads of sweeps.
+
+Importing the package changes none of them: call `configure`. Runs refuse 32-bit floats, which are
+JAX's default.
+"""
+
+import math
+import os
+import warnings
+from pathlib import Path
+
+import jax
+
+from ._compilation import keep_programs, keeps_programs, prepare_folder
+from ._fields.checks import require_count
+
+XLA_FLAGS = (
+    "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true,"
+    "xla_cpu_small_while_loop_byte_threshold=10000000,"
+    "xla_cpu_disable_loop_unrolling=true,-pre-RA-sched=fast --xla_backend_optimization_level=1"
+)
+"""Value of the environment variable ``XLA_FLAGS`` for calls of `simulate` inside of `jax.jit`,
+`jax.vmap` or `jax.grad` on CPUs.
+
+XLA's CPU compiler then compiles the loop of a run to one function, instead of a kernel for each
+fusion of operations: an attempted time step of the double pendulum took 1.3 instead of 82 µs under
+`jax.jit`, and the program compiled in 2.4 instead of 58 s. The byte threshold makes the loop of a
+run count as small; multi-output fusion avoids computing shared terms repeatedly; the other options
+shorten compilation. XLA reads the variable when JAX first computes something; `configure` sets it,
+and must be called before that. These options cannot be passed to `jax.jit`. Calls of `simulate`,
+`sweep` and `sensitivities` outside of transformations do not need them.
+
+>>> "xla_cpu_small_while_loop_byte_threshold" in cj.XLA_FLAGS
+True
+"""
+_EXTRA = "--xla_backend_extra_options"
+_KEEP = "CLEARJOINT_KEEP_PROGRAMS"
+"""Environment variable: with the value 0, whole programs are not saved; see `configure`."""
+_CACHE = "jax_compilation_cache_dir"
+_MIN_COMPILE_TIME = "jax_persistent_cache_min_compile_time_secs"
+_SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
+"""JAX's settings that processes which share a sweep must have in common."""
+_NATIVE = "CLEARJOINT_NATIVE"
+"""Environment variable: with the value 0, XLA compiles everything, `clearjoint._native` nothing."""
+Setting = bool | float | str | None
+"""Type of a setting's value in the dict from `in_force`."""
+_threads: int | None = None
+"""Number of threads of sweeps; ``None`` until `configure` or `adopt` sets it."""
+
+
+def default_cache() -> Path:
+    """Return the default folder of compiled programs.
+
+    The environment variable ``CLEARJOINT_CACHE`` names it. If this variable is unset or empty, it
+    is ``clearjoint`` in the user's cache folder: ``XDG_CACHE_HOME`` if that is an absolute path,
+    else ``~/.cache``.
+    """
+    if given := os.environ.get("CLEARJOINT_CACHE"):
+        return Path(given)
+    base = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (base if base.is_absolute() else Path.home() / ".cache") / "clearjoint"
+
+
+def configure(threads: int | None = None, cache: str | os.PathLike | None = None) -> None:
+    """Switch 64-bit floats on, and set the folder of compiled programs and the threads of sweeps.
+
+    Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
+    precision. `configure` also appends the options `clearjoint.XLA_FLAGS` to the environment
+    variable ``XLA_FLAGS``, so that calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full
+    speed on CPUs. The options have no effect if JAX has computed something before. If the variable
+    already contains ``--xla_backend_extra_options``, it is not changed, so that the user's own
+    options hold.
+
+    The folder keeps machine code between processes. If the arguments of a call consist only of this
+    package's classes, numbers, strings and arrays, the whole program is saved, and the next process
+    loads the program without tracing. A call with a user-defined class or function is traced in
+    each process, so that a change of the user's code always takes effect. A process also notices if
+    the package is upgraded, or if functions, classes or constants in its modules, or attributes of
+    its classes, are replaced; it then uses and saves no whole programs. It does not notice if
+    entries of this package's dictionaries and lists are replaced, or anything in other packages
+    (JAX, NumPy, Diffrax, ...), which are recognised by their versions. If you replace these, set
+    the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
+    whole programs. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
+
+    Files in the folder are executed. A new folder is accessible to you alone. A read-only folder is
+    read, not written.
+
+    **Arguments:**
+
+    - `threads`: number of threads that share the runs of a sweep. Default: one for each core that
+      the process may use or, if JAX computes on accelerators, one for each of these.
+    - `cache`: folder of compiled programs; "~" at the beginning stands for the home folder. A URL
+      of cloud storage, which contains "://", is passed on to JAX as it is. Default: the environment
+      variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
+
+    **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
+    leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is set to another value than 0 and 1.
+
+    **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. The
+    folder is not used then, and no programs are saved.
+
+    >>> cj.configure()
+    >>> jnp.asarray(1.0).dtype
+    dtype('float64')
+    """
+    global _threads
+    if threads is not None:
+        require_count("threads", threads, "give a number of threads, or None")
+    keep = _keep()
+    folder = _usable(str(cache or default_cache()))
+    # All arguments are valid from here on: a call that raises an error changes no setting.
+    _threads, flags = threads, os.environ.get("XLA_FLAGS", "")
+    # A user who sets backend options wants exactly these: none of this package's are mixed with
+    # them. The check also keeps a second call of `configure` from appending the flags again.
+    if _EXTRA not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {XLA_FLAGS}".strip()
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update(_CACHE, folder)
+    # JAX saves the programs that took at least this time, s, to compile. Its default of 1 s would
+    # leave out programs of this package that take less time each, but much in sum. Saving programs
+    # that compile in less than 0.2 s would gain little. With an infinite time, JAX does not try to
+    # write to a read-only folder.
+    read_only = folder is not None and os.path.isdir(folder) and not os.access(folder, os.W_OK)
+    jax.config.update(_MIN_COMPILE_TIME, math.inf if read_only else 0.2)
+    keep_programs(keep)
+
+
+def _keep() -> bool:
+    """Return whether whole programs are saved: not if ``CLEARJOINT_KEEP_PROGRAMS`` is "0".
+
+    An empty variable counts as unset.
+
+    **Raises:** `ValueError` if the variable has another value than "0" and "1".
+    """
+    value = os.environ.get(_KEEP) or "1"
+    if value not in ("0", "1"):
+        raise ValueError(
+            f"The environment variable {_KEEP} is {value!r}: set it to 0 to save no compiled "
+            "programs, or to 1."
+        )
+    return value == "1"
+
+
+def _usable(cache: str) -> str | None:
+    """Return the path of the folder `cache`, which is made if it does not exist; ``None``, with a
+    warning, if it can't be made or if other users may write to it.
+
+    A "~" at the beginning stands for the user's home folder. A URL of cloud storage,
+    which contains "://", is returned as it is: JAX handles it.
+
+    **Raises:** `ValueError` if the path is that of a file, or leads through a file.
+    """
+    if "://" in cache:
+        return cache
+    cache = os.path.expanduser(cache)
+    problem = prepare_folder(Path(cache))
+    if problem is None:
+        return cache
+    warnings.warn(f"Compiled programs are not saved. {problem}", stacklevel=3)
+    return None
+
+
+def threads_of_sweeps() -> int:
+    """Return the number of threads that share the runs of a sweep.
+
+    It is the number that `configure` or `adopt` has set. If none was set, it is the number of cores
+    that the process may use or, if JAX computes on accelerators, the number of these.
+    """
+    if _threads is not None:
+        return _threads
+    if jax.default_backend() != "cpu":
+        return jax.local_device_count()
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def in_force() -> dict[str, Setting]:
+    """Return the settings that all processes of a sweep share, by the names of JAX's settings and
+    of environment variables: 64-bit floats, the folder of compiled programs and the compile time
+    from which JAX writes to this folder, the variable that switches `clearjoint._native` off, and
+    whether whole programs are saved. The number of threads is left out, since each process has its
+    own.
+
+    A sweep sends these settings to its worker processes, which take them over with `adopt`.
+    """
+    shared = {name: getattr(jax.config, name) for name in _SHARED}
+    return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
+
+
+def adopt(values: dict[str, Setting]) -> None:
+    """Take over the settings of another process, whose work this process shares.
+
+    **Arguments:** `values`: the dict that `in_force` returned in the other process.
+
+    A worker process of a sweep calls `adopt` before it computes runs. On CPUs, the worker then uses
+    one thread, since the processes share the cores, unless `configure` has set another number of
+    threads in the worker.
+    """
+    global _threads
+    for name in _SHARED:
+        jax.config.update(name, values[name])
+    if values[_NATIVE] is None:
+        os.environ.pop(_NATIVE, None)
+    else:
+        os.environ[_NATIVE] = str(values[_NATIVE])
+    keep_programs(bool(values[_KEEP]))
+    if jax.default_backend() == "cpu":
+        _threads = _threads or 1

@@ -1,0 +1,260 @@
+"""Classes that a file may name, and the values that the arguments of their constructors may have.
+
+A file may name classes of this package and those that the caller passes to `load`; no module is
+imported because a file names it. The values that an argument may have are derived from its
+annotation and from the unit of the field with the same name.
+"""
+
+import inspect
+import typing
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from enum import Enum
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar, Union
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from .._fields.checks import nearest, require
+from .._fields.objects import AbstractReadable
+from .._model.bodies import BodyState, body_state
+from ..quantities.base import AbstractQuantity, Quantity
+from .documents import FileLocation, listed
+
+REQUIRED = inspect.Parameter.empty
+"""Default of an argument that has no default."""
+Classes: TypeAlias = Collection[type]
+"""User-defined classes that a file may name."""
+Maker: TypeAlias = Callable[..., PyTree]
+"""A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
+file contains the arguments of a maker."""
+CHECKED: dict[Maker, Maker] = {BodyState: body_state}
+"""Functions that check the arguments of a class and make its object, by class. They are used
+instead of constructors that do not check their arguments."""
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
+
+    They are derived from the annotation of the argument, and from the unit and shape of the field
+    with the same name. No attribute tells whether numbers are allowed: the reader refuses a number
+    only if there are `options` but neither `shapes` nor `classes`. In all other cases the
+    constructor checks the number. NaN, and whole numbers too large for a float, are always refused.
+
+    - `unit`: SI unit of numbers; None if no unit is declared.
+    - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
+    - `is_array`: whether numbers, also a single one, are converted to an array.
+    - `classes`: base classes of the objects that are allowed.
+    - `options`: for an argument with a fixed set of texts, the value of each text; else None.
+    - `is_text`: whether any text is allowed.
+    - `is_flag`: whether true and false are allowed.
+    - `allows_none`: whether the annotation of the argument names None.
+    - `allows_anything`: whether any value is allowed, because the argument has no annotation.
+    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`; None
+      if the argument is no such table.
+    - `item`: expectation for the entries of a list; None unless the annotation is a sequence.
+    - `default`: default value of the argument, or `REQUIRED`.
+    """
+
+    unit: str | None = None
+    shapes: tuple[tuple[int, ...], ...] = ()
+    is_array: bool = False
+    classes: tuple[type, ...] = ()
+    options: Mapping[str, object] | None = None
+    is_text: bool = False
+    is_flag: bool = False
+    allows_none: bool = False
+    allows_anything: bool = False
+    by_name: "Expectation | None" = None
+    item: "Expectation | None" = None
+    default: object = REQUIRED
+
+
+ANYTHING = Expectation(is_text=True, is_flag=True, allows_anything=True)
+"""Expectation of an argument without annotation."""
+
+
+def class_name(kind: type) -> str:
+    """Return the name of a class in files: "Class" in the package, else "module:Class"."""
+    return kind.__name__ if is_from_package(kind) else f"{kind.__module__}:{kind.__qualname__}"
+
+
+def is_from_package(kind: type) -> bool:
+    """Return whether a class belongs to this package, rather than to a user."""
+    return kind.__module__.split(".")[0] == __name__.split(".")[0]
+
+
+def is_abstract(kind: type) -> bool:
+    """Return whether a class is abstract or private, so that no file may name it."""
+    return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
+
+
+def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
+    """Return the makers that a file may name as `kind`, by their names, such as "Body" and
+    "Body.rod".
+
+    They are the following classes, and those of their static methods that return an object of the
+    class. Abstract and private classes are left out.
+
+    - Classes of this package that derive from one of the `families` (from any class if there are
+      none) and from `AbstractReadable`, the base class of laws, joints, bodies and others.
+    - The `families` themselves, if they belong to this package.
+    - User-defined classes, `given`, that derive from one of the `families`. Each has two names,
+      with and without its module; the short one is omitted if a class of this package has it.
+    """
+    # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
+    is_collection = isinstance(given, Collection) and not isinstance(given, type)
+    is_valid = is_collection and all(isinstance(one, type) for one in given)
+    remedy = "pass for example classes=[MyLaw]"
+    require(is_valid, "classes", given, "a list of classes", remedy)
+    included = filter(is_from_package, (*families, *_subclasses(AbstractReadable)))
+    # For equal names, the class of this package has priority.
+    named = {kind.__name__: kind for kind in (*given, *included)}
+    named |= {class_name(kind): kind for kind in given}
+    found: dict[str, Maker] = {}
+    for name, kind in named.items():
+        if issubclass(kind, families or (object,)) and not is_abstract(kind):
+            found[name] = kind
+            found |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
+    return found
+
+
+def _subclasses(kind: type) -> Iterator[type]:
+    for subclass in kind.__subclasses__():
+        yield subclass
+        yield from _subclasses(subclass)
+
+
+@cache
+def _static_methods(kind: type) -> dict[str, Maker]:
+    """Return the public static methods whose annotation says that they return an object of their
+    class."""
+    return {
+        name: member.__func__
+        for name, member in vars(kind).items()
+        if isinstance(member, staticmethod)
+        and not name.startswith("_")
+        and _hints(member.__func__).get("return") is kind
+    }
+
+
+def family_names(families: tuple[type, ...]) -> str:
+    """Return the names of base classes for a message, such as "AbstractForce or AbstractFilm"."""
+    return " or ".join(kind.__name__ for kind in families)
+
+
+def find_maker(
+    name: object, families: tuple[type, ...], given: Classes, location: FileLocation
+) -> Maker:
+    """Return the class or static method of the `families`, or among the user-defined classes
+    `given`, that a file names.
+
+    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `given` is
+    found, whatever its module, unless this package has a class of that name.
+
+    **Raises:** `ValueError` for a name that is unknown or not a text, for a class that has none of
+    the base classes, and for a user-defined class that the caller has not passed.
+    """
+    known = makers(families, given)
+    expected = f"one of {listed(known)}"
+    # The errors below distinguish the mistakes, since each has a different remedy.
+    if not isinstance(name, str):
+        location.refuse(name, "the name of a class", f"write {expected}")
+    module, _, short = name.rpartition(":")
+    found = known.get(short if module == "__main__" else name)
+    if found is not None:
+        return found
+    if name in makers((), given):
+        location.refuse(name, expected, f"take a subclass of {family_names(families)}")
+    if module:
+        expected = f"one of the classes passed to the call, {listed(map(class_name, given))}"
+        remedy = f"import it and pass classes=[{short.split('.')[-1]}]; a file imports nothing"
+        location.refuse(name, expected, remedy)
+    otherwise = "write module:Class for a user-defined class, and pass the class"
+    return location.refuse(name, expected, nearest(name, known, otherwise))
+
+
+@cache
+def arguments(make: Maker) -> dict[str, Expectation]:
+    """Return the expectation of each argument of a maker, by the argument's name."""
+    make = CHECKED.get(make, make)
+    kind = make if isinstance(make, type) else _hints(make)["return"]
+    # For a field and an argument of the same name, the annotation of the field counts.
+    hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
+    declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
+    found = {}
+    for name, parameter in inspect.signature(make).parameters.items():
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+            # Fields that are made by `quantity` declare the unit and the shape of their values.
+            metadata = declared.get(name, {})
+            expected = expectation(hints.get(name, Any), metadata.get("unit"))
+            shape = getattr(metadata.get("declared"), "shape", None)
+            shapes = expected.shapes if shape is None else (shape,)
+            found[name] = replace(expected, shapes=shapes, default=parameter.default)
+    return found
+
+
+def _hints(owner: object) -> dict[str, Any]:
+    """Return the annotations of a class or function by name; all as they were written if one of
+    them names a type that is unknown at run time."""
+    try:
+        return typing.get_type_hints(owner, include_extras=True)
+    except NameError:
+        return dict(getattr(owner, "__annotations__", {}))
+
+
+def expectation(annotation: object, unit: str | None = None) -> Expectation:
+    """Return the values that the annotation of an argument allows, with the SI unit of its numbers.
+
+    Examples are ``float``, an array of jaxtyping, ``Body | None``, ``Literal["a", "b"]`` and
+    ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
+    """
+    origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return expectation(inner[0], next((n for n in inner[1:] if isinstance(n, str)), unit))
+    # A `Quantity` is any function of an instant. A file can contain only objects of the package's
+    # class of such functions.
+    if annotation == Quantity:
+        return Expectation(classes=(AbstractQuantity,))
+    if origin in (Union, UnionType):
+        parts = [expectation(kind, unit) for kind in inner if kind is not NoneType]
+        # None is no part: unless texts are allowed, the reader takes the text "none" for it. The
+        # shapes and classes of all parts are allowed. Of every other property, the first value
+        # that is neither None nor False is taken, so that a flag is true if it is true for any
+        # part.
+        merged: dict[str, Any] = {}
+        for entry in fields(Expectation):
+            given = [value for part in parts if (value := getattr(part, entry.name))]
+            is_tuple = isinstance(entry.default, tuple)
+            merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
+        merged["allows_none"] = NoneType in inner
+        return Expectation(**merged)
+    if origin is Literal:
+        return Expectation(options={str(text): text for text in inner})
+    if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
+        return Expectation(unit, by_name=expectation(inner[1], unit))
+    if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:
+        return Expectation(unit, item=expectation(inner[0], unit))
+    if inspect.isclass(annotation) and issubclass(annotation, Enum):
+        return Expectation(options=annotation.__members__)
+    if inspect.isclass(annotation) and is_dataclass(annotation):
+        return Expectation(classes=(annotation,))
+    if annotation is Any or isinstance(annotation, str | TypeVar):  # a text that was not resolved
+        return ANYTHING if unit is None else Expectation(unit)  # a unit: numbers only
+    # The rest are numbers, texts, flags, and arrays of jaxtyping, which have `dims`. The shape is
+    # known for a number, and for an array whose annotation fixes all sizes. Without `dims`, the
+    # size None stands for an unknown shape.
+    sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
+    known = tuple(size for size in sizes if isinstance(size, int))
+    has_shape = annotation in (int, float) or len(known) == len(sizes)
+    return Expectation(
+        unit,
+        shapes=(known,) if has_shape else (),
+        is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
+        is_text=annotation is str,
+        is_flag=annotation is bool,
+    )

@@ -1,0 +1,335 @@
+"""Text of TOML and JSON files, and names of the locations in them for error messages.
+
+A table is a TOML table or a JSON object. A location is given by the keys of tables and indices of
+lists that lead to it; a written path is their text, such as "joints.pin.clearance". The limits on
+sizes and depths stop files that would exhaust time or memory.
+"""
+
+import json
+import re
+import reprlib
+import tomllib
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import reduce
+from itertools import count, islice
+from operator import getitem
+from pathlib import Path
+from typing import NoReturn, TypeAlias
+
+from jaxtyping import PyTree
+
+from .._fields.checks import require
+
+Keys: TypeAlias = tuple[str | int, ...]
+"""Keys of tables and indices of lists that lead to a location."""
+NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
+"""Pattern of one key or index, with or without quotation marks."""
+KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
+"""Pattern of one key or index of a written path: in brackets, after a dot, or at the beginning."""
+SHORT = reprlib.Repr()
+"""Makes the texts of values in error messages, without the middle of long texts and the end of long
+lists."""
+SHORT.maxlist = SHORT.maxtuple = 12
+SHORT.maxstring = SHORT.maxother = 60
+
+
+def split(text: str) -> tuple[str, ...]:
+    """Return the keys and indices of a written path: ("joints", "crank pin", "axis", "0") for
+    "joints.crank pin.axis[0]".
+
+    All are returned as texts, also the indices. Keys that contain dots, brackets or quotation marks
+    are in quotation marks. Keys and indices may also be in brackets, as in
+    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. Characters that
+    don't belong to a path, such as a second dot in a row, are skipped.
+    """
+    names = map("".join, KEY.findall(text))
+    return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
+
+
+def keys_of(text: str) -> tuple[str, ...]:
+    """Return the keys and indices of a written path, as `split` does, which must not skip
+    characters."""
+    expected = "names with dots between, such as joints.pin.clearance"
+    remedy = "put names that contain dots into quotation marks"
+    is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
+    require(is_whole, "path", text, expected, remedy)
+    return split(text)
+
+
+def written(keys: Keys) -> str:
+    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]".
+
+    Keys that contain dots, brackets or quotation marks are quoted. A key with both kinds of
+    quotation marks can't be read back by `keys_of`.
+    """
+
+    def quoted(key: str) -> str:
+        mark = '"' if "'" in key else "'"
+        return key if re.fullmatch(r"""[^.\[\]'"]+""", key) else f"{mark}{key}{mark}"
+
+    steps = (f"[{key}]" if isinstance(key, int) else f".{quoted(key)}" for key in keys)
+    return "".join(steps).removeprefix(".")
+
+
+def existing(content: object, keys: Sequence[str | int]) -> Keys:
+    """Return the existing beginning of a path: its keys, and indices as integers, before the first
+    one that the tables and lists lack."""
+    found: list[str | int] = []
+    for key in keys:
+        if isinstance(content, Mapping) and key in content:
+            content = content[key]
+        elif isinstance(content, list) and str(key).isdecimal() and int(key) < len(content):
+            key = int(key)
+            content = content[key]
+        else:
+            break
+        found.append(key)
+    return tuple(found)
+
+
+class Source:
+    """The text of a file, in which error messages find the line of a value.
+
+    - `changes`: changes that the command line makes, such as "joints.pin.clearance=2mm", by the
+      keys of the changed value.
+
+    **Arguments:** `text`: the text; `suffix`: ".toml" or ".json"; lines are found in TOML only.
+    """
+
+    def __init__(self, text: str, suffix: str):
+        self._text, self._is_toml = text, suffix == ".toml"
+        self.changes: dict[Keys, str] = {}
+
+    def where(self, keys: Keys) -> str:
+        """Return the text that a message adds to the path of the file for the value at `keys`.
+
+        This is " with --set …" for a value that the command line sets. Otherwise it is ", line 12",
+        say: the line of the statement that sets the value or the closest table around it. It is
+        empty if the line is unknown: in JSON, in TOML of more than 100 000 characters, and if no
+        key is in the file.
+        """
+        for depth in range(1, len(keys) + 1):
+            if keys[:depth] in self.changes:
+                return f" with --set {self.changes[keys[:depth]]}"
+        # Lines of longer files would take too long to find, by parsing parts of the file again and
+        # again.
+        if not self._is_toml or len(self._text) > 100_000:
+            return ""
+        keys = existing(tomllib.loads(self._text), keys)  # a missing key: the table around it
+        return f", line {self._line(keys)}" if keys else ""
+
+    def _line(self, keys: Keys) -> int:
+        """Return the number of the first line of the statement that sets an existing key."""
+        lines = self._text.split("\n")
+
+        def valid_lines(limit: int) -> tuple[int, object]:
+            """Return the largest number of lines, at most `limit`, that are valid TOML if parsed
+            alone, and their tables."""
+            for size in range(limit, 0, -1):
+                with suppress(tomllib.TOMLDecodeError):
+                    return size, tomllib.loads("\n".join(lines[:size]) + "\n")
+            return 0, {}
+
+        # tomllib reports no positions. The statement ends where the beginning of the file, if
+        # parsed alone, has the key for the first time. Every longer beginning has it too, so that
+        # bisection finds the line.
+        end = bisect_left(
+            range(len(lines)), True, key=lambda n: existing(valid_lines(n)[1], keys) == keys
+        )
+        # A statement of several lines begins after the valid text before it, and after empty lines
+        # and comments.
+        first = valid_lines(end - 1)[0]
+        while not lines[first].strip() or lines[first].lstrip().startswith("#"):
+            first += 1
+        return first + 1
+
+
+@dataclass
+class FileLocation:
+    """Location of a value in a file.
+
+    - `file`: path of the file.
+    - `keys`: keys of tables and indices of lists that lead to the value.
+    - `source`: text of the file, if known.
+    """
+
+    file: str
+    keys: Keys = ()
+    source: Source | None = None
+
+    def at(self, *keys: str | int) -> "FileLocation":
+        """Return the location of the entry to which further `keys` lead."""
+        return FileLocation(self.file, (*self.keys, *keys), self.source)
+
+    def __str__(self) -> str:
+        where = "" if self.source is None else self.source.where(self.keys)
+        return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
+
+    def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
+        """Raise a `ValueError` that names this location, the `value` found there, what was
+        `expected`, and the `remedy`: what the user can do."""
+        raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
+
+    @contextmanager
+    def in_errors(self) -> Iterator[None]:
+        """Return a context in which messages of `ValueError` begin with this location, for errors
+        of functions that know nothing of the file."""
+        try:
+            yield
+        except ValueError as error:
+            raise ValueError(f"{self}: {error}") from error
+
+
+def _shown(value: object) -> str:
+    """Return the text of a value for a message; of a table only the keys are shown."""
+    if isinstance(value, Mapping):
+        return f"a table with {SHORT.repr(list(value))}" if value else "an empty table"
+    return SHORT.repr(value)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names as a text for a message, in alphabetical order; "none" without names."""
+    return ", ".join(sorted(names)) or "none"
+
+
+Document: TypeAlias = dict[str, object]
+"""Content of a file, as parsed: nested dictionaries (tables), lists, numbers, texts, true and
+false, None for JSON's null, and dates and times of TOML."""
+Units: TypeAlias = Mapping[Keys, str]
+"""Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
+SUFFIXES = ".toml", ".json"
+"""Suffixes of the files that can be read and written."""
+SCHEMA = "$schema"
+"""The key under which a JSON file names its JSON Schema."""
+DEEPEST = 32
+"""Largest depth of nested tables and lists; the file itself, which is a table, is not counted."""
+DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+"""Pattern of a dotted key with at least `DEEPEST` dots. A text with such a key is refused before
+tomllib reads it, since tomllib's time grows with the square of the key's length."""
+
+
+JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
+"""Pattern of the brace at the end of an object in a JSON text. It also matches whole strings, so
+that braces inside strings are passed over."""
+
+
+def suffix_of(path: Path) -> str:
+    """Return the suffix of a path, which must be ".toml" or ".json"."""
+    if path.suffix not in SUFFIXES:
+        FileLocation(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
+    return path.suffix
+
+
+def read_document(path: Path) -> tuple[Document, FileLocation]:
+    """Read a TOML or JSON file; return its tables and their location, for error messages.
+
+    **Raises:** `ValueError` for another suffix, for bytes that are not UTF-8, for a file of more
+    than 200 MB, and as `parse`; `OSError` for a file that can't be read.
+    """
+    suffix, location = suffix_of(path), FileLocation(str(path))
+    content = read_bytes(path, 200_000_000)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        byte = f"byte 0x{content[error.start]:02x} at position {error.start}"
+        location.refuse(byte, "UTF-8 text", "save the file in the encoding UTF-8")
+    location.source = Source(text, suffix)
+    return parse(text, suffix, str(path)), location
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Return the content of a file, which may have at most `most` bytes."""
+    size = path.stat().st_size
+    if size > most:
+        FileLocation(str(path)).refuse(f"{size} bytes", f"at most {most}", "shorten the file")
+    return path.read_bytes()
+
+
+def parse(text: str, suffix: str, file: str) -> Document:
+    """Parse the text of a file and return its tables, without the key `SCHEMA`.
+
+    **Raises:** `ValueError` with line and column for text that is not valid; also for more than
+    `DEEPEST` nested tables and lists, for JSON that is not an object, and for a whole number of
+    more digits than Python converts (4300 by default).
+    """
+    try:
+        is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
+        if suffix == ".json":
+            content = _parsed_json(text)
+        else:
+            content = {} if is_deep else tomllib.loads(text)
+        is_deep = is_deep or _depth(content) > DEEPEST + 1  # 1 for the file, which is a table
+    except RecursionError:  # of a parser or of `_depth`
+        content, is_deep = {}, True
+    except ValueError as error:
+        # Python's message about a number with too many digits ends with advice for programmers.
+        reason = str(error).split("; use sys.", maxsplit=1)[0]
+        raise ValueError(f"{file}: {reason}; correct the {suffix[1:].upper()}.") from error
+    if is_deep:
+        expected = f"at most {DEEPEST} levels"
+        FileLocation(file).refuse("deeper tables or lists", expected, "nest them less deeply")
+    if not isinstance(content, dict):
+        FileLocation(file).refuse(content, "an object with `bodies`", "write {...}")
+    return {key: item for key, item in content.items() if key != SCHEMA}
+
+
+def _depth(content: object) -> int:
+    """Return how deeply tables and lists are nested: 1 for one that contains no other."""
+    if not isinstance(content, dict | list):
+        return 0
+    entries = content.values() if isinstance(content, dict) else content
+    return 1 + max(map(_depth, entries), default=0)
+
+
+def _parsed_json(text: str) -> object:
+    """Return the content of a JSON text. An object with a repeated key is refused: the module
+    `json` would silently take the last value of the key; `tomllib` refuses repeated keys."""
+    numbers = count()
+
+    def table(pairs: list[tuple[str, object]]) -> Document:
+        number, content = next(numbers), dict(pairs)
+        if len(content) < len(pairs):
+            repeated, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+            # The parser makes the tables in the order in which their objects end.
+            ends = (match.start() for match in JSON_END.finditer(text) if match[0] == "}")
+            message = f"the key {repeated!r} occurs twice in the object that ends here"
+            raise json.JSONDecodeError(message, text, next(islice(ends, number, None)))
+        return content
+
+    return json.loads(text, object_pairs_hook=table)
+
+
+def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
+    """Return the text of a file with the given tables; TOML has the `units` in comments.
+
+    **Arguments:** `schema`: name of the JSON Schema file to which the text refers for editors, or
+    None.
+
+    **Raises:** `ValueError` for JSON with a number that is infinite or NaN, which JSON lacks.
+    """
+    if suffix == ".json":
+        whole = document if schema is None else {SCHEMA: schema, **document}
+        return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    import tomlkit  # only needed to write
+    from tomlkit.items import Array, Table
+
+    tables: PyTree = tomlkit.item(document)
+    for (*parents, last), unit in units.items():
+        # Only entries of tables can have comments, because entries of lists and of inline tables
+        # share a line with other entries. For entries without comment, `item` is an empty text, so
+        # that they are skipped in the same way as texts and tables, which have no unit.
+        parent = reduce(getitem, parents, tables) if isinstance(last, str) else None
+        item: PyTree = parent[str(last)] if isinstance(parent, Table) else ""
+        if isinstance(item, str | Mapping):
+            continue
+        if unit != "1":
+            item.comment(unit)
+        # An array of more than 12 entries, such as a table of values, would make too long a line.
+        if isinstance(item, Array):
+            item.multiline(len(item) > 12)
+    text = tomlkit.dumps(tables)
+    return text if schema is None else f"#:schema ./{schema}\n{text}"

@@ -1,0 +1,358 @@
+"""Save scenes and states to TOML and JSON files, and load them.
+
+A table of a file contains the arguments with which a class makes an object.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
+from os import PathLike
+from pathlib import Path
+from typing import TypeAlias
+
+import jax
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import PyTree
+
+from .._dynamics.assembly import assemble, check_names
+from .._fields.cautions import quiet
+from .._fields.checks import nearest
+from .._model.bodies import State
+from .._model.scene import Scene
+from .classes import (
+    ANYTHING,
+    REQUIRED,
+    Classes,
+    Expectation,
+    arguments,
+    class_name,
+    is_from_package,
+    makers,
+)
+from .documents import (
+    Document,
+    FileLocation,
+    Keys,
+    format_document,
+    listed,
+    parse,
+    read_document,
+    suffix_of,
+)
+from .reading import ABSENT, KIND, Reader
+from .schema import scene_schema
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Converts a scene, a state and the objects in them to tables.
+
+    - `units`: units of the converted values, by the keys that lead to them; "1" for a value without
+      unit.
+    - `user_classes`: user-defined classes among those of the converted objects.
+    """
+
+    units: dict[Keys, str] = field(default_factory=dict)
+    user_classes: set[type] = field(default_factory=set)
+
+    def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
+        """Return the table of an object: the arguments with which its constructor makes the object
+        again.
+
+        The values are those of the object's fields with the names of the arguments. Left out are
+        arguments whose value and default are both ``None``, empty dictionaries whose default is
+        empty or ``None``, and arguments that have a default but no field.
+
+        **Raises:** `ValueError` for arguments without default that the object does not store in a
+        field of the same name, for a class with an argument named `kind`, and for values that a
+        file can't hold.
+        """
+        kind = type(instance)
+        if not is_from_package(kind):
+            self.user_classes.add(kind)
+        if KIND in arguments(kind):  # the key of a table that names its class
+            remedy = "rename it: `kind` names classes"
+            location.at(KIND).refuse(KIND, "another name of the argument", remedy)
+        stored = {entry.name: getattr(instance, entry.name) for entry in fields(instance)}
+        entries: dict[str, object] = {}
+        for name, expected in arguments(kind).items():
+            if name in stored:
+                value, default = stored[name], expected.default
+                is_none = value is None and default is None
+                is_empty = isinstance(value, Mapping) and not value and not default
+                if not (is_none or is_empty):
+                    entries[name] = self._value(value, expected, location.at(name))
+            elif expected.default is REQUIRED:
+                remedy = "store it in a field of the same name, or give it a default"
+                missing = "no field of this name"
+                location.at(name).refuse(missing, "one for each argument", remedy)
+        return entries
+
+    def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
+        """Return a value as a number, text, list or table, and add its unit to `units`."""
+        if isinstance(value, Tracer):
+            location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
+        self.units[location.keys] = expected.unit or "1"
+        if isinstance(value, np.ndarray | np.generic | jax.Array):
+            return self._value(np.asarray(value).tolist(), expected, location)
+        if isinstance(value, Enum):
+            return value.name
+        if isinstance(value, Mapping):
+            inner = expected.by_name or ANYTHING
+            for key in value:
+                if not isinstance(key, str):
+                    location.refuse(key, "a name", "use text for the keys of dictionaries")
+            return {key: self._value(one, inner, location.at(key)) for key, one in value.items()}
+        if isinstance(value, tuple | list):
+            # Rows of an array have the unit of the whole array.
+            inner = expected.item or expected
+            return [self._value(item, inner, location.at(k)) for k, item in enumerate(value)]
+        # The table need not name its class if the argument allows only objects of this class.
+        if is_dataclass(value) and not isinstance(value, type):
+            kind = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
+            return kind | self.table(value, location)
+        if value is None:
+            if expected.is_text:  # the reader would return the text "none"
+                remedy = "leave it out, or make None the default of the argument"
+                location.refuse(value, "a text", remedy)
+            return ABSENT
+        if isinstance(value, bool | int | str):
+            return value
+        if not isinstance(value, float):
+            name = "a function" if callable(value) else f"a {type(value).__name__}"
+            location.refuse(
+                value,
+                "numbers, names, or objects of classes with fields",
+                f"{name} can't be saved; make a class whose fields hold its numbers and whose "
+                "method (`__call__`, say) computes its result, and pass the class to `load`",
+            )
+        if math.isnan(value):
+            location.refuse(value, "a number", "replace it: NaN is not saved")
+        return value if math.isfinite(value) else str(value)  # JSON has no infinity
+
+
+ARRAYS = np.ndarray | np.generic | jax.Array
+"""Types of arrays and of single numbers of NumPy and JAX."""
+FORMAT = 1
+"""The version of the file format."""
+VERSION, STATE = "format", "state"
+"""Keys of the version of the format, and of the state."""
+MOST_ASSEMBLED = 50
+"""Largest number of bodies of a scene whose file may omit states of bodies: to assemble a chain of
+20 bodies takes 20 s, and the time grows faster than the number of bodies."""
+FilePath: TypeAlias = str | PathLike[str]
+
+
+def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) -> None:
+    """Write a scene and its state to a TOML or JSON file, chosen by the suffix, for `load`.
+
+    Scene and state are restored bit for bit; this is verified before anything is written. Numbers
+    are in SI units; TOML has the units in comments. Objects of user-defined classes are written
+    with the names of module and class ("my_laws:Quadratic") and with their arguments.
+
+    **Arguments:**
+
+    - `scene`, `state`: the mechanism and its state.
+    - `path`: path of the file, with the suffix ".toml" or ".json"; an existing file is overwritten.
+    - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
+      editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
+
+    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene, has
+    others or infinite numbers, and for a value that a file can't hold: a function, NaN, a number
+    that JAX traces, or an object that its class does not make again from its fields. The message
+    names the location of the value. `OSError` if the file can't be written.
+
+    >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
+    >>> scene, state = cj.load("pendulum.toml")
+    >>> list(scene.bodies)
+    ['arm 2', 'arm 3']
+    """
+    check_names(scene, state)
+    path = Path(path)
+    suffix, writer, location = suffix_of(path), Writer(), FileLocation(str(path))
+    document = {VERSION: FORMAT, **writer.table(scene, location)}
+    document[STATE] = writer.table(state, location.at(STATE))
+    schema_path = path.with_suffix(".schema.json")
+    text = format_document(document, suffix, writer.units, schema_path.name if schema else None)
+    # Read the text and compare it with the scene: a class may change its arguments, or take others
+    # than its fields, and its objects would then not be restored.
+    with quiet():
+        read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
+    for one, other, at in zip((scene, state), read, (location, location.at(STATE)), strict=True):
+        difference = first_difference(one, other, at)
+        if difference is not None:
+            difference.refuse(
+                "a value that its class does not restore from arguments",
+                "a field that its constructor fills with the argument of that name",
+                "declare numbers by `quantity`, which stores arrays, and use tuples, not lists",
+            )
+    path.write_text(text, encoding="utf-8")
+    if schema:
+        content = json.dumps(scene_schema(writer.user_classes), indent=2)
+        schema_path.write_text(content + "\n", encoding="utf-8")
+
+
+def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
+    """Read a scene and its state from a TOML or JSON file, chosen by the suffix.
+
+    ```toml
+    gravity = [0, 9.81, 0]
+
+    [bodies.arm]
+    mass = "7020 g"
+    inertia = [0.001, 0.5855, 0.5855]
+
+    [joints.pin]
+    kind = "ClearanceJoint"
+    bearing_body = "ground"
+    journal_body = "arm"
+    journal_point = ["-50 cm", 0, 0]
+    bearing_radius = "10 mm"
+    clearance = "0.5 mm"
+    journal_length = "20 mm"
+    law = { kind = "Quadratic", stiffness = 1e9 }
+
+    [state.bodies.arm]
+    position = [0.5, 0, 0]
+    ```
+
+    Keys and defaults are those of the Python classes' arguments. `kind` names the class, or a
+    static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``.
+    ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
+    Numbers are in SI units, or texts with a unit that pint reads. "none" is ``None``.
+
+    Bodies without a state are placed at rest by following the joints from the ground. If there are
+    such bodies, `assemble` then closes loops, and corrects velocities that contradict the joints
+    and drivers; it may also change the states that the file has. If the file has the states of all
+    bodies, they are returned unchanged. In a scene of more than 50 bodies, each body needs a state.
+
+    User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
+    declares the units of their fields. The file above needs
+
+    ```python
+    import clearjoint as cj
+    import jax.numpy as jnp
+
+    class Quadratic(cj.extend.AbstractContactLaw):
+        stiffness: float = cj.extend.quantity("N/m^2", positive=True)
+        uses_entry_speed = False
+        force_jumps = False
+
+        def elastic_force(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
+
+        def force(self, gap, entry_speed):
+            return self.elastic_force(gap)
+
+        def stored_energy(self, gap):
+            return self.stiffness * jnp.maximum(gap.depth, 0.0) ** 3 / 3
+
+    scene, state = cj.load("pendulum.toml", classes=[Quadratic])
+    ```
+
+    **Arguments:** `path`: path of the file; `classes`: user-defined classes that the file may name,
+    as "Quadratic" or "my_laws:Quadratic".
+
+    **Returns:** the scene and its state, complete for all bodies.
+
+    **Raises:** `ValueError` for another suffix, for a file of more than 200 MB, for `classes` that
+    are no collection of classes, and for content that does not describe a scene. The message about
+    the content names the location in the file, the value found there, the expected values and a
+    remedy. `OSError` for a file that can't be read.
+    """
+    makers((), classes)  # raises an error for wrong classes
+    document, location = read_document(Path(path))
+    return scene_of_document(document, classes, location)
+
+
+def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
+    """Return the location of the first difference of two objects, ``None`` if they are equal.
+
+    Fields and entries are compared recursively. Floats are equal if their bits are equal, arrays of
+    NumPy and JAX if their shapes, dtypes and bits are equal.
+    """
+    # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
+    # other objects differ if their types do.
+    are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
+    are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
+    if not (are_arrays or are_tables or type(one) is type(other)):
+        return location
+    entries, others = _entries(one), _entries(other)
+    if not (entries or others):  # two values without parts, or two empty containers
+        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (one, other))]
+        by_bits = are_arrays or isinstance(one, float)
+        return None if (bits[0] == bits[1] if by_bits else one == other) else location
+    if set(entries) != set(others):
+        return location
+    pairs = ((entries[key], others[key], location.at(key)) for key in entries)
+    return next((found for pair in pairs if (found := first_difference(*pair))), None)
+
+
+def _entries(node: object) -> dict:
+    """Return the parts of an object by key, entries or fields; none of a value such as a number."""
+    if isinstance(node, Mapping):
+        return dict(node)
+    if isinstance(node, tuple | list):
+        return dict(enumerate(node))
+    if is_dataclass(node) and not isinstance(node, type):
+        return {field.name: getattr(node, field.name, None) for field in fields(node)}
+    return {}
+
+
+def scene_of_document(
+    document: Document, classes: Classes, location: FileLocation
+) -> tuple[Scene, State]:
+    """Return the scene and its complete state that the tables of a file describe, as `load`."""
+    version, remedy = document.get(VERSION, FORMAT), ""
+    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        remedy = f"write {VERSION} = {FORMAT}, or leave it out"
+    elif version > FORMAT:
+        remedy = "a newer clearjoint wrote this file: update yours to read it"
+    if remedy:
+        location.at(VERSION).refuse(version, f"a whole number from 1 to {FORMAT}", remedy)
+    reader = Reader(classes)
+    # All other keys of the file are arguments of `Scene`.
+    sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
+    given, state_location = document.get(STATE, {}), location.at(STATE)
+    if not isinstance(given, dict):
+        state_location.refuse(given, "a table", "write [state.bodies.<name>] for each body")
+    # A file may omit the state of any body, and the whole section: `_completed` finds them.
+    scene = reader.instance(Scene, sections, location, other_keys=(VERSION, STATE))
+    state = reader.instance(State, {"bodies": {}} | given, state_location)
+    known = list(scene.bodies)
+    for name in state.bodies:
+        if name not in known:
+            remedy = nearest(name, known, "add the body, or leave its state out")
+            expected = f"one of the scene's {listed(known)}"
+            state_location.at("bodies").refuse(name, expected, remedy)
+    return scene, _completed(scene, state, state_location)
+
+
+def _completed(scene: Scene, state: State, location: FileLocation) -> State:
+    """Return `state`, or an assembled state if it lacks bodies of the scene.
+
+    The missing states are found along the joints. Together with the given ones they are the first
+    guess of `assemble`, which may move all bodies, also those whose states the file has.
+    """
+    missing = sorted(set(scene.bodies) - set(state.bodies))
+    if not missing:
+        return state
+    if len(scene.bodies) > MOST_ASSEMBLED:
+        location.refuse(
+            f"no state of {len(missing)} bodies",
+            f"one of each body in a scene of more than {MOST_ASSEMBLED} bodies",
+            "give [state.bodies.<name>] a `position` (m) and an `orientation`",
+        )
+    from .._model.arrangement import arranged_state  # imports SciPy
+
+    try:
+        return assemble(scene, arranged_state(scene, state))
+    except ValueError as error:
+        raise ValueError(
+            f"{location}: found no state of {listed(missing)} by following the joints from the "
+            f"ground, expected one in the file: give [state.bodies.<name>] a `position` (m) and "
+            f"an `orientation` that nearly fit the joints. {error}"
+        ) from error

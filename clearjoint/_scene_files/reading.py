@@ -1,0 +1,259 @@
+"""Make objects from the tables of a file, whose entries are the arguments of constructors.
+
+A table such as ``{kind = "Log"}`` names its class under "kind". If an argument can only be an
+object of one class, its table need not name the class. The options of an argument are a fixed set
+of texts, each of which stands for a value.
+"""
+
+import math
+import re
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, is_dataclass
+from decimal import Decimal
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from .._fields.checks import as_number, nearest
+from .._measurements.series import to_si
+from .._model.bodies import rotation
+from .classes import (
+    ANYTHING,
+    CHECKED,
+    REQUIRED,
+    Classes,
+    Expectation,
+    Maker,
+    arguments,
+    family_names,
+    find_maker,
+    is_abstract,
+)
+from .documents import FileLocation, existing, listed, split
+
+KIND = "kind"
+"""The key under which a table names its class."""
+EULER_PARAMETERS = (4,)
+"""Shape of an orientation."""
+ABSENT = "none"
+"""Text that stands for ``None``, which TOML does not have."""
+NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
+"""Pattern of a number and the unit after it, which may be empty."""
+
+
+def axis_and_angle(
+    axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
+) -> tuple:
+    """Return the Euler parameters, four numbers, scalar first, of a rotation by `angle`, rad, about
+    `axis`, (3,) of any length but zero.
+
+    In a file, a table with these two arguments may replace Euler parameters.
+    """
+    return tuple(rotation(axis, angle).tolist())
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Makes objects from the content of a file.
+
+    - `classes`: user-defined classes that the file may name, besides those of the package.
+    """
+
+    classes: Classes
+
+    def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
+        """Convert a value of a file to the Python value for which it stands.
+
+        **Returns:** an object, a tuple, a dictionary, an array, a number, a text, true or false; or
+        ``None``, for JSON's null, and for the text "none" where no texts are allowed.
+        """
+        value = self._item(content, expected, location)
+        # A tuple of objects stays a tuple; other tuples are rows of numbers and become arrays.
+        rows = value if isinstance(value, tuple) else ()
+        is_number = isinstance(value, int | float | tuple) and not any(map(is_dataclass, rows))
+        if not expected.is_array or not is_number:
+            return value
+        with location.in_errors():
+            return as_number(value)
+
+    def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
+        """Convert a value as `value` does, but return a number or nested tuples for an array."""
+        # Arguments that may also be numbers or objects are not limited to their options.
+        options = None if expected.shapes or expected.classes else expected.options
+        if options is not None and not (content is None or isinstance(content, str)):
+            location.refuse(content, f"one of {listed(options)}", "write one of these")
+        if isinstance(content, Mapping):
+            return self._table(content, expected, location)
+        if isinstance(content, list):
+            # Finite numbers need no conversion: fast for long tables, without a location for each.
+            if all(type(v) in (int, float) and abs(v) <= sys.float_info.max for v in content):
+                return tuple(content)
+            # Without `item` the list is an array: its entries are numbers, or rows of them.
+            inner = expected.item or expected
+            return tuple(self._item(v, inner, location.at(k)) for k, v in enumerate(content))
+        if isinstance(content, str):
+            return _text(content, expected, location)
+        if isinstance(content, float) and math.isnan(content):
+            location.refuse(content, "a number", "replace it: no value may be NaN")
+        if isinstance(content, bool) and not expected.is_flag:
+            # Where an object is expected, its class decides on true and false.
+            if expected.shapes or not expected.classes:
+                simple = "a text" if expected.is_text else "a number"
+                location.refuse(content, simple, "true and false are neither numbers nor texts")
+            return content
+        if isinstance(content, int) and abs(content) > sys.float_info.max:
+            size, largest = f"a whole number of {content.bit_length()} bits", sys.float_info.max
+            location.refuse(size, f"a number below {largest:.2g}", "write a smaller one")
+        if content is None or isinstance(content, int | float):
+            return content
+        return location.refuse(content, "a number, text, list or table", "write one of these")
+
+    def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
+        """Convert a table to an object, to Euler parameters, or to a dictionary.
+
+        If `expected.by_name` is set, the keys are names that the user has chosen, such as those of
+        bodies, and the table becomes a dictionary. In all other cases, the table becomes an object
+        of the class that it names, or of the only class that is allowed. If there is no such class,
+        a table with an axis and an angle becomes Euler parameters where these are allowed, and any
+        table becomes a dictionary where anything is allowed.
+        """
+        if expected.by_name is None:
+            families = expected.classes
+            if KIND in content:
+                make = find_maker(content[KIND], families, self.classes, location.at(KIND))
+                return self.instance(make, content, location)
+            if len(families) == 1 and not is_abstract(families[0]):
+                return self.instance(families[0], content, location)
+            if families:
+                remedy = f"add it: a subclass of {family_names(families)}"
+                location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
+            if EULER_PARAMETERS in expected.shapes:
+                return self.instance(axis_and_angle, content, location)
+            if not expected.allows_anything:
+                simple = "a text" if expected.is_text else "a number"
+                location.refuse(dict(content), simple, "replace the table by one")
+        inner = expected.by_name or ANYTHING
+        return {key: self.value(item, inner, location.at(key)) for key, item in content.items()}
+
+    def instance(
+        self,
+        make: Maker,
+        content: Mapping,
+        location: FileLocation,
+        other_keys: tuple[str, ...] = (),
+    ) -> PyTree:
+        """Make an object from a table with the arguments of its class or static method.
+
+        **Arguments:**
+
+        - `make`: the class, or a static method that returns an object of its class.
+        - `content`: arguments by name, as parsed.
+        - `location`: location of the table.
+        - `other_keys`: further keys that the table in the file may have, for messages.
+
+        **Raises:** `ValueError` for unknown and missing arguments, and for values that are not as
+        expected or that the class refuses.
+        """
+        known = arguments(make)
+        given = {}  # arguments as Python values
+        for name, item in content.items():
+            if name == KIND:
+                continue
+            if name not in known:
+                keys = [KIND, *known, *other_keys]
+                remedy = nearest(name, keys, "leave it out")
+                location.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
+            given[name] = self.value(item, known[name], location.at(name))
+        # Classes with the arguments `quantity` and `unit` are reductions: results that are updated
+        # at every step, such as the peak of a quantity. The unit may be omitted: it is then that of
+        # the quantity.
+        unit = getattr(given.get("quantity"), "unit", None)
+        is_required = "unit" in known and known["unit"].default is REQUIRED
+        if is_required and "unit" not in given and unit is not None:
+            given["unit"] = unit
+        missing = [
+            f"{name} ({one.unit})" if one.unit else name
+            for name, one in known.items()
+            if one.default is REQUIRED and name not in given
+        ]
+        if missing:
+            names = ", ".join(missing)
+            raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
+        try:
+            made = CHECKED.get(make, make)(**given)
+        except (ValueError, TypeError) as error:
+            # The message names an argument as "Argument `joints['pin'].first` must be ...". These
+            # keys lead from the table to the location of the wrong value.
+            named = re.match(r"Argument `([^`]+)`", str(error))
+            keys = existing(content, split(named[1] if named else ""))
+            raise ValueError(f"{location.at(*keys)}: {error}") from error
+        # Not every constructor checks the classes of its arguments. Where objects are allowed,
+        # ``None``, numbers or options may be allowed too; these are no objects of the classes.
+        for name, item in given.items():
+            allowed, stored = known[name], getattr(made, name, None)
+            is_other = (
+                stored is None
+                or isinstance(item, Mapping)
+                or (allowed.shapes and isinstance(stored, int | float | tuple | np.ndarray))
+                or any(item is option for option in (allowed.options or {}).values())
+            )
+            if allowed.classes and not (is_other or isinstance(stored, allowed.classes)):
+                expected = f"a table whose `{KIND}` is a {family_names(allowed.classes)}"
+                location.at(name).refuse(item, expected, "write one")
+            if allowed.by_name is not None and not is_other:
+                location.at(name).refuse(item, "a table of entries by name", "write one")
+        return made
+
+
+def _text(content: str, expected: Expectation, location: FileLocation) -> object:
+    """Return the value for which a text in a file stands: that of an option; the text itself where
+    any text is allowed; ``None`` for "none"; or a number, as of "0.3 mm", unless there are options.
+    """
+    options = expected.options or {}
+    if content in options:
+        return options[content]
+    if options and not (expected.is_text or content == ABSENT):
+        remedy = nearest(content, options, "write one of these")
+        location.refuse(content, f"one of {listed(options)}", remedy)
+    if expected.is_text:
+        return content
+    return None if content == ABSENT else number_of_text(content, expected.unit, location)
+
+
+def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
+    """Return the number of a text such as "0.3 mm" in an SI unit.
+
+    The number is rounded once, after the conversion of the unit, so that "0.3 mm" gives the same
+    float as 3e-4.
+
+    **Raises:** `ValueError` for a text without a number or of more than 200 characters, for a
+    finite number that is too large for a float, for a unit that is unknown or not a multiple of
+    `unit`, such as degC for K, and for a unit where none is declared (None).
+    """
+    expected = "a number" if unit is None else f"a number in {unit}"
+    # Longer texts are no numbers that a user means, and exact computation with them may be slow.
+    matched = NUMBER.fullmatch(text) if len(text) <= 200 else None
+    if matched is None:
+        location.refuse(text, expected, "write a number, in quotes only if it has a unit")
+    digits, written = matched[1], matched[2].strip()
+    number = converted = float(digits)
+    if written:
+        if unit is None:
+            remedy = "write a plain number in SI units; fields made by `quantity` convert units"
+            location.refuse(text, "a number without a unit, since none is declared", remedy)
+        try:
+            factor, _ = to_si(written, unit)
+        except ValueError:
+            remedy = f"write a unit of this dimension, or a plain number in {unit}"
+            location.refuse(text, expected, remedy)
+        # Decimal numbers have 28 digits in products, a float 17: only float() rounds noticeably.
+        # The exponent may be too low for Decimal, below -1e18: the float is zero.
+        with suppress(ArithmeticError):
+            converted = float(Decimal(digits) * Decimal(repr(factor)))
+    if "inf" not in digits and (math.isinf(number) or math.isinf(converted)):  # 1e999, say
+        largest = f"a number below {sys.float_info.max:.2g} {unit if written else ''}".strip()
+        location.refuse(text, largest, "write a smaller one")
+    return converted

@@ -1,0 +1,178 @@
+"""Make the JSON Schema of scene files, with which editors complete and check them.
+
+A table of a file contains the arguments of a class, so that the schema follows from the classes.
+Each class has a definition, its part of the schema, to which the schemas of arguments refer by the
+name of the class.
+"""
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from .._model.bodies import State
+from .._model.scene import Scene
+from .classes import REQUIRED, Classes, Expectation, Maker, arguments, is_abstract, makers
+from .documents import SCHEMA
+from .reading import ABSENT, EULER_PARAMETERS, KIND, axis_and_angle
+
+Schema: TypeAlias = dict[str, object]
+"""A JSON Schema, or a part of one, as a dictionary."""
+NUMBER: Schema = {"type": ["number", "string"]}
+"""Schema of a number, which may be a text with a unit."""
+ROWS = "numbers"
+"""Name of the definition, in the schema, of a number or of nested lists of numbers."""
+
+
+def scene_schema(classes: Classes = ()) -> Schema:
+    """Return the JSON Schema (2020-12) of scene files, made from the classes' arguments and units.
+
+    With it, editors complete and check TOML and JSON files. `save(..., schema=True)` writes the
+    schema to the folder of a scene file, and a reference to it into the scene file.
+
+    **Arguments:** `classes`: user-defined classes that files may name.
+
+    **Returns:** a dictionary for `json.dump`.
+
+    **Raises:** `ValueError` unless `classes` is a collection of classes.
+
+    >>> schema = cj.scene_schema()
+    >>> schema["$schema"]
+    'https://json-schema.org/draft/2020-12/schema'
+    """
+    catalogue = Catalogue(classes)
+    return catalogue.document("scene", scene_properties(catalogue), ["bodies"])
+
+
+def scene_properties(catalogue: "Catalogue") -> Schema:
+    """Return the schemas of the top-level keys of a scene file, by key."""
+    return {
+        "format": {"type": "integer", "minimum": 1, "description": "version of the file format"},
+        **catalogue.properties(Scene),
+        "state": _table(catalogue.properties(State), []),
+    }
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """Collects the schemas of all classes to which the schema of a file refers.
+
+    - `classes`: user-defined classes that files may name, besides those of the package.
+    - `definitions`: schemas of classes and of static methods that return objects, by their names in
+      files; also that of numbers, under `ROWS`. The schema of a class is added when another schema
+      first refers to it.
+    """
+
+    classes: Classes
+    definitions: Schema = field(
+        default_factory=lambda: {ROWS: {"anyOf": [NUMBER, _list_of(_reference(ROWS))]}}
+    )
+
+    def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
+        """Return the whole schema of a file with the top-level `properties`."""
+        whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
+        dialect = "https://json-schema.org/draft/2020-12/schema"
+        return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
+
+    def properties(self, make: Maker) -> Schema:
+        """Return the schemas of the arguments of a class or of a static method, by name, with their
+        units as descriptions."""
+        return {
+            name: self._value(expected)
+            | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
+            for name, expected in arguments(make).items()
+        }
+
+    def _value(self, expected: Expectation) -> Schema:
+        """Return the schema of the values that an argument may have according to `expected`."""
+        if expected.allows_anything:
+            return {}
+        ways: list[Schema] = []
+        if expected.options is not None:
+            ways.append({"enum": list(expected.options)})
+        if expected.by_name is not None:
+            ways.append({"type": "object", "additionalProperties": self._value(expected.by_name)})
+        if expected.item is not None:
+            ways.append(_list_of(self._value(expected.item)))
+        if expected.classes:  # besides objects, there may be numbers, or "none"
+            ways += [*self._references(expected.classes), NUMBER]
+        elif expected.is_text:
+            ways.append(NUMBER if expected.shapes else {"type": "string"})
+        elif expected.shapes or not ways:
+            ways += _numbers(expected.shapes)
+        # `NUMBER` admits any text already.
+        if expected.allows_none and not (expected.is_text or NUMBER in ways):
+            ways.append({"const": ABSENT})
+        return _any_of(ways)
+
+    def _references(self, families: tuple[type, ...]) -> list[Schema]:
+        """Return references to the definitions of all classes and static methods whose objects have
+        one of the given base classes. Definitions that are missing are added."""
+        # A user-defined class has two names; the last one, with its module, names its definition.
+        names: dict[Maker, list[str]] = {}
+        for name, make in makers(families, self.classes).items():
+            names.setdefault(make, []).append(name)
+        for make, known in names.items():
+            if known[-1] not in self.definitions:
+                self.definitions[known[-1]] = {}  # the definition may refer to itself
+                properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
+                # Classes with the arguments `quantity` and `unit` are reductions: results that are
+                # updated at every step, such as the peak of a quantity. The unit may be omitted,
+                # since the reader then takes that of the quantity.
+                omitted = "unit" if "quantity" in properties else None
+                given = {name: one for name, one in arguments(make).items() if name != omitted}
+                needed = [name for name, one in given.items() if one.default is REQUIRED]
+                summary = (make.__doc__ or "").strip().split("\n")[0]
+                definition = _table(properties, needed) | {"description": summary}
+                self.definitions[known[-1]] = definition
+        # The class that a table has if it does not name one. Another argument may allow further
+        # classes, so that the definition itself doesn't require the name.
+        implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
+        references = {make: _reference(known[-1]) for make, known in names.items()}
+        # Editors that follow older drafts ignore what stands beside "$ref", but not beside "allOf".
+        return [
+            one if make is implied else {"allOf": [one], "required": [KIND]}
+            for make, one in references.items()
+        ]
+
+
+def _table(properties: Schema, required: list[str]) -> Schema:
+    """Return the schema of a table with the keys of `properties` and no others."""
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+    }
+
+
+def _list_of(item: Schema, length: int | None = None) -> Schema:
+    size = {} if length is None else {"minItems": length, "maxItems": length}
+    return {"type": "array", "items": item, **size}
+
+
+def _reference(name: str) -> Schema:
+    return {"$ref": f"#/$defs/{name}"}
+
+
+def _any_of(ways: list[Schema]) -> Schema:
+    return ways[0] if len(ways) == 1 else {"anyOf": ways}
+
+
+def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
+    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes.
+
+    If `shapes` is empty, any shape is allowed, and also true and false, because the `shapes` of an
+    argument that is true or false are empty too.
+    """
+    if not shapes:
+        return [{"type": "boolean"}, _reference(ROWS)]
+    schemas = []
+    for shape in shapes:
+        schema = NUMBER
+        for size in reversed(shape):
+            schema = _list_of(schema, size)
+        schemas.append(schema)
+        if shape == EULER_PARAMETERS:  # a table with an axis and an angle may replace them
+            entries = arguments(axis_and_angle)
+            properties: Schema = {n: _any_of(_numbers(e.shapes)) for n, e in entries.items()}
+            schemas.append(_table(properties, list(properties)))
+    return schemas

@@ -1,0 +1,644 @@
+"""Scheduler of lanes: it puts lanes, the runs of a batch, into the columns of compiled loops.
+
+A loop advances a group of lanes side by side, each in its column of the group's memory, which is an
+array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next lane. Each
+thread has one group. By default there is a thread for each core, or for each accelerator.
+
+A lane records rows in logs: the crossings of a section, the impacts of a contact, or the saved
+states. It keeps the latest rows of each log in a buffer. When a buffer is full, the lane waits
+until this module (the host) has read and emptied it. A turn is one iteration of a loop, in which
+each lane tries one step.
+"""
+
+import threading
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._compilation.xla import begins_a_program, program_is_made_inside
+from ..._math.vectors import Scalar, pack
+from ..._native import Native, UnsupportedPrimitiveError, is_native
+from ..._native.cells import Cells
+from ..._native.compiled import report_fallback
+from ..._native.functions import BoundFunction, FlatArguments
+from ..._native.lanes import LaneLoop
+from ..._native.machine_code import RecentPrograms, load_or_make
+from ..._runtime import threads_of_sweeps
+from ..run.impact_recorder import ImpactRow
+from ..run.terminal import interruptions_deferred
+from ..step.dense_output import Snapshot
+from ..step.types import Numbers
+from .lane import (
+    WINDOW,
+    Common,
+    Lane,
+    LaneRequest,
+    Outcome,
+    Task,
+    begin_lane,
+    moves,
+    outcome,
+    step_lane,
+)
+from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
+
+PERIOD = 0.2
+"""Longest time, s, for which a batch waits before it reports its progress, and the lanes that have
+ended since the last report. It is short enough for a progress bar that moves evenly."""
+LONGEST_WAIT = 0.25
+"""Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
+limits what is lost if the process is killed while the caller stores results more slowly than they
+are computed."""
+KNOWN_SHARE = 0.01
+"""Share of all work that must be done before the time left is estimated, since an estimate from
+less would not be reliable."""
+BLOCK_ROWS = 256
+"""Largest number of recorded rows of a lane that a compiled function converts at once to columns of
+results. With a smaller number, long logs would take more calls; with a larger one, more rows would
+be computed only to fill up the last block."""
+OnCells = BoundFunction | XlaFunction
+"""A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
+
+    - `lanes`: (n,), the numbers of the lanes.
+    - `outcome`: end times, result codes, numbers of steps, final states and reductions.
+    - `logs[log]`: a pair for each log. The first entry has the recorded columns by name, (n, rows,
+      ...), for the largest number of rows of the log, `Batch.lengths[log]`, with NaN behind the
+      rows that a lane has recorded; the second has the numbers of recorded rows, (n,).
+    """
+
+    lanes: np.ndarray
+    outcome: Outcome
+    logs: dict[str, tuple[dict[str, np.ndarray], np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Running:
+    """Progress of the lanes that have begun and not ended.
+
+    - `lanes`: the number of these lanes.
+    - `earliest`, `latest`: s, smallest and largest simulated time that one of them has reached; the
+      start time if there are none.
+    - `seconds_left`: s, estimated computing time until all lanes of the batch have ended; ``None``
+      if there is no estimate yet.
+    """
+
+    lanes: int
+    earliest: float
+    latest: float
+    seconds_left: float | None
+
+
+class Batch:
+    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA.
+
+    **Arguments:**
+
+    - `common`: data that all lanes share, such as the integration method and the outputs.
+    - `tasks`: initial states, times and varied numbers of the L lanes, a `Task` of NumPy arrays
+      with a first axis of length L.
+    - `threads`: number of threads, as set by `clearjoint.configure` unless given.
+
+    The attribute `lengths[log]` is the largest number of rows of each log.
+    """
+
+    def __init__(self, common: Common, tasks: Task, threads: int | None = None):
+        self.common = jax.tree.map(
+            lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
+        )
+        self.tasks, self._threads = tasks, threads or threads_of_sweeps()
+        self.lengths, count = dict(common.capacity), len(tasks.end_time)
+        self._save_at = np.zeros((count, 0)) if tasks.save_at is None else tasks.save_at
+        if tasks.save_at is not None:
+            self.lengths[common.saved] = tasks.save_at.shape[1]
+        # Data that Python gives the lanes: tasks and first requests, with a first axis of length L.
+        # Times to save at are no part of a task's data: they reach a lane through the window of its
+        # request.
+        window = self.next_saves(slice(None), 0)
+        wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
+        request = LaneRequest(tasks.end_time, tasks.first_step, window, wanted)
+        self.own = replace(tasks, save_at=None), request
+        self.turns = 0
+        """Number of turns so far, the sum over all columns, including empty columns."""
+        self._made: _Programs | None = None
+
+    def with_tasks(self, tasks: Task) -> "Batch":
+        """Return a batch of other lanes. If this batch has run, the new one uses its compiled
+        programs.
+
+        **Arguments:** `tasks`: data of any number of lanes. Apart from the first axis, its arrays
+        must have the shapes of this batch's arrays.
+        """
+        other = Batch(self.common, tasks, self._threads)
+        other._made = self._made
+        return other
+
+    def next_saves(self, lanes: int | slice, first: int) -> np.ndarray:
+        """Return the `WINDOW` times at which states of lanes are to be saved, s, from the time with
+        the index `first` on; infinite where no such time is left. The shape is (`WINDOW`,) for one
+        lane, and (n, `WINDOW`) for a slice of n lanes."""
+        times = self._save_at[lanes, first : first + WINDOW]
+        window = np.full((*times.shape[:-1], WINDOW), np.inf)
+        window[..., : times.shape[-1]] = times
+        return window
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[Ended], None],
+        on_progress: Callable[[Running], None] = lambda running: None,
+    ) -> None:
+        """Run some lanes of the batch.
+
+        **Arguments:** `lanes`: numbers of the lanes, in the order in which they begin; `on_ended`:
+        receives lanes soon after they have ended, while others still run; `on_progress`: receives
+        the progress several times a second. Both are called in the thread that calls `run`.
+
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
+        has received all lanes that had ended. After a second Ctrl-C, some of these lanes may be
+        missing. An error in a thread or a callback stops all threads and is raised.
+        """
+        if not lanes:
+            return
+        programs = self._programs()
+        shared = _Shared(self, programs, deque(lanes))
+        # Each thread has one group of columns. Only as many groups are made as the lanes can fill.
+        count = min(self._threads, -(-len(lanes) // programs.loop.width))
+        groups = [_Group(shared, number) for number in range(count)]
+        threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
+        with interruptions_deferred() as stopped:
+            try:
+                for thread in threads:
+                    thread.start()
+                # The threads compute without Python's lock. Meanwhile this thread passes results
+                # and progress to the callbacks.
+                _deliver(shared, groups, on_ended, on_progress, stopped)
+            finally:
+                shared.stops = True
+                for thread in threads:
+                    # An error of a signal handler, such as a time limit, may come before a thread
+                    # is started, or before that is noted. A thread that starts late ends at once.
+                    with suppress(RuntimeError):
+                        thread.join()
+                self.turns += sum(group.turns for group in groups)
+            if stopped():
+                raise KeyboardInterrupt
+
+    def _programs(self) -> "_Programs":
+        if self._made is None:
+            with program_is_made_inside():
+                if is_native():
+                    try:
+                        self._made = _Programs(self, native=True)
+                    except UnsupportedPrimitiveError as error:
+                        report_fallback(error)
+                self._made = self._made or _Programs(self, native=False)
+        return self._made
+
+
+class _Programs:
+    """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
+
+    **Arguments:** `native`: whether the programs are native code; otherwise XLA compiles them.
+
+    **Raises:** `UnsupportedPrimitiveError` if native code lacks a primitive of the programs.
+
+    The attributes:
+
+    - `loop`: the loop over lanes.
+    - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
+      its request.
+    - `task_cells`: number of cells of a task.
+    - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
+    - `begin`, `outcome`, `columns[log]`: functions without arguments, each of which makes a
+      compiled function: for a lane's start, for its outcome, and for the columns of a log. Each
+      thread makes functions of its own, because two threads must not call one at the same time.
+    - `outcome_cells`, `column_cells[log]`: layout of the results of these functions.
+    - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
+      and of the count of rows.
+    - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
+    """
+
+    def __init__(self, batch: Batch, native: bool):
+        # The first lane is an example of the structure, shapes and dtypes of all lanes.
+        common = batch.common
+        task, request = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
+        if native:
+            lane = _begun(common, task)
+            self.loop = _native_loop(common, (task, request), lane)
+        else:
+            # XLA needs only the shapes of a lane's state, so no lane is computed for them.
+            lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
+            self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, (task, request), lane)
+
+        # Cells of the data and the state of a lane.
+        self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
+        start = self.loop.own_cells.start
+        self.request: LaneRequest = _shifted(self.own_cells.columns()[1], start)
+        state = _shifted(Cells(lane).columns(), self.loop.state_cells.start)
+        self.buffers: dict[str, tuple[np.ndarray, int]] = {}
+        for name, buffer in common.logs(state).items():
+            rows = [leaf.reshape(len(leaf), -1) for leaf in jax.tree.leaves(buffer.rows)]
+            # The last row of a buffer takes rows for which there is no room, and is never read.
+            self.buffers[name] = np.concatenate(rows, axis=1)[:-1], int(buffer.count)
+
+        # Functions from the cells of lanes to those of results.
+        def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
+            if native:
+                return partial(function.native.bound, shared, *examples)
+            return partial(XlaFunction, function.__wrapped__, shared, *examples)
+
+        self.begin = bound(_begun, common, task)
+        self.outcome = bound(_outcome, common, task, lane)
+        self.columns: dict[str, Callable[[], OnCells]] = {}
+        self.blocks: dict[str, tuple[int, int]] = {}
+        for name, length in batch.lengths.items():
+            # A block need not be longer than the log. It has at least one row, because `_log`
+            # divides by the number of its rows.
+            self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
+            record = jax.tree.map(lambda leaf: leaf[0], common.logs(lane)[name].rows)
+            block = np.zeros(self.blocks[name])
+            self.columns[name] = bound(_columns, (common, name, record), task, block)
+        self.outcome_cells = self.outcome().results
+        self.column_cells = {name: make().results for name, make in self.columns.items()}
+
+
+def _shifted(cells: PyTree, by: int) -> PyTree:
+    """Return the PyTree `cells` of indices of cells, with `by` added to each index. The indices
+    then count from the start of a column, in which the data begin at the cell `by`."""
+    return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
+
+
+@dataclass
+class _LaneSlot:
+    """A lane in a column.
+
+    - `number`: the lane's number in the batch.
+    - `rows[log]`: arrays (n, numbers) of rows that the host has read, in the order of reading.
+    """
+
+    number: int
+    rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
+
+    def recorded(self, log: str) -> int:
+        """Return the number of rows that the host has read from a log."""
+        return sum(map(len, self.rows[log]))
+
+
+_Record: TypeAlias = tuple[int, np.ndarray, dict[str, tuple[np.ndarray, int]]]
+"""A lane that has ended: its number, the cells of its outcome, (cells,), and a pair for each log.
+The pair has the cells of the log's result columns, (blocks, cells), where a block is up to
+`BLOCK_ROWS` recorded rows, and the number of recorded rows."""
+
+
+@dataclass
+class _Shared:
+    """State that the groups of a batch share.
+
+    - `batch`, `programs`: the batch and its compiled programs.
+    - `waiting`: numbers of the lanes that have not begun.
+    - `records`: lanes that have ended and that were not handed over yet.
+    - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
+    - `times[number]`: s, simulated time that each running lane has reached.
+    - `finished`: set when a group has ended.
+    - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
+    - `stops`: whether all groups are to stop.
+    """
+
+    batch: Batch
+    programs: _Programs
+    waiting: deque[int]
+    records: deque[_Record] = field(default_factory=deque)
+    times: dict[int, float] = field(default_factory=dict)
+    finished: threading.Event = field(default_factory=threading.Event)
+    handed_over: float = field(default_factory=time.monotonic)
+    stops: bool = False
+
+    def __post_init__(self) -> None:
+        self.own = self.programs.own_cells.rows(self.batch.own)
+        self._lanes, self._begun = len(self.waiting), time.monotonic()
+
+    def next_lanes(self, count: int) -> list[int]:
+        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
+        numbers."""
+        found: list[int] = []
+        # Several threads take lanes at a time: to test for emptiness first would be a race.
+        with suppress(IndexError):
+            while len(found) < count:
+                found.append(self.waiting.popleft())
+        return found
+
+    def wait_for_caller(self) -> None:
+        """Wait while lanes that have ended have not been handed over for `LONGEST_WAIT`."""
+        while (
+            self.records and time.monotonic() - self.handed_over > LONGEST_WAIT and not self.stops
+        ):
+            time.sleep(0.01)
+
+    def running(self) -> Running:
+        """Return the progress of the batch, with the estimated time left."""
+        # Work is measured in runs: a running lane counts by the part of its time span that it has
+        # covered, and an ended lane counts as 1. The time left is extrapolated from that. The
+        # dictionary is copied, because other threads change it.
+        times, start = dict(self.times), float(self.batch.common.start_time)
+        ends = self.batch.tasks.end_time
+        begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
+        ended = self._lanes - len(self.waiting) - len(times)
+        share, seconds = (ended + begun) / self._lanes, time.monotonic() - self._begun
+        left = seconds * (1.0 - share) / share if share > KNOWN_SHARE else None
+        earliest, latest = (f(times.values(), default=start) for f in (min, max))
+        return Running(len(times), earliest, latest, left)
+
+
+class _Group:
+    """A group of columns, whose lanes one thread runs.
+
+    **Arguments:** `shared`: state that all groups share; `number`: number of the group, from 0 on,
+    which selects its accelerator.
+
+    The attributes:
+
+    - `turns`: number of turns so far, the sum over all columns.
+    - `error`: the exception that ended the thread, or ``None``.
+    - `ended`: whether the thread has ended.
+    """
+
+    def __init__(self, shared: _Shared, number: int):
+        self._shared, self._number = shared, number
+        self._programs, self._loop = shared.programs, shared.programs.loop
+        self._slots: list[_LaneSlot | None] = [None] * self._loop.width
+        self.turns, self.error, self.ended = 0, None, False
+
+    def run(self) -> None:
+        """Run lanes until none is left or the groups are to stop; keep an exception in `error`."""
+        try:
+            if self._shared.stops:
+                return
+            with _on_device(self._number):
+                programs = self._programs
+                # The functions are made here, because two threads must not call the same one.
+                self._columns = self._loop.columns(self._shared.batch.common)
+                self._begin, self._outcome = programs.begin(), programs.outcome()
+                self._read = {name: make() for name, make in programs.columns.items()}
+                while not self._shared.stops and self._filled():
+                    self.turns += self._loop.width * self._loop.run(self._columns)
+                    self._serve()
+                    self._shared.wait_for_caller()
+        except BaseException as error:
+            # Raised here, it would end the thread unnoticed. `_deliver` raises it in the thread of
+            # the caller.
+            self.error = error
+        finally:
+            self.ended = True
+            self._shared.finished.set()
+
+    def _filled(self) -> bool:
+        """Begin waiting lanes in the empty columns, and return whether any column has a lane."""
+        empty = [column for column, slot in enumerate(self._slots) if slot is None]
+        numbers = self._shared.next_lanes(len(empty))
+        if numbers:
+            # They count as running while their first states are computed, which may compile.
+            start = float(self._shared.batch.common.start_time)
+            self._shared.times.update(dict.fromkeys(numbers, start))
+            own = self._shared.own[numbers]
+            states = self._begin(own[:, : self._programs.task_cells])
+            # There may be more empty columns than lanes left; the other columns stay empty.
+            for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
+                self._slots[column] = _LaneSlot(number)
+                self._loop.write_lane(self._columns, column, cells, state)
+        return len(numbers) > 0 or len(empty) < len(self._slots)
+
+    def _serve(self) -> None:
+        """Empty the buffers of lanes that wait for the host, and end the lanes that are done."""
+        status = self._loop.status_of(self._columns)
+        times, goes, runs = (status[name].tolist() for name in ("time", "moves", "runs"))
+        ended: list[int] = []
+        for column, slot in enumerate(self._slots):
+            if slot is None:
+                continue
+            self._shared.times[slot.number] = times[column]
+            if goes[column]:
+                continue
+            # The lane takes no step: it has ended, or waits with a full buffer.
+            self._take_rows(column, slot)
+            # A lane at its end may still have times to save at within its last step.
+            if not runs[column] and self._next_saves(slot)[0] > times[column]:
+                ended.append(column)
+        if ended:
+            self._end(ended)
+
+    def _take_rows(self, column: int, slot: _LaneSlot) -> None:
+        """Read and empty the buffers of a lane, and update its request for the next rows."""
+        floats, integers = self._columns.floats, self._columns.integers
+        taken = False
+        for name, (cells, counter) in self._programs.buffers.items():
+            if count := integers[counter, column]:
+                slot.rows[name].append(floats[cells[:count], column])
+                integers[counter, column], taken = 0, True
+        # The lane counts the rows in its buffers, which are now empty. The request must therefore
+        # begin with the row that is recorded next.
+        if taken:
+            request, common = self._programs.request, self._shared.batch.common
+            floats[request.window, column] = self._next_saves(slot)
+            for name, cell in request.wanted.items():
+                integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
+
+    def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
+        batch = self._shared.batch
+        return batch.next_saves(slot.number, slot.recorded(batch.common.saved))
+
+    def _end(self, columns: list[int]) -> None:
+        """Record the results of the lanes in some columns, and mark the columns as empty."""
+        # The compiled function takes the cells of a task, followed by those of a lane's state.
+        slots = [slot for column in columns if (slot := self._slots[column])]
+        tasks = self._shared.own[[slot.number for slot in slots], : self._programs.task_cells]
+        states = self._columns.floats[self._loop.state_cells, columns].T
+        outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
+        for column, slot, task, cells in zip(columns, slots, tasks, outcomes, strict=True):
+            logs = {name: self._log(name, slot.rows[name], task) for name in self._read}
+            self._shared.records.append((slot.number, cells, logs))
+            del self._shared.times[slot.number]
+            self._loop.leave(self._columns, column)
+            self._slots[column] = None
+
+    def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
+        """Convert the recorded rows of a log of one lane to the columns of the sweep's results.
+
+        **Arguments:** `name`: name of the log; `rows`: recorded rows, in arrays (n, numbers);
+        `task`: (cells,), data of the lane.
+
+        **Returns:** the cells of the columns, (blocks, cells), and the number of recorded rows. A
+        block consists of the recorded rows that are converted at once.
+        """
+        rows_a_block, numbers = self._programs.blocks[name]
+        count = sum(map(len, rows))
+        # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
+        blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
+        if rows:
+            np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
+        given = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
+        return self._read[name](given), count
+
+
+def _deliver(
+    shared: _Shared,
+    groups: Sequence[_Group],
+    on_ended: Callable[[Ended], None],
+    on_progress: Callable[[Running], None],
+    stopped: Callable[[], bool],
+) -> None:
+    """Pass ended lanes and progress to the callbacks, until all groups have stopped.
+
+    The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
+
+    **Arguments:** `shared`: state that the groups share; `groups`: the groups of the batch;
+    `on_ended`: receives lanes that have ended since its last call, and is not called if there are
+    none; `on_progress`: receives the progress of the running lanes; `stopped`: returns whether the
+    user has interrupted the batch, in which case all groups stop.
+
+    **Raises:** the error of a group or of a callback. Lanes that ended shortly before the error may
+    then not have been passed on.
+    """
+    groups_run = True
+    while groups_run:
+        shared.finished.wait(PERIOD)
+        shared.finished.clear()
+        shared.stops = shared.stops or stopped()
+        # A group adds its last records before it counts as ended. So the groups are asked first and
+        # the records are taken afterwards: in the other order, the records that a group adds in
+        # between would be lost, because there would be no further iteration.
+        groups_run = not all(group.ended for group in groups)
+        # The length is read once, since the groups may append while records are taken.
+        records = [shared.records.popleft() for _ in range(len(shared.records))]
+        if records:
+            on_ended(_ended(shared, records))
+        shared.handed_over = time.monotonic()
+        for group in groups:
+            if group.error is not None:
+                raise group.error
+        on_progress(shared.running())
+
+
+def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
+    """Return lanes that have ended, with their outcomes and logs converted from cells."""
+    programs, logs = shared.programs, {}
+    numbers, outcomes, logs_of_lanes = zip(*records, strict=True)
+    # The blocks of all lanes are converted at once, and then divided again by lane. The last block
+    # of a lane may contain rows of zeros, which are cut off.
+    for name, length in shared.batch.lengths.items():
+        found = [of_lane[name] for of_lane in logs_of_lanes]
+        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
+        ends = np.cumsum([len(cells) for cells, _ in found])[:-1]
+        columns = {}
+        for key, blocks in read.items():
+            columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
+            parts = np.split(blocks, ends)
+            for table, part, (_, count) in zip(columns[key], parts, found, strict=True):
+                table[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
+        logs[name] = columns, np.array([count for _, count in found])
+    return Ended(np.array(numbers), programs.outcome_cells.trees(np.stack(outcomes)), logs)
+
+
+def _on_device(number: int) -> AbstractContextManager[object]:
+    """Return a context in which thread `number` computes on its accelerator, if there is one."""
+    if jax.default_backend() == "cpu":
+        return nullcontext()
+    return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
+
+
+@partial(Native, few_runs=True)
+def _begun(common: Common, task: Task) -> Lane:
+    """Return a lane before its first step. Its start needs no times to save at."""
+    request = LaneRequest(
+        task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
+    )
+    scene = common.scene(task)
+    return begin_lane(common.plan, scene, task.state, common.start_time, request)
+
+
+@partial(Native, few_runs=True)
+def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
+    """Return the outcome of a lane, with the vectors of its final state as arrays (3,)."""
+    return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
+
+
+@Native
+def _columns(
+    shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
+) -> dict[str, Numbers]:
+    """Return the columns of a log in the results of a sweep: by name, an array (R,) for R recorded
+    rows.
+
+    **Arguments:** `shared`: data of all lanes, name of the log, and an example of its records, of
+    which only the structure and the shapes are used; `task`: data of the lane that wrote the rows;
+    `rows`: (R, n), where each row is one record as a flat array of its n numbers.
+    """
+    common, name, example = shared
+    leaves, structure = jax.tree.flatten(example)
+    # Some columns are quantities such as a contact force, which depend on the lane's scene too.
+    system = common.plan.scheme.system(common.scene(task))
+    # Each row has the numbers of the first leaf, then those of the second, and so on.
+    boundaries = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+    def columns_of_row(row: jax.Array) -> dict[str, Scalar]:
+        parts = zip(jnp.split(row, boundaries), leaves, strict=True)
+        shaped = [part.reshape(leaf.shape) for part, leaf in parts]
+        record: Snapshot | ImpactRow = jax.tree.unflatten(structure, shaped)
+        return record.columns(system, common.channels.get(name, {}))
+
+    return jax.lax.map(columns_of_row, rows)
+
+
+_LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
+"""Native loops that this process has made, by structure, shapes, types and static values of the
+data of their lanes. Batches whose data agree in these share a loop."""
+_LOOPS_LOCK = threading.Lock()
+
+
+def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> LaneLoop:
+    """Return the loop for lanes with the structure, shapes and types of the arguments. If the
+    process has not made this loop before, it is loaded from disk, or compiled if it is not there.
+
+    **Arguments:** `common`: data that all lanes share; `own`: task and request of one lane; `lane`:
+    state of one lane.
+    """
+    trees = common, own, lane
+    key = FlatArguments.of(trees).key
+    # The lock makes other threads wait for a loop that is being compiled.
+    with _LOOPS_LOCK:
+        loop = _LOOPS.recent(key)
+        if loop is None:
+            traced = begins_a_program(_lane_after_turn)
+            loop = load_or_make(
+                _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
+            )
+            _LOOPS.add(key, loop)
+        return loop
+
+
+def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
+    task, request = own
+    return step_lane(common.plan, common.scene(task), lane, request)
+
+
+def _lane_status(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
+    _, request = own
+    return {
+        "moves": moves(common.plan, lane, request),
+        "runs": lane.runs(common.plan, request.end_time),
+        "time": lane.run.step.t,
+    }

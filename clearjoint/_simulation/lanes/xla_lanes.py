@@ -1,0 +1,199 @@
+"""Loop over lanes compiled by XLA, for accelerators, and for scenes on CPUs for which
+`clearjoint._native` cannot make machine code.
+
+A lane is one run of a sweep, and a turn is one iteration of the loop, in which each lane that does
+not wait for Python tries one step. A lane waits for Python if it has ended, or if a buffer of its
+results must be emptied before the next step. All programs compute a fixed number of lanes, so that
+the rounding in a lane does not depend on the number of other lanes. Between two calls of the loop,
+the data of lanes are in memory that is divided into cells of 8 bytes, one column of cells for each
+lane.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._compilation import Compiled
+from ..._compilation.xla import in_one_function
+from ..._native.cells import Cells, Memory, Region
+from ..._native.lanes import AbstractLaneLoop
+
+ON_CPU, ON_ACCELERATOR = 64, 4096
+"""Number of lanes that one program computes side by side. An accelerator has many more arithmetic
+units to occupy than a core of a CPU."""
+TURNS = 256
+"""Number of turns after which a loop returns to Python at the latest, so that progress is shown and
+Ctrl-C is obeyed."""
+WAITING = 8
+"""A loop returns to Python as soon as one in `WAITING` of its lanes waits for Python. Returning
+later would leave more lanes idle, and returning earlier would copy the lanes more often."""
+
+
+def width() -> int:
+    """Return the number of lanes that one program computes side by side on JAX's default device."""
+    return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
+
+
+class XlaLaneLoop(AbstractLaneLoop):
+    """A loop over lanes compiled by XLA.
+
+    **Arguments:**
+
+    - `turn`: function (shared, own, state) that returns the state of a lane after a turn. If the
+      lane waits for Python, the function must return an equal state, because the turns of other
+      lanes may go on.
+    - `status`: function (shared, own, state) that returns scalars by name, among them "moves",
+      which is false if the lane waits for Python.
+    - `shared`: data of all lanes, a PyTree of arrays.
+    - `own`, `state`: examples of the constant data and of the state of one lane, as PyTrees of
+      arrays, for their structures and shapes.
+
+    The attributes are those of `AbstractLaneLoop`, the interface of all loops over lanes: `width`,
+    the number of lanes; `own_cells`, `state_cells` and `status`, the places of data, state and
+    status of a lane in its column; and `occupied`, the cell that is 1 if the column has a lane,
+    else 0.
+    """
+
+    def __init__(
+        self,
+        turn: Callable[[PyTree, PyTree, PyTree], PyTree],
+        status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
+        shared: PyTree,
+        own: PyTree,
+        state: PyTree,
+    ):
+        self.width, self._functions, self._turns = width(), (turn, status), _TURNS_IN_ONE_FUNCTION
+        self._shared, self._own, self._state = shared, Cells(own), Cells(state)
+        self.own_cells = slice(0, self._own.size)
+        self.state_cells = slice(self._own.size, self._own.size + self._state.size)
+        self.occupied = self.state_cells.stop
+        shown = eqx.filter_eval_shape(status, shared, own, state)
+        self.status = {
+            name: Region.of(form, self.occupied + 1 + k)
+            for k, (name, form) in enumerate(shown.items())
+        }
+
+    def columns(self, shared: PyTree) -> Memory:
+        """Return memory with one column for each of `width` lanes, in which all columns are empty.
+
+        **Arguments:** `shared`: not used, because the loop has these data already.
+        """
+        del shared
+        return Memory(self.occupied + 1 + len(self.status), self.width)
+
+    def run(self, columns: Memory) -> int:
+        """Take turns until one in `WAITING` of the lanes waits for Python, at most `TURNS`.
+
+        **Arguments:** `columns`: memory with the data of the lanes, in which states and status are
+        updated.
+
+        **Returns:** the number of turns.
+        """
+        # Cells become arrays with a first axis of lanes, and the new states become cells again.
+        own = self._own.trees(columns.floats[self.own_cells].T)
+        state = self._state.trees(columns.floats[self.state_cells].T)
+        occupied = columns.integers[self.occupied] > 0
+        arguments = self._functions, self._shared, own, state, occupied
+        turns = self._turns  # Read once, as threads share the loop.
+        try:
+            count, state, status = turns(*arguments)
+        except jax.errors.JaxRuntimeError:
+            if turns is _TURNS:
+                raise
+            # Some operations, such as scatters and calls of LAPACK, cannot be part of one native
+            # function, so the loop is compiled in XLA's usual way.
+            self._turns = _TURNS
+            count, state, status = _TURNS(*arguments)
+        columns.floats[self.state_cells] = self._state.rows(state).T
+        for name, shown in self.status_of(columns).items():
+            shown[:] = status[name]
+        return int(count)
+
+
+class XlaFunction:
+    """A function of the data of lanes, compiled by XLA, whose arguments and results are in cells of
+    8 bytes. It computes, for instance, the initial states or the outcomes of several lanes.
+
+    **Arguments:** `function`: function (shared, *trees), to be computed for each lane; `shared`:
+    data that all lanes share; `examples`: examples of the `trees`, for their structures and shapes.
+
+    The attribute `results` is the layout of the cells of a result.
+    """
+
+    def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
+        self._function, self._shared = function, shared
+        self._arguments, self._width = [Cells(tree) for tree in examples], width()
+        shapes = eqx.filter_eval_shape(function, shared, *examples)
+        self.results = Cells(zeros_like(shapes))
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """Return the results for n lanes, (n, results.size), in cells.
+
+        **Arguments:** `rows`: (n, cells), for each lane the cells of all its arguments, one after
+        the other.
+        """
+        found, width = [np.zeros((0, self.results.size))], self._width
+        ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
+        # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
+        # results of the repeated ones are dropped.
+        for first in range(0, len(rows), width):
+            part = rows[first : first + width]
+            parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
+            trees = [cells.trees(p) for cells, p in zip(self._arguments, parts, strict=True)]
+            result = _for_all(self._function, self._shared, *trees)
+            found.append(self.results.rows(result)[: len(part)])
+        return np.concatenate(found)
+
+
+def zeros_like(shapes: PyTree) -> PyTree:
+    """Return a PyTree with arrays of zeros in place of its leaves of type
+    `jax.ShapeDtypeStruct`."""
+    return jax.tree.map(
+        lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
+    )
+
+
+def _turns(
+    functions: tuple[Callable[..., PyTree], Callable[..., dict[str, PyTree]]],
+    shared: PyTree,
+    own: PyTree,
+    state: PyTree,
+    occupied: jax.Array,
+) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
+    """Take turns of all lanes until one in `WAITING` of them waits for Python, at most `TURNS`.
+
+    **Arguments:** `functions`: those for a turn and for the status of one lane, as for
+    `XlaLaneLoop`; `shared`: data of all lanes; `own`, `state`: data and states of n lanes, whose
+    leaves have an additional first axis of length n; `occupied`: (n,), whether there is a lane in
+    each column.
+
+    **Returns:** the number of turns, and the states and status of all lanes after them.
+    """
+    turn, status = (jax.vmap(partial(function, shared)) for function in functions)
+
+    # Columns without a lane must not count as waiting, because their contents are meaningless.
+    def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
+        waiting = occupied & jnp.logical_not(status(own, now[1])["moves"])
+        return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())
+
+    def go(now: tuple[jax.Array, PyTree]) -> tuple[jax.Array, PyTree]:
+        return now[0] + 1, turn(own, now[1])
+
+    count, state = jax.lax.while_loop(continues, go, (jnp.zeros((), int), state))
+    return count, state, status(own, state)
+
+
+_TURNS_IN_ONE_FUNCTION = Compiled(in_one_function(_turns))
+# XLA (jaxlib 0.10.2) crashes while it compiles a loop that saves states at given times, unless its
+# fusion emitters are switched off.
+_TURNS = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
+
+
+@Compiled
+def _for_all(function: Callable[..., PyTree], shared: PyTree, *trees: PyTree) -> PyTree:
+    return jax.vmap(partial(function, shared))(*trees)

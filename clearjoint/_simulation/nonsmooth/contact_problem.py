@@ -1,0 +1,400 @@
+"""Contact problem of one time step: the impulses at closed rigid contacts. A contact is closed if
+its gap in the middle of the step is not positive.
+
+Along the normal of each closed contact, Signorini's condition with Newton's restitution e holds:
+the velocities U- before and U+ after the step (positive if the contact opens) and the impulse P
+satisfy U+ + e U- >= 0, P >= 0, and at least one of the two is zero. Across the normal, Coulomb's
+law of friction holds, with a pyramid of two directions in place of the cone. The first direction is
+along the slip, so that the pyramid is exact in planar motion.
+
+Velocities at the contacts depend linearly on the impulses; the matrix is Delassus' matrix. Its rows
+are directions of contacts: first the normals of all contacts, then the two tangential directions of
+each contact with friction. Normal and tangential impulses are computed alternately, each for the
+latest values of the other (P. D. Panagiotopoulos, A nonlinear programming approach to the
+unilateral contact and friction boundary value problem, 1975). One computation of both is a turn.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from ..._dynamics.contact_forces import contact_wrenches
+from ..._dynamics.coordinates import AbstractMechanics, Motions, Speeds
+from ..._dynamics.equations_of_motion import flattened
+from ..._dynamics.multipliers import ConstraintEquations, row_rate, row_weights
+from ..._dynamics.system import System
+from ..._fields.checks import require, require_range
+from ..._math.linear_solvers import inner
+from ..._math.rotations import transverse_axes
+from ..._math.smoothing import norm_and_direction
+from ..._math.vectors import Condition, Scalar, Vector, add, multiply
+from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
+from ..._model.joints.joint_friction import JointFriction
+from ..._model.scene import Scene
+from .bounded_lcp import BoxProblem, Impulses, largest
+
+ALTERNATIONS = 3000
+TOLERANCE = 1e-9
+"""The alternation between normal and tangential impulses ends at this relative residual, or after
+`ALTERNATIONS` turns, which bound the computing time of a problem that does not converge. Then the
+residual shows the failure."""
+FAST = 1e3
+"""Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated. It is far
+above the speeds below which friction laws are regularised."""
+
+NEGLIGIBLE = 1e-9
+"""Contact velocity in m/s that counts as rest. Residuals are relative to the velocities that the
+impulses have to change, but not to smaller ones than this. Of a block at rest, these velocities are
+rounding errors of 1e-17 m/s, of which no residual is a small fraction."""
+ROUNDED = 1e-3
+"""Part of the largest contact velocity of a problem, to which the residual of a part of it is
+relative at least. Velocities along the slip of a block at rest are differences of its normal ones,
+and below 1e-16 of them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above.
+"""
+
+LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
+"""Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
+the factor could be negative, or arbitrarily large if two successive changes are nearly equal."""
+
+
+class Alternation(NamedTuple):
+    """State after one turn of the alternation between normal and tangential impulses.
+
+    - `normal`, `tangential`: the impulses that the turn has found, N s.
+    - `residual`: the largest violation of the contact conditions by these impulses, relative to the
+      largest velocity that the impulses have to change.
+    - `turns`: number of turns so far.
+    - `tried`: tangential impulses with which the next turn begins, N s.
+    - `change`: tangential impulses less those with which this turn began, N s.
+    - `factor`: the factor by which `change` was extrapolated to obtain `tried`.
+    """
+
+    normal: Impulses
+    tangential: Impulses
+    residual: Scalar
+    turns: Scalar
+    tried: Impulses
+    change: Impulses
+    factor: Scalar
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One contact, open or closed, at given poses and velocities of the bodies.
+
+    A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
+    both bodies, and an impulse along it acts on both.
+
+    - `joint`, `label`: name of the joint and label of the contact.
+    - `gap`: m, negative if the surfaces overlap.
+    - `clearance`: m, radial clearance of the bearing; ``None`` without a bearing.
+    - `normal`: a `Row` whose rate is the opening velocity, m/s.
+    - `slip`: two `Row`s whose rates are the velocities, m/s, of the second body relative to the
+      first: along the slip at the given velocities, and across it; empty without friction.
+    - `coefficient`: Coulomb's coefficient of friction; zero without friction.
+    """
+
+    joint: str
+    label: str
+    gap: Scalar
+    clearance: Scalar | None
+    normal: Row
+    slip: tuple[Row, ...]
+    coefficient: Scalar
+
+
+def touches(scene: Scene, motions: Motions) -> list[Touch]:
+    """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
+    bodies in `motions`.
+
+    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
+    """
+    return [
+        _touch(name, label, joint, contact, motions)
+        for name, joint in scene.contact_joints().items()
+        for label, contact in joint.contacts(motions).items()
+    ]
+
+
+def _touch(
+    name: str, label: str, joint: AbstractContactJoint, contact: Contact, motions: Motions
+) -> Touch:
+    """Return one contact as a `Touch`, with rows along its normal and the directions of friction.
+
+    **Arguments:** `name`, `joint`: the joint and its name; `label`, `contact`: the contact and its
+    label; `motions`: pose and velocities of the bodies.
+
+    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
+    """
+    # A face radius belongs to two flat faces, whose friction also resists their relative rotation.
+    # Such a moment would need a third row of slip.
+    has_no_moment = contact.face_radius is None
+    expected = f"without a moment of friction at {label!r}"
+    remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
+    require(has_no_moment, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+    # Its bound is a constant load, not an impulse that the step finds.
+    is_contact, remedy = not isinstance(joint, JointFriction), "leave it out, or take simulate()"
+    expected = "a joint with contacts, not friction of an ideal joint"
+    require(is_contact, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+    on_first, on_second = contact.points_of_force(contact.slip is not None)
+
+    def row(direction: Vector) -> Row:
+        """Return the row whose rate is the relative velocity of the second body along a direction.
+
+        The velocities are those of the two points at which contact forces act.
+        """
+        first, second = joint.pair()
+        pairs = {
+            second: motions[second].wrench(direction, on_second),
+            first: motions[first].wrench(-direction, on_first),
+        }
+        return Row(0.0, pairs, 0.0)
+
+    # The normal is the direction in which the second body penetrates the first, so that the contact
+    # opens in the opposite direction.
+    normal = row(-contact.normal)
+    # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
+    # force along the normal.
+    if contact.turning is not None:
+        normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
+    size = -contact.gap.depth, contact.gap.clearance
+    if contact.slip is None:
+        return Touch(name, label, *size, normal, (), 0.0)
+    along = _slip_direction(contact.slip, contact.normal)
+    across = contact.normal.cross(along)
+    # Friction laws are regularised at low slip; far above that they give Coulomb's coefficient. It
+    # is the magnitude of the friction at a normal force of 1 N.
+    fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
+    friction = joint.friction_force(label, fast, 1.0)
+    coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
+    return Touch(name, label, *size, normal, (row(along), row(across)), coefficient)
+
+
+def _slip_direction(slip: Vector, normal: Vector) -> Vector:
+    """Return the unit vector along the slip velocity, m/s; at zero slip, some direction across the
+    `normal`."""
+    speed, direction = norm_and_direction(slip)
+    other, _ = transverse_axes(normal)
+    rests = speed == 0.0
+    parts = zip(direction, other, strict=True)
+    return Vector(*(jnp.where(rests, b, a) for a, b in parts))
+
+
+class ContactProblem:
+    """Changes of contact velocities by contact impulses, while the constraints of ideal joints
+    hold.
+
+    **Arguments:** `system`: the system, whose ideal joints constrain the changes; `mechanics`:
+    masses and Jacobians of the system at the positions in the middle of the step; `contacts`: all
+    contacts at these positions, open or closed, at least one; `t`: s, the time in the middle of the
+    step.
+
+    The attribute `rows` has the directions of the contacts: the normal of each contact, then both
+    slip directions of each contact with friction. All lists of velocities and impulses have this
+    order.
+    """
+
+    def __init__(
+        self, system: System, mechanics: AbstractMechanics, contacts: Sequence[Touch], t: Scalar
+    ):
+        # These rows are not the contacts' directions, `self.rows`, but the constraint equations of
+        # ideal joints. If they are redundant, the joints' own impulses are those of least norm. The
+        # weights give all rows the same unit, since this norm would otherwise add N s to N m s.
+        rows = flattened(system.rows(mechanics.motions, t))
+        projected = [mechanics.projected(row.jacobian) for row in rows]
+        formulation = system.formulation
+        weights = row_weights(system.scene.bodies, rows) if formulation.redundant else None
+
+        equations = (
+            ConstraintEquations(mechanics, projected, formulation.solver(), weights)
+            if projected
+            else None
+        )
+
+        def free_response(direction: Speeds) -> Speeds:
+            """Return the change of the speeds by a unit impulse along a contact's direction, and by
+            the impulses of ideal joints that it causes."""
+            rates = mechanics.solved(direction)
+            if equations is None:
+                return rates
+            # The joints' own impulses cancel the velocities that would violate their constraints.
+            targets = [-inner(row, rates) for row in projected]
+            change, _ = equations.response(targets)
+            return [add(a, b) for a, b in zip(rates, change, strict=True)]
+
+        self.contacts = contacts
+        self.rows = [touch.normal for touch in contacts]
+        self.rows += [row for touch in contacts for row in touch.slip]
+        # Delassus' matrix is symmetric, so only its lower triangle is computed.
+        directions = [mechanics.projected(row.jacobian) for row in self.rows]
+        self._responses = [free_response(direction) for direction in directions]
+        self._matrix = [
+            [inner(direction, other) for other in self._responses[: i + 1]]
+            for i, direction in enumerate(directions)
+        ]
+        self._count = len(contacts)
+
+    def velocities(self, motions: Motions) -> list[Scalar]:
+        """Return the velocities along all `rows`, m/s, for given motions of the bodies."""
+        return [row_rate(row, motions) for row in self.rows]
+
+    def kick(self, impulses: Sequence[Scalar]) -> Speeds:
+        """Return the change of the speeds of the system's coordinates by impulses at the contacts,
+        including the impulses of ideal joints that follow from them.
+
+        **Arguments:** `impulses`: N s, in the order of `rows`. Rows beyond the end of the list have
+        no impulse, so a list of the normal impulses alone is allowed.
+        """
+        change: Speeds = [0.0] * len(self._responses[0])
+        for part, impulse in zip(self._responses, impulses, strict=False):
+            change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
+        return change
+
+    def velocities_after(
+        self, velocities: Sequence[Scalar], impulses: Impulses, rows: range, columns: range
+    ) -> list[Scalar]:
+        """Return the velocities along some rows, m/s, after impulses at the contacts.
+
+        **Arguments:** `velocities`: m/s, before the impulses, along the directions with the indices
+        `rows` in `self.rows`; `impulses`: N s, along the directions with the indices `columns`.
+        """
+        return [
+            add(velocity, inner([self._entry(i, j) for j in columns], impulses))
+            for i, velocity in zip(rows, velocities, strict=True)
+        ]
+
+    def _entry(self, i: int, j: int) -> Scalar:
+        return self._matrix[max(i, j)][min(i, j)]
+
+    def normal_impulses(
+        self, closed: Sequence[Condition], aims: Sequence[Scalar], least: Scalar = NEGLIGIBLE
+    ) -> tuple[Impulses, Scalar]:
+        """Return normal impulses of all contacts in N s, zero at open ones, and the residual.
+
+        With these impulses, each closed contact opens at least with the smallest velocity that is
+        allowed. The residual is the largest violation of the contact conditions along the normals,
+        relative to the largest magnitude among the `aims` of closed contacts, but at least to
+        `least`, m/s.
+
+        **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact its
+        opening velocity without impulses, less the smallest one that is allowed, such as -e U- for
+        Newton's restitution.
+        """
+        normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
+        # An open contact is fixed to an impulse of zero by equal bounds.
+        upper = [jnp.where(shut, jnp.inf, 0.0) for shut in closed]
+        return BoxProblem(normal, [0.0] * self._count, upper).solve(aims, least)
+
+    def impulses(
+        self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
+    ) -> tuple[Impulses, Scalar]:
+        """Return the impulses at the closed contacts along all `rows` in N s, and the relative
+        residual.
+
+        The residual is the largest of three: that of the normal impulses, that of the friction
+        impulses, and the opening velocity by which the two do not fit each other. Each is relative
+        to the largest velocity at closed contacts that the impulses of its problem have to change:
+        along the normals, along the slip directions, or along both, but at least to `ROUNDED` times
+        the largest of all, and to `NEGLIGIBLE`. The residual is above `TOLERANCE` if the
+        alternation did not converge.
+
+        **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
+        the slip directions without impulses.
+        """
+        if not slips:
+            return self.normal_impulses(closed, aims)
+        # `owner` is the index of the contact to which each tangential row belongs.
+        count, size = self._count, len(self.rows)
+        normals, tangents = range(count), range(count, size)
+        owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
+        coefficients = [self.contacts[k].coefficient for k in owner]
+        block = [self._matrix[i][count : i + 1] for i in tangents]
+        # The residual is relative to the largest velocity that the impulses at closed contacts have
+        # to change.
+        live = [*closed, *(closed[k] for k in owner)]
+        scale = jnp.maximum(_largest_of(live, [*aims, *slips]), NEGLIGIBLE)
+        least = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)
+
+        def go(now: Alternation) -> Alternation:
+            # Normal impulses for the tangential ones that the last turn has extrapolated, then
+            # friction within the bounds that these normal impulses give.
+            tried = now.tried
+            aims_with_friction = self.velocities_after(aims, tried, normals, tangents)
+            normal, normal_residual = self.normal_impulses(closed, aims_with_friction, least)
+            bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
+            problem = BoxProblem(block, [-bound for bound in bounds], bounds)
+            slips_with_normal = self.velocities_after(slips, normal, tangents, normals)
+            tangential, slip_residual = problem.solve(slips_with_normal, least)
+            # The normal impulses were solved for other tangential ones: the opening velocities that
+            # the difference causes are the residual of the alternation.
+            change = [a - b for a, b in zip(tangential, tried, strict=True)]
+            changes = self.velocities_after([0.0] * count, change, normals, tangents)
+            opening = _largest_of(closed, changes) / scale
+            residual = largest([normal_residual, slip_residual, opening])
+            factor, turns = _extrapolation(now, change), now.turns + 1
+            following = [a + factor * b for a, b in zip(tried, change, strict=True)]
+            return Alternation(normal, tangential, residual, turns, following, change, factor)
+
+        def goes(now: Alternation) -> Condition:
+            return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
+
+        # The first turn is taken before the loop, because no residual is known until then.
+        zero, none, nothing = jnp.zeros(()), jnp.zeros((), int), [jnp.zeros(())] * (size - count)
+        start = Alternation([zero] * count, nothing, zero, none, nothing, nothing, zero + 1)
+        found = jax.lax.while_loop(goes, go, go(start))
+        return [*found.normal, *found.tangential], found.residual
+
+
+def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
+    """Return the factor by which a change of the tangential impulses is extrapolated.
+
+    Aitken's method computes it from the `change` in this turn and from that in the `last` turn, N s
+    (B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969). Without
+    extrapolation, two bases (end circles) of a journal that both stick and share axial impulses
+    need thousands of turns.
+    """
+    bend = [a - b for a, b in zip(change, last.change, strict=True)]
+    square = inner(bend, bend)
+    factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)
+    # The first turn has no earlier change to compare with, and for two equal changes the factor
+    # would be infinite.
+    usable = (last.turns > 0) & (square > 0.0)
+    return jnp.where(usable, jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR), 1.0)
+
+
+def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
+    """Return the largest magnitude among those numbers whose condition in `live` is true."""
+    return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])
+
+
+def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
+    """Check that every contact has a coefficient of restitution: the given number or, for ``None``,
+    that of its law.
+
+    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a contact law
+    without a method `delivered_restitution`.
+    """
+    if restitution is not None:
+        require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
+        return
+    for name, family in scene.laws().items():
+        for label, law in family.items():
+            fine, given = hasattr(law, "delivered_restitution"), type(law).__name__
+            expected = f"of a law with delivered_restitution() at {label!r}"
+            remedy = "pass restitution=, or give the law such a method"
+            require(fine, f"scene.joints[{name!r}]", given, expected, remedy)
+
+
+def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
+    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact].
+
+    **Arguments:** `restitution`: the coefficient of all contacts, or ``None`` for the coefficients
+    that the contact laws report, from the rebound of a free impact.
+    """
+    laws = scene.laws()
+    if restitution is not None:
+        return each_label(lambda name, label: restitution, laws)
+    return each_label(lambda name, label: laws[name][label].delivered_restitution(), laws)  # pyright: ignore

@@ -1,0 +1,264 @@
+"""One time step of Moreau's midpoint rule.
+
+See M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2, and V. Acary,
+B. Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q_m in the
+middle of the step,
+
+    q_m = q + h/2 H u,    M(q_m) (u+ - u) = h F(q_m, (u + u+)/2) + D(q_m)^T P,
+    q+ = q + h H(q_m) (u + u+)/2,
+
+with positions q and speeds u before the step, q+ and u+ after it, the length h, rates of positions
+H u, mass matrix M, forces F, and impulses P along the directions D of the contacts. A contact is
+closed if its gap at q_m is not positive. A predictor gives the velocity in F, so that smooth motion
+has second order. Ideal joints are kept by constraints on accelerations, as in `simulate`. If no
+force acts, the velocity of a contact after an impact is exactly the restitution times its approach
+velocity, for any step length.
+
+The impulse stops the approach of a contact, but not the penetration that it has in the middle of
+the step, which is at most the approach in half a step. If, at its velocity after the impact, the
+contact would still be penetrated at the end of the next step, the positions are projected out of
+the wall, in the metric of the masses (V. Acary, Projected event-capturing
+time-stepping schemes, 2013).
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..._dynamics.breakpoints import one_sided_time
+from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.system import System
+from ..._math.rotations import normalised
+from ..._math.vectors import Condition, EulerParameters, Scalar, add, multiply
+from .contact_problem import ContactProblem, Touch, touches
+
+SOLVED = 1e-6
+"""Largest relative residual with which the contact problem of a step counts as solved. The methods
+for this problem aim at much smaller residuals; a larger one means that they did not converge."""
+
+
+class Rigid(eqx.Module):
+    """A system with rigid contacts, and `restitution[joint][contact]`, Newton's coefficient of
+    restitution of each contact."""
+
+    system: System
+    restitution: dict[str, dict[str, Scalar]]
+
+
+class ContactStep(eqx.Module):
+    """One contact in one step.
+
+    - `impulse`: N s, normal impulse, zero or positive.
+    - `opening`: m/s, velocity before the step, positive if the contact opens.
+    - `dissipated`: J, energy dissipated by the normal impulse and by friction.
+    - `penetration`: m, in the middle of the step; zero if the contact is open there.
+    """
+
+    impulse: Scalar
+    opening: Scalar
+    dissipated: Scalar
+    penetration: Scalar
+
+
+class StepEnd(eqx.Module):
+    """Result of one step.
+
+    - `variables`: the variables of the motion at the end of the step.
+    - `contacts[joint][contact]`: the `ContactStep` of each contact.
+    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
+      pulling impulse, Coulomb's law) by the impulses, or by the projection of the positions, each
+      relative to the largest contact velocity to be changed.
+    - `shallow`: whether no penetration in the middle of the step exceeds the bearing's clearance.
+    """
+
+    variables: MotionVariables
+    contacts: dict[str, dict[str, ContactStep]]
+    residual: Scalar
+    shallow: Condition
+
+
+def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
+    """Take one step of length h, s, from the time t, s.
+
+    A breakpoint is a declared time at which a driver or load changes abruptly. A driver or load
+    with a breakpoint at t has the value that holds after it. The caller must choose h so that no
+    breakpoint is inside the step.
+
+    **Arguments:** `rigid`: the system and the restitutions; `variables`: positions and speeds at t.
+    """
+    # Motion without contact, from which the gaps in the middle of the step follow.
+    system, middle_time = rigid.system, t + 0.5 * h
+    # At a breakpoint, the time just after it.
+    t = one_sided_time(system, t, t)
+    middle, last = _smooth_step(rigid, variables, t, middle_time, h)
+    mechanics = system.mechanics(last)
+    contacts = touches(system.scene, mechanics.motions)
+    steps, residual, push = {}, jnp.zeros(()), None
+    if contacts:
+        # Each closed contact must open at least with its restitution times the approach velocity.
+        # An aim is the opening velocity without impulses, less this smallest velocity. (`opening`
+        # is the opening velocity before the step, which is negative for an approach.) The lists of
+        # velocities begin with one for each contact; those of the slip directions follow, and have
+        # no aims.
+        problem = ContactProblem(system, mechanics, contacts, middle_time)
+        before = problem.velocities(system.mechanics(middle).motions)
+        unloaded = problem.velocities(mechanics.motions)
+        closed = [touch.gap <= 0.0 for touch in contacts]
+        aims = [
+            velocity + rigid.restitution[touch.joint][touch.label] * opening
+            for touch, velocity, opening in zip(contacts, unloaded, before, strict=False)
+        ]
+        impulses, residual = problem.impulses(closed, aims, unloaded[len(contacts) :])
+        # The impulses change the speeds. A further change, `push`, moves only the positions, out of
+        # penetrations. A sink is the velocity towards the wall that all forces but those of the
+        # contacts add in the step.
+        rows = range(len(problem.rows))
+        after = problem.velocities_after(unloaded, impulses, rows, rows)
+        steps = _contact_steps(contacts, impulses, before, after)
+        last = mechanics.after_speed_change(problem.kick(impulses))
+        sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]
+        push, projection_residual = _projection(problem, closed, after, sinks, h)
+        residual = jnp.maximum(residual, projection_residual)
+    # The positions move with the mean speeds and the push.
+    mean = _mean_speeds(system, middle, last)
+    if push is not None:
+        mean = system.mechanics(mean).after_speed_change(push)
+    moved = _displaced(system, variables, _smooth_rates(rigid, mean, middle_time), h)
+    return StepEnd(system.with_speeds(moved, last), steps, residual, _is_shallow(contacts))
+
+
+def _smooth_step(
+    rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
+) -> tuple[MotionVariables, MotionVariables]:
+    """Return the motion without contact forces in the step of length h from t, s, with the middle
+    at `middle_time`, s.
+
+    **Returns:** two sets of variables, both with the positions in the middle of the step: the first
+    with the speeds at the start of the step, the second with the speeds at its end.
+    """
+    # `predicted` has estimated speeds in the middle of the step. Evaluated at these, forces that
+    # depend on speeds are integrated to second order.
+    half = 0.5 * h
+    middle = _displaced(rigid.system, variables, _smooth_rates(rigid, variables, t), half)
+    predicted = _accelerated(rigid.system, middle, _smooth_rates(rigid, middle, middle_time), half)
+    rates = _smooth_rates(rigid, predicted, middle_time)
+    return middle, _accelerated(rigid.system, middle, rates, h)
+
+
+def _is_shallow(contacts: list[Touch]) -> Condition:
+    """Return whether no penetration exceeds the bearing's clearance, beyond which the side of the
+    contact is unknown. Contacts without a bearing have no such limit."""
+    shallow = jnp.asarray(True)
+    for touch in contacts:
+        if touch.clearance is not None:
+            shallow = shallow & (touch.gap > -touch.clearance)
+    return shallow
+
+
+def _projection(
+    problem: ContactProblem,
+    closed: Sequence[Condition],
+    after: Sequence[Scalar],
+    sinks: Sequence[Scalar],
+    h: Scalar,
+) -> tuple[list[Scalar], Scalar]:
+    """Return speeds that move the positions out of the wall, in addition to the speeds of the
+    motion.
+
+    Gaps are linearised in the displacement. Only positions move with these additional speeds: they
+    are no part of the speeds after the step.
+
+    **Arguments:** `problem`: the contact problem of the step; `closed`: whether each contact is
+    closed; `after`: m/s, opening velocities after the impulses; `sinks`: m/s, zero or positive,
+    velocities towards the wall that the forces add in the step; `h`: s, length of the step. `after`
+    and `sinks` may have further entries, of the slip directions, which are ignored.
+
+    **Returns:** the additional speeds, and the relative residual of the contact problem for them.
+    """
+    stays, ends = [], []
+    rows = zip(problem.contacts, closed, after, sinks, strict=False)
+    for touch, shut, velocity, sink in rows:
+        # Gaps are divided by h, so that they are velocities: `left` in the middle of this step,
+        # `left + velocity / 2` at its end, and `left + 3 / 2 velocity` at the end of the next one.
+        # All are larger than the true gaps by `sink / 2`, so that a contact at rest stays slightly
+        # penetrated. If it were pushed to a gap of exactly zero, rounding could open it.
+        left = touch.gap / h + 0.5 * sink
+        # Only contacts that would be penetrated at the end of the next step too are pushed.
+        stays.append(shut & (left + 1.5 * velocity < 0.0))
+        ends.append(left + 0.5 * velocity)
+    impulses, residual = problem.normal_impulses(stays, ends)
+    return problem.kick(impulses), residual
+
+
+def _contact_steps(
+    contacts: list[Touch],
+    impulses: Sequence[Scalar],
+    before: Sequence[Scalar],
+    after: Sequence[Scalar],
+) -> dict[str, dict[str, ContactStep]]:
+    """Return each contact in a step, as steps[joint][label].
+
+    **Arguments:** `impulses`: N s; `before`, `after`: m/s, contact velocities before and after the
+    step. All three are lists in the order of `ContactProblem.rows`.
+    """
+    # Positions move with the mean velocity, so that its product with the impulse is the work. With
+    # the opposite sign, it is the energy dissipated.
+    losses = [
+        -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
+    ]
+    steps: dict[str, dict[str, ContactStep]] = {}
+    # The normal rows of all contacts come first, then the rows of slip of each contact.
+    first = len(contacts)
+    for k, touch in enumerate(contacts):
+        last = first + len(touch.slip)
+        loss = sum(losses[first:last], losses[k])
+        penetration = jnp.maximum(-touch.gap, 0.0)
+        step = ContactStep(impulses[k], jnp.asarray(before[k]), loss, penetration)
+        steps.setdefault(touch.joint, {})[touch.label] = step
+        first = last
+    return steps
+
+
+def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> MotionVariables:
+    """Return the time derivatives of the variables at time t, s, without contact forces."""
+    mechanics = rigid.system.mechanics(variables)
+    return rigid.system.dynamics_under(mechanics, {}, t).variable_rates
+
+
+def _displaced(
+    system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
+) -> MotionVariables:
+    """Return variables with the positions changed by `time`, s, times the `rates`, their time
+    derivatives. Euler parameters are normalised, and the speeds stay."""
+    return system.with_speeds(_plus(variables, rates, time), variables)
+
+
+def _accelerated(
+    system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
+) -> MotionVariables:
+    """Return variables with the speeds changed by `time`, s, times the `rates`, their time
+    derivatives. The positions stay."""
+    return system.with_speeds(variables, _plus(variables, rates, time))
+
+
+def _mean_speeds(
+    system: System, first: MotionVariables, second: MotionVariables
+) -> MotionVariables:
+    """Return the positions of `first` with the mean of the speeds of `first` and `second`."""
+    half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
+    return system.with_speeds(first, half)
+
+
+def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
+    """Return start + time * rate for PyTrees of scalars; `time` is in s. Euler parameters are
+    normalised."""
+
+    def move(a: PyTree, b: PyTree) -> PyTree:
+        if isinstance(a, EulerParameters):
+            return normalised(jax.tree.map(lambda x, y: x + time * y, a, b))
+        return add(a, multiply(time, b))
+
+    return jax.tree.map(move, start, rate, is_leaf=lambda a: isinstance(a, EulerParameters))

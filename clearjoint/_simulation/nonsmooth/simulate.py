@@ -1,0 +1,436 @@
+"""Simulation with rigid contacts, whose impacts have no duration: the function
+`simulate_nonsmooth`."""
+
+from dataclasses import replace
+from functools import reduce
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float, Int
+
+from ..._compilation import Compiled
+from ..._dynamics.breakpoints import (
+    breakpoints,
+    drivers_are_smooth,
+    one_sided_time,
+    since_breakpoints,
+)
+from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
+from ..._dynamics.formulation import Formulation
+from ..._dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..._dynamics.journals import warn_of_journals_outside
+from ..._dynamics.system import System
+from ..._fields.checks import require, require_positive
+from ..._fields.objects import with_arrays
+from ..._fields.types import ArrayLike
+from ..._math.vectors import Condition, ConstantFolded, Scalar, fold_constants, pack, unpack
+from ..._model.bodies import BodyState, State
+from ..._model.joints.base import each_label
+from ..._model.scene import Scene
+from ..._result_codes import RESULTS
+from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
+from ..results.solution import Trajectory, raise_failure
+from ..run.run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
+from ..run.saving import EXCEPT_TIMES, Saving, saving_or_nothing
+from ..step.settings import check_span
+from ..step.step_state import choose
+from ..step.trial_step import all_finite
+from .contact_problem import require_restitution, restitutions
+from .moreau_jean import SOLVED, ContactStep, Rigid, advance
+
+DRIVER_TOLERANCE = 1e-5
+"""Tolerance of the check that a driver, a constraint that prescribes a motion as a function of
+time, is smooth over a step. Two differences are compared with it. One is between the change of the
+driver's rate over the step and the integral of its second time derivative, relative to a measure of
+the magnitude of the rate in the step. The other is between the change of the driver's value and the
+integral of its rate, relative to this measure times the step's length. For a smooth driver, both
+are far smaller than the tolerance. A larger one means that the driver has a kink or jump inside the
+step, which the step does not follow."""
+
+
+class RigidRun(eqx.Module):
+    """A run between two steps.
+
+    - `t`: s; `variables`: the variables of the motion at t.
+    - `touching[joint][contact]`: whether the contact had an impulse in the last step.
+    - `totals[joint][contact]`: sums and extreme values since the start of the run.
+    - `residual`: largest relative residual of the contact problem in any step that did not fail.
+    - `result`: the result code so far; `steps`: number of steps that did not fail.
+    """
+
+    t: Scalar
+    variables: MotionVariables
+    touching: dict[str, dict[str, Condition]]
+    totals: dict[str, dict[str, ContactTotals]]
+    residual: Scalar
+    result: RESULTS
+    steps: Scalar
+
+
+class RigidStop(eqx.Module):
+    """State of a run at a stop, which is a time to save at or the end of the run. For n stops, each
+    array has an additional first axis of length n.
+
+    - `bodies`: states of the bodies, whose vectors are arrays (3,).
+    - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
+    - `result`: the result code so far.
+    """
+
+    bodies: dict[str, BodyState]
+    totals: dict[str, dict[str, ContactTotals]]
+    result: RESULTS
+
+
+def run(
+    folded_scene: ConstantFolded,
+    formulation: Formulation,
+    state: State,
+    stops: Float[jax.Array, " stops"],
+    longest: Scalar,
+    restitution: Scalar | None,
+    admissible: Condition | None = None,
+) -> tuple[RigidRun, RigidStop]:
+    """Run a scene from the first to the last of S stops, and return the run at its end, and the
+    S - 1 stops after the first.
+
+    **Arguments:**
+
+    - `folded_scene`: the scene, whose exact zeros and ones are compiled as constants.
+    - `formulation`: coordinates, stabilisation and linear solver of the equations of motion.
+    - `state`: the initial state, whose vectors are arrays (3,).
+    - `stops`: (S,) s, not decreasing: the start, the times to save at, and the end.
+    - `longest`: s, length of the longest step.
+    - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
+      the contact laws.
+    - `admissible`: whether all numbers are within their ranges; if not, the run takes no step, and
+      its result is `RESULTS.domain`. ``None`` if the numbers have been checked.
+    """
+    system = System(unpack(folded_scene), formulation)
+    rigid = Rigid(system, restitutions(system.scene, restitution))
+    first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
+    if admissible is not None:
+        first = replace(first, result=RESULTS.where(admissible, first.result, RESULTS.domain))
+    times, rows = _with_breakpoints(system.scene, stops)
+
+    def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
+        now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
+        return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
+
+    # The scan goes from breakpoint to breakpoint too; only the states at stops are kept.
+    end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
+    if rows is not None:
+        kept = jax.tree.map(lambda leaf: leaf[rows], kept)
+    return end, kept
+
+
+run_compiled = Compiled(run)
+
+
+def _with_breakpoints(
+    scene: Scene, stops: Float[jax.Array, " stops"]
+) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
+    """Return the times at which steps must end, s: stops and breakpoints together, sorted.
+
+    **Returns:** (T,) times, and for each stop except the first its index in `times[1:]`. The
+    indices are ``None`` if there are no breakpoints.
+    """
+    elements = jax.tree.leaves(breakpoints(scene))
+    if not elements:
+        return stops, None
+    # A breakpoint outside of the run is moved to its start or end, where it adds no step.
+    inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
+    # A stop that is a breakpoint too is in `times` twice. The index is that of the last of equal
+    # times, at which the run surely has the velocities that hold after the breakpoint.
+    times = jnp.sort(jnp.concatenate([stops, *inside]))
+    return times, jnp.searchsorted(times, stops[1:], side="right") - 2
+
+
+def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
+    """Return the run `now`, at the time `stop`, with the velocities that drivers prescribe just
+    after this time.
+
+    Velocities change only if a driver has a breakpoint at `stop`.
+
+    **Arguments:** `start`, `stop`: s, the span of time that the run has just covered.
+    """
+    # For each joint with breakpoints, `has_breakpoint` tells whether one of them is in the span,
+    # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
+    since = since_breakpoints(system, start, stop)
+    joints = [
+        has_breakpoint for name, (has_breakpoint, _) in since.items() if name in system.scene.joints
+    ]
+    if not joints:
+        return now
+    # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
+    time = one_sided_time(system, stop, stop)
+    # A run that failed stays where it is, before `stop`.
+    variables = jax.lax.cond(
+        reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
+        lambda variables: system.project_velocities(variables, time),
+        lambda variables: variables,
+        now.variables,
+    )
+    return replace(now, variables=variables)
+
+
+def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
+    """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
+    all in s. If a step fails, the run stays as it was before this step, with the result code of the
+    failure."""
+    # The factor is slightly below 1, because rounding of the span could otherwise add a step.
+    count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
+    h = (stop - start) / jnp.maximum(count, 1.0)
+
+    def goes(carry: tuple[RigidRun, Scalar]) -> Scalar:
+        return (carry[1] < count) & (carry[0].result == RESULTS.successful)
+
+    def go(carry: tuple[RigidRun, Scalar]) -> tuple[RigidRun, Scalar]:
+        now, k = carry
+        return _after_step(rigid, now, start + k * h, h), k + 1.0
+
+    end, _ = jax.lax.while_loop(goes, go, (now, jnp.zeros(())))
+    # The sum of the steps differs from `stop` by rounding errors.
+    return replace(end, t=jnp.where(end.result == RESULTS.successful, stop, end.t))
+
+
+def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
+    """Return a run before its first step, at the time t, s, with the totals of each contact at
+    zero."""
+    zero, none = jnp.zeros(()), jnp.zeros((), int)
+    nothing = ContactTotals(none, zero, zero, zero, zero, zero)
+    laws = rigid.system.scene.laws()
+    return RigidRun(
+        t=t,
+        variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
+        touching=each_label(lambda name, label: jnp.asarray(False), laws),
+        totals=each_label(lambda name, label: nothing, laws),
+        residual=zero,
+        result=RESULTS.successful,
+        steps=none,
+    )
+
+
+def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
+    """Return a run after a step of length h from time t, s.
+
+    If the step fails, the run stays as it was, and gets the result code of the failure.
+    """
+    end = advance(rigid, now.variables, t, h)
+    # A state that is not finite has its own result code, since the other conditions mean nothing
+    # then. A penetration that is too deep has precedence over an unsolved contact problem, which
+    # has little meaning where the side of the contact is unknown. Drivers are judged only in a step
+    # that is good otherwise.
+    finite = all_finite(end.variables)
+    contacts, solved = end.contacts, end.residual <= SOLVED
+
+    def total(name: str, label: str) -> ContactTotals:
+        return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
+
+    result = RESULTS.where(finite, now.result, RESULTS.non_finite)
+    result = RESULTS.where(finite & ~solved, RESULTS.contact_unsolved, result)
+    result = RESULTS.where(finite & ~end.shallow, RESULTS.step_too_long, result)
+    good = finite & solved & end.shallow
+    # Drivers enter the equations by their second derivatives, at single times of a step only.
+    # Without this check, a kink or jump between these times would pass unnoticed.
+    smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
+    if smooth is not None:
+        result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)
+        good = good & smooth
+    following = RigidRun(
+        t=t + h,
+        variables=end.variables,
+        touching=each_label(lambda name, label: contacts[name][label].impulse > 0.0, contacts),
+        totals=each_label(total, contacts),
+        residual=jnp.maximum(now.residual, end.residual),
+        result=now.result,
+        steps=now.steps + 1,
+    )
+    return replace(choose(good, following, now), result=result)
+
+
+def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
+    """Return the totals of a contact after a step.
+
+    **Arguments:** `totals`: totals before the step; `step`: the contact in this step; `touched`:
+    whether the contact had an impulse in the step before. If so, an impulse in this step does not
+    count as a new impact.
+    """
+    pushes = step.impulse > 0.0
+    approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
+    return ContactTotals(
+        impacts=totals.impacts + (pushes & ~touched),
+        impulse=totals.impulse + step.impulse,
+        dissipated=totals.dissipated + step.dissipated,
+        hardest=jnp.maximum(totals.hardest, step.impulse),
+        fastest=jnp.maximum(totals.fastest, approach),
+        penetration=jnp.maximum(totals.penetration, step.penetration),
+    )
+
+
+MOST_STEPS = 1e9
+"""Largest number of steps of a run. A run of more steps would take hours."""
+
+
+def simulate_nonsmooth(
+    scene: Scene,
+    state: State,
+    end_time: Scalar,
+    save: Saving | None = None,
+    *,
+    step: Scalar,
+    start_time: Scalar = 0.0,
+    restitution: Scalar | None = None,
+    coordinates: AbstractCoordinates | None = None,
+    redundant: bool | None = None,
+    throw: bool = True,
+) -> NonsmoothSolution:
+    """Simulate a scene with rigid contacts in fixed steps, by the midpoint rule of Moreau and Jean.
+
+    A rigid contact has no stiffness, duration or peak force, so that a step may be far longer than
+    a real impact. After an impact, a contact separates at a coefficient of restitution times its
+    approach speed. By default, the coefficient is that of a free impact with its contact law (the
+    method `delivered_restitution` of the law). The contact slides by Coulomb's law, with the
+    coefficient of the friction law at high slip. It penetrates by no more than its approach in half
+    a step. The time of an impact is known to half a step, because impacts happen in the middle of a
+    step; therefore the error of all states is of first order in the length of the step.
+
+    A step ends at each breakpoint, a declared time at which a joint or force changes abruptly.
+    Where a driver makes velocities jump, the change of the velocities is the one of least kinetic
+    energy, as in `simulate`.
+
+    The function works under `jax.vmap`, `jax.jit` and `jax.jvp`. It then raises no error for a
+    traced number outside its range: the run ends before its first step with `RESULTS.domain`. But
+    derivatives across impacts are not derivatives of the motion, since the step in which an impact
+    happens does not change with the parameters.
+
+    **Arguments:**
+
+    - `scene`, `state`: the mechanism, and its initial state, which must satisfy the constraints.
+    - `end_time`, `start_time`: s.
+    - `save`: the times at which to save the state; a step ends at each of them. Nothing else can be
+      saved.
+    - `step`: s, length of the longest step. Steps end at the times to save at and at breakpoints;
+      between two such times, all steps are equal.
+    - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, in place of the
+      restitutions that the contact laws deliver.
+    - `coordinates`: coordinates of the equations of motion; `JointCoordinates` unless given.
+    - `redundant`: whether some constraints depend linearly on others. By default this is determined
+      from the initial state; under a transformation of JAX the default is ``False``.
+    - `throw`: whether to raise `SimulationError` if the run fails. If ``False``, and always if JAX
+      traces the run, the solution of a failed run is returned. Its `result` is the code of the
+      failure.
+
+    **Returns:** a `NonsmoothSolution`.
+
+    **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
+    restitution that it delivers, or a thrust face whose friction has a moment, and if JAX computes
+    in 32 bits; `SimulationError` for a run that fails, because the contact problem of a step was
+    not solved, a penetration exceeds the bearing's clearance, a driver has an undeclared kink or
+    jump inside a step, or the state is not finite.
+
+    **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
+    in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall
+    of its bearing.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
+    >>> int(solution.contacts["shoulder"]["V"].impacts)
+    1
+    """
+    check_precision(False)
+    scene, state = with_arrays((scene, state))
+    save = saving_or_nothing(save)
+    save.require_none(EXCEPT_TIMES, "of a run with rigid contacts", "take simulate() for it")
+    coordinates = JointCoordinates() if coordinates is None else coordinates
+    traced = is_traced((scene, state, end_time, start_time, step, restitution))
+    times: ArrayLike | None = save.times
+    redundant_constraints: tuple[str, ...] = ()
+
+    def check() -> None:
+        require_positive("step", step, "give the longest step in s")
+        check_span(start_time, end_time)
+        save.times_between(start_time, end_time)
+        check_numbers(scene, state)
+        require_restitution(scene, restitution)
+
+    # Known numbers are checked now. Checks of traced numbers become a condition of the program.
+    admissible = in_domain(check)
+    # The following need values of numbers, which traced numbers lack.
+    if not traced:
+        shortest = (float(end_time) - float(start_time)) / MOST_STEPS
+        expected = f"at least {shortest:.1g} s, a part in {MOST_STEPS:.0g} of the span"
+        remedy = "give a longer step in s, or an earlier end_time"
+        require(bool(float(step) >= shortest), "step", step, expected, remedy)
+        times = save.times_between(start_time, end_time)
+        redundant_constraints = check_start(scene, state, start_time, coordinates)
+    formulation = Formulation(
+        coordinates, redundant=bool(redundant_constraints) if redundant is None else redundant
+    )
+    between = jnp.asarray([] if times is None else times)
+    stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
+    chosen = None if restitution is None else _array(restitution)
+    run = run_compiled(
+        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
+    )
+    inner = None if times is None else stops[1:-1]
+    solution = _solution(*run, inner, formulation, redundant_constraints)
+    return solution if traced else _reported(jax.device_get(solution), scene, throw)
+
+
+def _solution(
+    end: RigidRun,
+    stops: RigidStop,
+    times: Float[jax.Array, " times"] | None,
+    formulation: Formulation,
+    redundant_constraints: tuple[str, ...],
+) -> NonsmoothSolution:
+    """Return the solution of a run, with the states at the inner stops as saved states.
+
+    **Arguments:** `end`: the run at its end; `stops`: states at the N times to save at and, last,
+    at the end; `times`: (N,) s, the times to save at, or ``None``; `formulation`,
+    `redundant_constraints`: stored in the solution.
+    """
+    saved, history, count = None, None, None
+    if times is not None:
+        # The last stop is the end of the run, which is not a saved state.
+        rows = jax.tree.map(lambda leaf: leaf[:-1], stops)
+        # If the run failed, all rows from the failure on have its result code and no meaning.
+        history, count = rows.totals, (rows.result == RESULTS.successful).sum()
+        # Rigid contacts have no entry speeds, but a saved state lists one for each contact.
+        entry_speeds = each_label(
+            lambda name, label: jnp.zeros_like(rows.totals[name][label].impulse), rows.totals
+        )
+        saved = Trajectory(times, State(rows.bodies, entry_speeds))
+    return NonsmoothSolution(
+        time=end.t,
+        final=State(jax.tree.map(lambda leaf: leaf[-1], stops.bodies)),
+        result=end.result,
+        steps=end.steps,
+        saved=saved,
+        history=history,
+        saved_count=count,
+        contacts=end.totals,
+        residual=end.residual,
+        formulation=formulation,
+        redundant_constraints=redundant_constraints,
+    )
+
+
+def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
+    """Return a solution unchanged, after a check of how its run ended.
+
+    A warning is issued for each journal that has left its bearing.
+
+    **Raises:** `SimulationError` if the run failed and `throw` is set.
+    """
+    saved = solution.saved
+    rows = [] if saved is None else [(saved.times, saved.states)]
+    warn_of_journals_outside(scene, solution.time, solution.final, rows)
+    if throw:
+        raise_failure(solution)
+    return solution
+
+
+def _array(value: ArrayLike) -> jax.Array:
+    return jnp.asarray(value, dtype=float)

@@ -1,0 +1,330 @@
+"""Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
+its quantiles over time. They are updated at every accepted step of a run.
+
+A tally is the data that a reduction carries from step to step. An `Instant` is a scene with its
+motion at one time of a run, from which quantities are computed.
+"""
+
+import math
+from typing import NamedTuple, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._compilation import traced_once
+from ..._fields.checks import as_number, require, require_finite
+from ..._math.interpolation import Parabola, Point, highest_after
+from ..._math.vectors import Scalar
+from ...quantities.base import Instant, Quantity, numbers, require_quantity
+from .base import AbstractWindowedReduction
+
+GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
+GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
+"""Gauss quadrature with three points: nodes on the interval -1 to 1, and weights of sum 1."""
+
+
+class AbstractQuantityReduction(AbstractWindowedReduction):
+    """Base class of reductions of one quantity over a window of time.
+
+    **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
+    `after`, `until`: s, start and end of the window, by default those of the run.
+
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
+    single number, or if `until` is not later than `after`.
+    """
+
+    quantity: Quantity = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+
+    def __check_init__(self):
+        require_quantity("quantity", self.quantity)
+
+    def _value(self, now: Instant) -> Scalar:
+        return jnp.asarray(self.quantity(now), dtype=float)
+
+
+class PeakTally(NamedTuple):
+    """Tally of `Peak` after an accepted step.
+
+    - `highest`, `time`: the highest value in the window so far, and the time there, s. The value is
+      minus infinity until the run reaches the window.
+    - `last`, `now`: the value at the end of the step, and the time there, s.
+    - `last_before`, `before`: the value at the start of the step, and the time there, s.
+    """
+
+    highest: Scalar
+    time: Scalar
+    last: Scalar
+    now: Scalar
+    last_before: Scalar
+    before: Scalar
+
+
+class Peak(AbstractQuantityReduction):
+    """Largest value of a quantity in a run, with the time at which it occurs.
+
+    The results are named "" (the value) and "time" (s). The peak may lie between the ends of a
+    step: it is searched for in the solver's dense output. At usual tolerances the peak of a contact
+    force agrees with that of an `ImpactTable`, an output of sweeps, to 1e-6 of its value.
+
+    ```python
+    import clearjoint as cj
+
+    force = cj.quantities.ContactForce("shoulder")
+    outputs = {"force": cj.Peak(force, "N", after=0.5)}  # "force", and "force_time" in s
+    ```
+
+    **Arguments:**
+
+    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
+    - `after`, `until`: s, the window of time, by default the whole run; each a number, or a
+      function of the scene, such as ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a
+      window of its own in each run of a sweep. If a step crosses an edge of the window, only its
+      part inside counts. Both results are NaN if the run covers no part of the window.
+
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
+    single number, or if `until` is not later than `after`.
+
+    >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
+    >>> peak.units()
+    {'': 'N', 'time': 's'}
+    """
+
+    def start(self, now: Instant) -> PeakTally:
+        """Return the tally at the start of the run. If the start is outside of the window, the
+        highest value is minus infinity."""
+        value, window = self._value(now), self._window(now)
+        highest = value
+        if not window.is_whole:
+            highest = jnp.where(window.holds(now.time), value, -jnp.inf)
+        return PeakTally(highest, now.time, value, now.time, value, now.time)
+
+    def update(self, tally: PeakTally, now: Instant) -> PeakTally:
+        """Return the tally after a step. The highest value is updated by the largest value in the
+        part of the step that is in the window."""
+        # The search also uses the value at the start of the previous step: a parabola through it
+        # and both ends of this step gives the first guess of the peak. A rejected attempt has the
+        # length zero; its tally is computed too, and discarded.
+        length = now.time - tally.now
+        earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
+        before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
+        end = Point(1.0, self._value(now))
+        # The quantity is evaluated at several instants, but traced only once.
+        value_of = traced_once(self._value)
+        first, last, window = start, end, self._window(now)
+        if not window.is_whole:
+            a, b = window.fractions(tally.now, now.time)
+            first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
+            last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
+        # Positions are fractions of the step, so the position of `before` is negative. The search
+        # is made even if no part of the step is in the window, because runs that compiled code
+        # computes side by side cannot branch. The peak is then not used.
+        peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
+        time = tally.now + peak.x * length
+        rises = peak.value > tally.highest
+        if not window.is_whole:
+            rises = rises & (last.x > first.x)
+        return PeakTally(
+            jnp.where(rises, peak.value, tally.highest),
+            jnp.where(rises, time, tally.time),
+            end.value,
+            now.time,
+            start.value,
+            tally.now,
+        )
+
+    def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
+        """Return the largest value, "", and its time, "time", s; NaN if the run covers no part of
+        the window."""
+        results = {"": tally.highest, "time": tally.time}
+        if self._window(now).is_whole:
+            return results
+        reached = tally.highest > -jnp.inf
+        return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
+
+    def units(self) -> dict[str, str]:
+        """Return the unit of the quantity for "", and "s" for "time"."""
+        return {"": self.unit, "time": "s"}
+
+
+Triplet = tuple[Scalar, Scalar, Scalar]
+StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
+"""Tally of `Statistics`: (latest time, s, and the value there), (duration inside the window, s, and
+the integrals over it of the value and of its square), (smallest and largest value)."""
+
+
+class Statistics(AbstractQuantityReduction):
+    """Mean, root mean square, smallest and largest value of a quantity over a window of time.
+
+    The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
+    In each step the quantity is approximated by the parabola through both ends and the middle.
+
+    **Arguments:**
+
+    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
+    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
+      run covers no part of the window.
+
+    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
+    single number, or if `until` is not later than `after`.
+
+    >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
+    >>> list(speed.units())
+    ['mean', 'rms', 'smallest', 'largest']
+    """
+
+    def start(self, now: Instant) -> StatisticsTally:
+        """Return the tally at the start of the run, with integrals of zero.
+
+        The smallest value is infinity and the largest minus infinity, so that the first step in the
+        window sets both. That step includes the value at its start.
+        """
+        value = self._value(now)
+        zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)
+        return (now.time, value), (zero, zero, zero), (infinite, -infinite)
+
+    def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
+        """Return the tally after a step. The part of the step that is in the window is added to the
+        integrals, and compared with the extremes."""
+        (t0, u), (duration, first, second), (smallest, largest) = tally
+        t1, v = now.time, self._value(now)
+        # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
+        # is computed too, and discarded.
+        arc = Parabola.through(u, self._value(now.middle), v)
+        length = jnp.where(t1 > t0, t1 - t0, 1.0)
+        a, b = self._window(now).fractions(t0, t1)
+        inside = b > a
+        h = jnp.where(inside, (b - a) * length, 0.0)
+        # Three Gauss nodes integrate the parabola and its square exactly.
+        values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in GAUSS_NODES]
+        pairs = list(zip(GAUSS_WEIGHTS, values, strict=True))
+        sums = (
+            duration + h,
+            first + h * sum(weight * value for weight, value in pairs),
+            second + h * sum(weight * value * value for weight, value in pairs),
+        )
+        low, high = arc.extremes(a, b)
+        smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
+        largest = jnp.where(inside, jnp.maximum(largest, high), largest)
+        return (t1, v), sums, (smallest, largest)
+
+    def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
+        """Return "mean", "rms", "smallest" and "largest" over the part of the window that the run
+        reached; NaN if there is no such part."""
+        del now
+        _, (duration, first, second), (smallest, largest) = tally
+        reached = duration > 0.0
+        length = jnp.where(reached, duration, jnp.nan)
+        return {
+            "mean": first / length,
+            "rms": jnp.sqrt(second / length),
+            "smallest": jnp.where(reached, smallest, jnp.nan),
+            "largest": jnp.where(reached, largest, jnp.nan),
+        }
+
+    def units(self) -> dict[str, str]:
+        """Return the unit of the quantity for each of the four results."""
+        return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
+
+
+QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
+"""Tally of `Quantiles`: (latest time, s, and the value there), the duration inside the window, s,
+and the part of that duration for which the quantity was below each edge, s, (K,)."""
+
+
+class Quantiles(AbstractQuantityReduction):
+    """Quantiles of a quantity over time: values below which it stays for given parts of the time.
+
+    Each result is named after its level in six significant digits, such as "0.5" for the median,
+    and has the unit of the quantity. In each step the quantity is approximated by the parabola
+    through both ends and the middle. The time for which the quantity is below each of the `edges`
+    is added up. A quantile is interpolated between the two edges that enclose it, with an error
+    less than the distance of these edges. A quantile below the first edge or above the last edge is
+    NaN: widen the edges. Memory does not grow with the number of steps.
+
+    For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
+    quantiles are exact.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+
+    edges = [0.0, *np.geomspace(1.0, 1e5, 200)]  # N: error of 6 % at most above 1 N
+    force = cj.quantities.ContactForce("shoulder")
+    outputs = {"force": cj.Quantiles(force, "N", edges, levels=(0.5, 0.99), after=0.5)}
+    ```
+
+    **Arguments:**
+
+    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
+    - `edges`: (K,) increasing values in `unit`, K at least 2. Memory and time of a step grow with
+      K.
+    - `levels`: for each quantile, the part of the time, between 0 and 1, for which the quantity is
+      below it.
+    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
+      run covers no part of the window.
+
+    **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
+    if there is no level, one that is not above 0 and below 1, or two that are equal in six digits;
+    if `quantity` is not a function, if `after` or `until` is NaN or not a single number, or if
+    `until` is not later than `after`.
+    """
+
+    edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
+    levels: tuple[float, ...] = eqx.field(static=True, converter=numbers, default=(0.5, 0.95))
+
+    def __check_init__(self):
+        edges, remedy = np.asarray(self.edges), "sort them, two at least, none of them twice"
+        require_finite("edges", edges)
+        rising = len(edges) > 1 and bool((np.diff(edges) > 0).all())
+        require(rising, "edges", self.edges, "rising", remedy)
+        levels = np.asarray(as_number(self.levels))
+        parts = len(levels) > 0 and bool(((levels > 0) & (levels < 1)).all())
+        require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
+        # The results are named after the levels, so that equal ones would hide each other.
+        distinct = len(self.units()) == len(levels)
+        require(distinct, "levels", self.levels, "different in six digits", "remove repeated ones")
+
+    def start(self, now: Instant) -> QuantilesTally:
+        """Return the tally at the start of the run, with durations of zero."""
+        return (now.time, self._value(now)), jnp.zeros(()), jnp.zeros(len(self.edges))
+
+    def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
+        """Return the tally after a step. The part of the step that is in the window is added to the
+        durations."""
+        (before, value), duration, below = tally
+        end, length = self._value(now), now.time - before
+        arc = Parabola.through(value, self._value(now.middle), end)
+        a, b = self._window(now).fractions(before, now.time)
+        inside = jnp.where(b > a, length, 0.0)
+        # `inside` is the length of the whole step, or zero if no part of it is in the window. For
+        # each edge, `part_below` returns the fraction of the step that is between a and b and in
+        # which the quantity is below the edge.
+        added = inside * arc.part_below(jnp.asarray(self.edges), a, b)
+        return (now.time, end), duration + inside * (b - a), below + added
+
+    def results(self, tally: QuantilesTally, now: Instant) -> dict[str, Scalar]:
+        """Return the quantile of each level by name, such as "0.95"; NaN if the quantile is outside
+        of the edges, or if the run covers no part of the window."""
+        del now
+        _, duration, below = tally
+        edges, last = jnp.asarray(self.edges), len(self.edges) - 1
+        quantiles = {}
+        for level in self.levels:
+            target = level * duration
+            # k edges are below the quantile. It is interpolated between edge k - 1 and edge k; k is
+            # clipped so that both exist, and the result is replaced by NaN if the clip was needed.
+            k = jnp.sum(below < target)
+            above = jnp.clip(k, 1, last)
+            low, high = below[above - 1], below[above]
+            part = (target - low) / jnp.where(high > low, high - low, 1.0)
+            value = edges[above - 1] + part * (edges[above] - edges[above - 1])
+            enclosed = (k >= 1) & (k <= last)
+            quantiles[f"{level:g}"] = jnp.where(enclosed, value, jnp.nan)
+        return quantiles
+
+    def units(self) -> dict[str, str]:
+        """Return the unit of the quantity for each level."""
+        return {f"{level:g}": self.unit for level in self.levels}

@@ -1,0 +1,641 @@
+"""Observation of a motion: contacts, reactions, accelerations, drift and energies at given times.
+
+`observe` computes an `Observation` from the solution of a run.
+"""
+
+import enum
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import PyTree
+
+from ..._dynamics.absolute_coordinates import AbsoluteCoordinates
+from ..._dynamics.bristles import initial_bristles
+from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.energy import bristle_energy, mechanical_energy
+from ..._dynamics.equations_of_motion import Dynamics
+from ..._dynamics.formulation import Formulation
+from ..._dynamics.multipliers import row_rate
+from ..._dynamics.system import System
+from ..._export.datasets import (
+    COMPONENT,
+    COMPONENTS,
+    AbstractTabular,
+    Labelled,
+    labelled_dataset,
+    texts,
+)
+from ..._fields.checks import as_shown, require
+from ..._fields.objects import described, with_arrays
+from ..._math.smoothing import norm_and_direction
+from ..._math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
+from ..._model.bodies import GROUND, State
+from ..._model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
+from ..._model.scene import Scene
+from ..._native import Native, over_rows
+from ...quantities.base import Instant, Quantity, check_quantity
+from ...quantities.joints import constraint_wrenches
+from ..step.types import Flags, Integers, Numbers, Vectors
+from .nonsmooth_solution import NonsmoothSolution
+from .solution import CONTACTS, Solution, Trajectory, by_contact
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+VARIABLES = {
+    "force": "reaction_force",
+    "moment": "reaction_moment",
+    "linear": "acceleration",
+    "angular": "angular_acceleration",
+}
+"""Variable of the dataset for each field of `Load` and `AccelerationSeries`."""
+
+
+class MotionMode(enum.IntEnum):
+    """Mode of motion of a journal: which of its two end circles (bases) touch the bearing's wall.
+
+    - `FREE_FLIGHT`: neither base touches the wall.
+    - `ONE_BASE`: one base touches the wall.
+    - `LINE_CONTACT`: both bases touch the wall on the same side of the bearing.
+    - `OPPOSITE_SIDES`: both bases touch the wall, on opposite sides, so the journal is tilted.
+
+    >>> cj.results.MotionMode(2).name
+    'LINE_CONTACT'
+    """
+
+    FREE_FLIGHT = 0
+    ONE_BASE = 1
+    LINE_CONTACT = 2
+    OPPOSITE_SIDES = 3
+
+
+class ContactObservation(eqx.Module):
+    """One contact of a clearance joint at N times.
+
+    The joint connects a bearing on its first body and a journal on its second body. In other
+    joints, such as a pin in a slot, these words stand for the surfaces of the first and the second
+    body. The bases of a journal are its end circles, each of which is a contact. Equation numbers
+    are those of Flores et al. 2006.
+
+    - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
+    - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
+    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11). For a
+      contact between the bases, it is the distance of the contact's point on the journal's axis.
+      ``None`` for all other contacts.
+    - `offset`: (N, 3) m, vector from the bearing's centre to the same point of the journal's axis,
+      in the frame of the bearing: two components across the bearing's axis, then the one along it.
+      ``None`` if `eccentricity` is ``None``.
+    - `normal_force`: (N,) N, magnitude.
+    - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
+    - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
+      penetrates the first; for a base of a journal, from the bearing's axis to the contact.
+    - `point_on_bearing`, `point_on_journal`: (N, 3) m, the nearest points of the two surfaces, in
+      global coordinates.
+    """
+
+    penetration: Numbers = described("m", "penetration, negative in flight")
+    penetration_rate: Numbers = described("m/s", "rate of the penetration")
+    eccentricity: Numbers | None = described(
+        "m", "distance of the base's centre from the bearing's axis"
+    )
+    offset: Vectors | None = described("m", "the base's centre in the bearing's frame")
+    normal_force: Numbers = described("N", "normal force")
+    friction_force: Vectors | None = described("N", "friction force on the journal, global")
+    normal: Vectors = described("1", "direction from bearing axis to contact, global")
+    point_on_bearing: Vectors = described("m", "contact point on the bearing, global")
+    point_on_journal: Vectors = described("m", "contact point on the journal, global")
+
+
+class Load(eqx.Module):
+    """Reaction of an ideal joint on one of its bodies at N times.
+
+    - `force`: (N, 3) N, in global axes.
+    - `moment`: (N, 3) N m, about the body's centre of mass, in body axes.
+    """
+
+    force: Vectors = described("N", "force of an ideal joint on a body, global")
+    moment: Vectors = described("N m", "its moment about the centre of mass, body axes")
+
+
+class AccelerationSeries(eqx.Module):
+    """Acceleration of a body at N times.
+
+    - `linear`: (N, 3) m/s^2, of the centre of mass, in global axes.
+    - `angular`: (N, 3) rad/s^2, time derivative of the angular velocity, in body axes.
+    """
+
+    linear: Vectors = described("m/s^2", "of the centre of mass, global")
+    angular: Vectors = described("rad/s^2", "of the body, body axes")
+
+
+class Observation(eqx.Module, AbstractTabular):
+    """Contacts, reactions, accelerations, constraint drift and energies of a motion at N times.
+
+    The keys of the dictionaries are names of joints, bodies and energies, and labels of contacts,
+    such as "V".
+
+    - `times`: (N,) s.
+    - `contacts[joint][contact]`: a `ContactObservation`.
+    - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
+    - `reactions[joint][body]`: the `Load` that the constraints of a joint exert on each of its
+      bodies except the ground (Flores et al. 2006, eq. 31). Ideal joints, drivers, and clearance
+      joints that hold their journal axially have constraints.
+    - `interpolated`: (N,), that of the observed `Trajectory`, see there; ``None`` for states that
+      were computed.
+    - `reactions_unique`: whether the reactions are unique. They are not if some constraints are
+      redundant; those of least norm are then given.
+    - `accelerations[body]`: an `AccelerationSeries`.
+    - `drift[joint]`: (N,), for each joint with constraints, the largest magnitude of the values of
+      its constraint equations, which are zero for an exact solution. Values are in m, in rad, or
+      without unit, depending on the equation.
+    - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations,
+      in the same unit per s.
+    - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
+      where the scene has them, and "mechanical" is their sum. If the run integrated the energy
+      ledger (`Settings(ledger=True)`), there are also its integrals since the start of the run, or
+      of the earliest run if this one continues others: the dissipated energies "normal damping",
+      "friction", "film" and "stabilisation", and the energy "supplied" by drives and loads.
+      "friction" does not contain the energy stored in bristles.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
+    >>> observed = cj.observe(scene, solution)
+    >>> list(observed.energies)
+    ['contacts', 'gravity', 'kinetic', 'mechanical']
+    """
+
+    times: Numbers
+    contacts: dict[str, dict[str, ContactObservation]]
+    modes: dict[str, Integers]
+    reactions: dict[str, dict[str, Load]]
+    accelerations: dict[str, AccelerationSeries]
+    drift: dict[str, Numbers]
+    drift_rate: dict[str, Numbers]
+    energies: dict[str, Numbers]
+    reactions_unique: bool = eqx.field(static=True)
+    interpolated: Flags | None = None
+
+    def __repr__(self) -> str:
+        """Return text with the number of times, the first and the last time, and the names of
+        joints, bodies and energies.
+
+        If the times are unknown, as while JAX traces, or if there are no times, the text shows the
+        fields as equinox does.
+        """
+        if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
+            return eqx.tree_pformat(self)
+        first, last = as_shown(np.asarray(self.times)[[0, -1]])
+        lines = [f"Observation at {len(self.times)} instants from {first} s to {last} s"]
+        for name in ("contacts", "reactions", "accelerations", "drift", "energies"):
+            if part := getattr(self, name):
+                lines.append(f"{name}: {', '.join(map(repr, part))}")
+        return "\n  ".join(lines)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the observation as an `xarray.Dataset` with units.
+
+        All variables have the dimension "time", and vectors have "component" ("x", "y", "z") last.
+        The second dimension is
+
+        - "contact", with labels such as "pin V", for `penetration`, `normal_force` and the other
+          fields of `ContactObservation`. A contact without such a field has NaN there;
+        - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
+        - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
+        - "body" for `acceleration` and `angular_acceleration`;
+        - "energy_term" for `energy`.
+
+        Variables of elements that the scene lacks are left out. The attribute "comment" of the
+        reactions says whether they are unique.
+
+        See `AbstractTabular` for the export to other formats.
+        """
+        # Dictionaries of joints and contacts, or joints and bodies, become one dimension of labels.
+        contacts = by_contact(self.contacts)
+        reactions = {
+            f"{joint} on {body}": load
+            for joint, by_body in self.reactions.items()
+            for body, load in by_body.items()
+        }
+        unique = "unique" if self.reactions_unique else "of least norm, since joints are redundant"
+        modes = [np.asarray(mode, np.int8) for mode in self.modes.values()]
+        flags = {
+            "flag_values": np.array([mode.value for mode in MotionMode], np.int8),
+            "flag_meanings": " ".join(mode.name.lower() for mode in MotionMode),
+        }
+        # For each variable: its second dimension, the series along it, unit, description and
+        # further attributes.
+        of_drift = "largest |Phi| of the joint, in m, rad or without unit"
+        of_rate = "largest |rate of Phi| of the joint, in m/s, rad/s or 1/s"
+        rows: dict[str, tuple[Any, ...]] = {
+            **_rows_of(ContactObservation, contacts, CONTACTS),
+            "mode": ("journal", modes, None, "mode of the journal", flags),
+            **_rows_of(Load, reactions, "reaction", {"comment": unique}),
+            **_rows_of(AccelerationSeries, self.accelerations, "body"),
+            # Equations of one joint have different units, so that drift has no unit of its own.
+            "drift": ("joint", [*self.drift.values()], None, of_drift),
+            "drift_rate": ("joint", [*self.drift_rate.values()], None, of_rate),
+            "energy": ("energy_term", [*self.energies.values()], "J", "energies and their ledger"),
+        }
+        # A variable is left out if the scene has no element with such a series.
+        variables = {
+            name: _stacked(*row)
+            for name, row in rows.items()
+            if any(series is not None for series in row[1])
+        }
+        labels = {
+            CONTACTS: contacts,
+            "journal": self.modes,
+            "reaction": reactions,
+            "body": self.accelerations,
+            "joint": self.drift,
+            "energy_term": self.energies,
+            COMPONENT: COMPONENTS,
+        }
+        # A scene without contacts, for example, has no variable along "contact", and needs no
+        # labels for it.
+        used = {dim for variable in variables.values() for dim in variable.dims}
+        coordinates = {d: Labelled((d,), texts([*own])) for d, own in labels.items() if d in used}
+        times = {"time": Labelled(("time",), self.times, "s", "time")}
+        return labelled_dataset("observation of a motion", variables, {**times, **coordinates})
+
+    def ledger_residual(self) -> Numbers:
+        """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
+
+        The balance is the mechanical plus the dissipated energy less the supplied one. The result
+        is the change of the balance since the first time. It is zero for an exact solution of a run
+        with the ledger. Without the ledger, it is the change of the mechanical energy.
+
+        At the `interpolated` times it is interpolated too, between those at the ends of steps,
+        since the energies of interpolated states do not fit the integrals of the ledger. If all
+        times are `interpolated`, it includes the error of the interpolation.
+        """
+        losses = ("normal damping", "friction", "film", "stabilisation")
+        dissipated = sum(self.energies.get(name, 0.0) for name in losses)
+        balance = self.energies["mechanical"] + dissipated - self.energies.get("supplied", 0.0)
+        if self.interpolated is not None and not np.all(self.interpolated):
+            # The balance of interpolated states would be off by far more than the run's error.
+            ends = ~np.asarray(self.interpolated)
+            balance = np.interp(self.times, self.times[ends], np.asarray(balance)[ends])
+        return balance - balance[:1]
+
+
+def _rows_of(
+    kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
+) -> dict[str, tuple[Any, ...]]:
+    """Return for each field of the class `kind`, by the name of its variable: the dimension along
+    the parts, the field of each part, its unit, its description, and `attributes`."""
+    rows = {}
+    for f in fields(kind):
+        series = [getattr(part, f.name) for part in parts.values()]
+        rows[VARIABLES.get(f.name, f.name)] = dim, series, *f.metadata.values(), *attributes
+    return rows
+
+
+def _stacked(
+    dim: str,
+    series: Sequence[Numbers | Vectors | None],
+    unit: str | None,
+    text: str,
+    attributes: Mapping[str, object] = {},
+) -> Labelled:
+    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
+    is ``None`` becomes NaN.
+
+    **Arguments:** `dim`: name of the second dimension; `series`: the K series, not all ``None``;
+    `unit`, `text`, `attributes`: unit, description and further attributes of the variable.
+    """
+    known = next(np.asarray(one) for one in series if one is not None)
+    lacking = np.full(known.shape, np.nan)
+    values = np.stack([lacking if one is None else np.asarray(one) for one in series], 1)
+    return Labelled(("time", dim, COMPONENT)[: values.ndim], values, unit, text, attributes)
+
+
+Parts = TypeVar("Parts")
+CHUNK = 512
+"""Number of states for which one call of a compiled program computes results. It is the same in all
+calls, so that one program serves any number of states. A smaller number would take more calls, and
+a larger one would compute more states only to fill up the last call."""
+
+
+def observe(
+    scene: Scene, solution: Solution | NonsmoothSolution, trajectory: Trajectory | None = None
+) -> Observation:
+    """Compute contacts, reactions, accelerations, drift and energies along a solution.
+
+    Solutions contain positions and velocities, from which this function computes these results.
+    Drift is the violation of the constraint equations.
+
+    The equations of motion are solved again at each state, always in absolute coordinates. In these
+    every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
+    if the run used coordinates that need no equations for this joint. Therefore the reactions of
+    redundant joints do not depend on the coordinates of the run.
+
+    **Arguments:**
+
+    - `scene`: the scene that was simulated.
+    - `solution`: the result of `simulate` or `simulate_nonsmooth`. Contacts of the latter are rigid
+      and have impulses instead of forces, so that the contact forces, accelerations and reactions
+      computed here are meaningless while a contact touches.
+    - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
+      step; by default the saved states, `solution.saved`.
+
+    **Returns:** an `Observation` of NumPy arrays, whose first axis has the length N.
+
+    **Raises:** `ValueError` if `solution` is of another type, and if neither `trajectory` is given
+    nor states were saved.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
+    >>> observed = cj.observe(scene, solution)
+    >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
+    0.51 mm
+    """
+    kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
+    require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
+    trajectory = solution.saved if trajectory is None else trajectory
+    expected, given = "one with states to observe", "without saved states"
+    remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
+    require(trajectory is not None, "solution", given, expected, remedy)
+    assert trajectory is not None
+    absolute, states = absolute_formulation(solution), trajectory.states
+    # All but the energy ledger follows from each state alone. The ledger holds integrals over the
+    # run (`work`), so it is left out here and its entries are added at the end.
+    times_and_states = (
+        np.asarray(trajectory.times),
+        State(states.bodies, states.entry_speeds, bristles=states.bristles),
+    )
+    # The program is compiled for the exact zeros and ones of the scene, which need no operations.
+    folded_scene, unique = fold_constants(with_arrays(scene)), not solution.redundant_constraints
+    observation = in_chunks(observe_compiled, (folded_scene, absolute, unique), times_and_states)
+    integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
+    if "friction" in integrals:
+        # The ledger counts the elastic energy of bristles as dissipated by friction until they
+        # release it. The observation has it as "bristles", so it is not counted a second time.
+        elastic = observation.energies.get("bristles", 0.0)
+        integrals["friction"] = integrals["friction"] - elastic
+    energies = {**observation.energies, **integrals}
+    return replace(observation, energies=energies, interpolated=trajectory.interpolated)
+
+
+def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
+    """Return the formulation of the equations of motion that a solution was computed with, but in
+    absolute coordinates and without an energy ledger.
+
+    In absolute coordinates every ideal joint has constraint equations, and thus reactions.
+    """
+    used = solution.formulation
+    return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
+
+
+def in_chunks(
+    programs: "ByNumber[Parts]", fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
+) -> Parts:
+    """Apply a compiled program to N times and states, `CHUNK` of them in each call.
+
+    The arguments of the program always have the same shapes, so that a different number N does not
+    compile the program again.
+
+    **Arguments:** `programs`: the program, a function of `fixed`, of the number of states to look
+    at, and of `CHUNK` times and states, whose results have a first axis of length `CHUNK`; `rows`:
+    times, (N,) s, and states whose leaves have a first axis of length N.
+
+    **Returns:** the results of all calls as NumPy arrays, joined to a first axis of length N.
+    """
+    count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
+
+    def chunk(rows: np.ndarray, first: int) -> np.ndarray:
+        # Repeats rows to fill up the last chunk; makes zeros if there is no row at all.
+        return np.resize(rows[first : first + CHUNK], (CHUNK, *rows.shape[1:]))
+
+    parts = []
+    for first in range(0, max(count, 1), CHUNK):
+        part = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
+        here = np.asarray(min(CHUNK, count - first))
+        parts.append(jax.device_get(programs.of(count)(*fixed, here, *part)))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
+
+
+FEW = 4096
+"""Largest number of states for which programs are compiled fast, and then run up to four times as
+long. For ten joints with backlash, LLVM takes 0.6 s instead of 80 s, and a state 8 ms instead of
+2 ms."""
+
+
+class ByNumber(Generic[Parts]):
+    """A function of many times and states, as two programs: one that is compiled fast, for at most
+    `FEW` states, and one that runs fast, for more. The results of both have equal bits.
+
+    **Arguments:** `function`, `warns`: as in `Native`.
+    """
+
+    def __init__(self, function: Callable[..., Parts], warns: bool = True):
+        self._few, self._many = (Native(function, warns, few_runs) for few_runs in (True, False))
+
+    def of(self, count: int) -> Native[..., Parts]:
+        """Return the program for a number of states."""
+        return self._few if count <= FEW else self._many
+
+
+# If native code cannot be made, XLA compiles this function. No warning is issued then, because an
+# observation takes little time compared with a run.
+@partial(ByNumber, warns=False)
+def observe_compiled(
+    folded_scene: ConstantFolded,
+    absolute: Formulation,
+    unique: bool,
+    count: Scalar,
+    times: Numbers,
+    states: State,
+) -> Observation:
+    """Return the observation at given times and states, without the integrals of the energy ledger.
+
+    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
+    `absolute`: the formulation in absolute coordinates; `unique`: the value of
+    `Observation.reactions_unique`; `count`: number of times and states to observe; `times`: (N,) s;
+    `states`: the N states, with vectors as arrays (N, 3).
+    """
+    scene = unpack(folded_scene)
+    system = System(scene, absolute)
+
+    def at(t: Scalar, state: State) -> Observation:
+        """Return the observation at one time t, s; its arrays have no axis of times."""
+        # The deflections of bristles are those of the state, and zero for contacts without any.
+        bristles = initial_bristles(scene, unpack(state.bristles))
+        variables = system.encode(unpack(state.bodies))
+        dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)
+        motions, forces = dynamics.motions, dynamics.contact_forces
+        energies = mechanical_energy(scene, motions, t)
+        if (elastic := bristle_energy(scene, motions, forces, bristles)) is not None:
+            energies["bristles"] = elastic
+        # The sum is taken before the integrals of the ledger are added, in `observe`.
+        energies["mechanical"] = sum(energies.values())
+        drift, drift_rate = _drift(dynamics)
+        accelerations = {
+            name: AccelerationSeries(pack(part.linear), pack(part.angular))
+            for name, part in dynamics.accelerations.items()
+        }
+        reactions = {
+            joint: {
+                body: Load(pack(wrench.force), pack(wrench.moment))
+                for body, wrench in constraint_wrenches(dynamics, joint).items()
+                if body != GROUND
+            }
+            for joint in dynamics.rows
+        }
+        observation = Observation(
+            times=t,
+            contacts=_contacts(scene, dynamics),
+            modes=_modes(scene, dynamics),
+            reactions=reactions,
+            accelerations=accelerations,
+            drift=drift,
+            drift_rate=drift_rate,
+            energies=energies,
+            reactions_unique=unique,
+        )
+        return jax.tree.map(jnp.asarray, observation)
+
+    return over_rows(at, count, times, states)
+
+
+def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
+    """Return all contacts at one instant, by joint and label.
+
+    **Arguments:** `dynamics`: the solved equations of motion, with the forces of all contacts.
+    """
+    observations: dict[str, dict[str, ContactObservation]] = {}
+    for name, family in dynamics.contact_forces.items():
+        joint = scene.contact_joints()[name]
+        first, second = (dynamics.motions[body] for body in joint.pair())
+        observations[name] = {}
+        # Only contacts at the bases, and at points between them, belong to a point of the journal's
+        # axis, whose offset from the bearing is observed. Others, such as shoulders, have none.
+        on_axis = axial_positions(family) if isinstance(joint, HasJournal) else {}
+        for label, force in family.items():
+            contact = force.contact
+            eccentricity = offset = None
+            if isinstance(joint, HasJournal) and label in on_axis:
+                # In the frame of the bearing z is along the axis, so x and y are the eccentricity.
+                across = joint.journal_offset(dynamics.motions, label)
+                eccentricity = norm_and_direction(Vector(across.x, across.y, 0.0))[0]
+                offset = pack(across)
+            observations[name][label] = ContactObservation(
+                penetration=contact.gap.depth,
+                penetration_rate=contact.gap.rate,
+                eccentricity=eccentricity,
+                offset=offset,
+                normal_force=force.normal_force,
+                friction_force=None if force.friction is None else pack(force.friction),
+                normal=pack(contact.normal),
+                point_on_bearing=pack(first.point(contact.arm_first)),
+                point_on_journal=pack(second.point(contact.arm_second)),
+            )
+    return observations
+
+
+def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
+    """Return the `MotionMode` of each journal at one instant, by joint."""
+    modes = {}
+    for name, joint in scene.joints.items():
+        if isinstance(joint, HasJournal):
+            v, w = (dynamics.contact_forces[name][base].contact for base in BASES)
+            touches_v, touches_w = v.gap.depth > 0.0, w.gap.depth > 0.0
+            # If the normals at both bases point to the same side, the journal lies along a line of
+            # the wall; otherwise it is tilted from one side to the other.
+            both = jnp.where(
+                v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
+            )
+            one = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
+            modes[name] = jnp.where(touches_v & touches_w, both, one)
+    return modes
+
+
+def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
+    """Return two dictionaries by joint: the largest magnitude of the values of its constraint
+    equations, and that of their time derivatives. Both are zero for an exact solution."""
+
+    def largest(values: list[Scalar]) -> Scalar:
+        return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
+
+    values, rates = {}, {}
+    for name, rows in dynamics.rows.items():
+        values[name] = largest([row.value for row in rows.values()])
+        rates[name] = largest([row_rate(row, dynamics.motions) for row in rows.values()])
+    return values, rates
+
+
+def values_along(
+    scene: Scene,
+    solution: Solution,
+    quantity: Quantity,
+    trajectory: Trajectory,
+    rates: bool = False,
+) -> np.ndarray:
+    """Return the values of a quantity at the N states of a trajectory, (N,), in its unit, or with
+    `rates` their time derivatives, in this unit per s.
+
+    Time derivatives are total derivatives along the motion, by the chain rule through time,
+    positions and velocities. Entry speeds of contacts, deflections of bristles and integrals of the
+    energy ledger count as constant.
+
+    **Arguments:** `scene`: the scene that was simulated; `solution`: its solution, of which only
+    the formulation is used; `quantity`: a scalar function of an `Instant`, the scene with its
+    motion at one time; `trajectory`: N times and states, such as `solution.saved` or
+    `solution.steps`.
+
+    **Raises:** `ValueError` if the quantity names an element that the scene lacks.
+    """
+    check_quantity("quantity", quantity, scene)
+    fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
+    rows = np.asarray(trajectory.times), trajectory.states
+    return np.asarray(in_chunks(along_compiled, fixed, rows))
+
+
+@ByNumber
+def along_compiled(
+    folded_scene: ConstantFolded,
+    absolute: Formulation,
+    quantity: Quantity,
+    rates: bool,
+    count: Scalar,
+    times: Numbers,
+    states: State,
+) -> Numbers:
+    """Return the values of a quantity at the first `count` of N times and states, (N,), or with
+    `rates` their time derivatives.
+
+    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
+    `absolute`: the formulation in absolute coordinates; `times`: (N,) s; `states`: the N states,
+    with vectors as arrays (N, 3).
+    """
+    system = System(unpack(folded_scene), absolute)
+
+    def at(t: Scalar, state: State) -> Numbers:
+        variables = system.encode(unpack(state.bodies))
+        bristles = initial_bristles(system.scene, unpack(state.bristles))
+
+        def value(t: Scalar, variables: MotionVariables) -> Numbers:
+            now = Instant(system, t, variables, state.entry_speeds, unpack(state.work), bristles)
+            return jnp.asarray(quantity(now), dtype=float)
+
+        if not rates:
+            return value(t, variables)
+        speeds, _ = system.rates(variables, state.entry_speeds, t, bristles=bristles)
+        # The direction of the derivative is that of the motion: time advances at the rate 1, and
+        # the variables at their rates. `jax.jvp` demands floats, but components may be Python
+        # numbers.
+        point, along = jax.tree.map(
+            lambda number: jnp.asarray(number, dtype=float), ((t, variables), (1.0, speeds))
+        )
+        return jax.jvp(value, point, along)[1]
+
+    return over_rows(at, count, times, states)

@@ -1,0 +1,586 @@
+"""Results of runs: trajectory, crossings of sections, solution, and the error of a run that
+failed."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.core import Tracer
+
+# Hermite's polynomials are declared for scalars; they are elementwise in arrays.
+# pyright: reportArgumentType=false, reportCallIssue=false
+from jaxtyping import Float, Int, PyTree
+
+from ..._dynamics.formulation import Formulation
+from ..._export.datasets import (
+    COMPONENT,
+    COMPONENTS,
+    AbstractTabular,
+    Labelled,
+    Notes,
+    labelled_dataset,
+    texts,
+)
+from ..._fields.checks import as_shown, require
+from ..._fields.objects import AbstractReadable
+from ..._fields.types import ArrayLike
+from ..._math.interpolation import Slope, hermite_rate, hermite_value
+from ..._math.rotations import composed
+from ..._math.vectors import EulerParameters, Scalar, pack
+from ..._model.bodies import BodyState, State
+from ..._result_codes import RESULTS, result_number
+from ..step.settings import checked_times
+from ..step.types import Flags, Numbers
+from .impact_table import Impacts
+
+T = TypeVar("T")
+STATE_PARTS = {
+    field.name: ("parameter" if field.name == "orientation" else COMPONENT, field.metadata["unit"])
+    for field in fields(BodyState)
+}
+"""Last dimension and unit of the array for each field of a `BodyState`."""
+LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
+"""Labels along the last dimension of a body's vectors and of its Euler parameters."""
+CONTACTS = "contact"
+BRISTLES = "bristle_contact"
+"""Names of the dimensions along which contacts, and contacts with bristles, are listed."""
+
+
+def contact_label(joint: str, contact: str) -> str:
+    """Return the label of a contact in tables: "joint contact", such as "pin V"."""
+    return f"{joint} {contact}"
+
+
+def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
+    """Return the entries tables[joint][contact] in one dictionary by `contact_label`."""
+    return {
+        contact_label(joint, contact): entry
+        for joint, entries in tables.items()
+        for contact, entry in entries.items()
+    }
+
+
+def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
+    """Return states as arrays with dimensions and units, by name of variable.
+
+    The variables are "position" in m, "orientation" (Euler parameters), "velocity" in m/s and
+    "spin" in rad/s of the bodies. If the states have them, there are also "entry_speed" in m/s and
+    "bristle_deflection" in m of the contacts, and "ledger" in J, the integrals of the energy
+    ledger.
+
+    **Arguments:** `states`: one state, or a state whose arrays have additional first dimensions;
+    `rows`: names of these dimensions, such as ("time",), empty for one state; `prefix`: text in
+    front of each variable's name.
+
+    **Returns:** arrays with the dimensions `rows` and then, for example, "body" and "component".
+    """
+    # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
+    # components of vectors.
+    arrays = {}
+    for field in fields(BodyState):
+        values = [np.asarray(getattr(body, field.name)) for body in states.bodies.values()]
+        dims = (*rows, "body", STATE_PARTS[field.name][0])
+        arrays[prefix + field.name] = Labelled(dims, np.stack(values, -2), *field.metadata.values())
+    if entry_speeds := by_contact(states.entry_speeds):
+        values = np.stack([*entry_speeds.values()], -1)
+        text = "speed of approach at the onset of the contact; zero in flight"
+        arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
+    if bristles := by_contact(states.bristles):
+        text = "deflection of the bristles, in the axes of the joint's first body"
+        dims = (*rows, BRISTLES, COMPONENT)
+        values = np.stack([*bristles.values()], -2)
+        arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
+    if states.work:
+        text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
+        values = np.stack([np.asarray(one) for one in states.work.values()], -1)
+        arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
+    return arrays
+
+
+def state_labels(states: State) -> dict[str, Labelled]:
+    """Return the labels along each dimension of the arrays of `state_arrays`, by name of the
+    dimension: names of bodies, labels of contacts, "x", "y", "z" and so on. A dimension without
+    labels, such as that of contacts in a scene without contacts, is left out."""
+    labels = {"body": [*states.bodies], **LABELS}
+    labels[CONTACTS] = [*by_contact(states.entry_speeds)]
+    labels[BRISTLES] = [*by_contact(states.bristles)]
+    labels["integral"] = [*states.work]
+    return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}
+
+
+FINEST = 16
+"""Number of parts into which the most curved step is divided for drawing. Dividing a step into n
+parts reduces the distance between a path and its chords to 1/n^2 of its value, here to 1/256."""
+LARGEST_ROTATION = 0.05
+"""Largest rotation of a body within one part of a step, rad, computed with the spin at the start of
+the step. Only in a step of `MOST` parts it may be larger. The largest distance between an arc of
+this angle and its chord is about 3e-4 of the arc's radius."""
+MOST = 64
+"""Largest number of parts into which a step is divided, so that a body that spins fast in a long
+step does not make the result arbitrarily long."""
+
+Times = Float[np.ndarray, " N"]
+Wanted = Float[np.ndarray, " M"]
+Rows = Int[np.ndarray, " M"]
+
+
+def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
+    """Choose times in s such that the states at these times, joined by straight lines, look like a
+    smooth curve.
+
+    The result contains the start and the end of each step, and equidistant times inside those steps
+    in which the path of a body is curved, or a body rotates by more than `LARGEST_ROTATION` at the
+    spin of the step's start. A path counts as curved if the step's length times the change of the
+    body's velocity in it is more than 1/256 of the largest such product of all steps. A step is
+    divided into `MOST` parts at most.
+
+    **Arguments:** `times`: (N,) s, not decreasing, the start of the first step and the ends of all
+    steps; `states`: the N states at these times.
+
+    **Returns:** the M times, (M,) s, not decreasing.
+    """
+    lengths = np.diff(times)
+    # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
+    # 8 times the largest distance between curve and chord.
+    bend, rotation = np.zeros(len(lengths)), np.zeros(len(lengths))
+    for body in states.bodies.values():
+        change = np.linalg.norm(np.diff(body.velocity, axis=0), axis=1)
+        bend = np.maximum(bend, lengths * change)
+        # The angle by which the body rotates in the step, rad, at the spin of the step's start.
+        rotation = np.maximum(rotation, lengths * np.linalg.norm(body.spin[:-1], axis=1))
+    # If all velocities are constant, the tiny number avoids a division by zero.
+    largest = max(bend.max(initial=0.0), np.finfo(float).tiny)
+    # n parts reduce the distance between path and chords by the factor n^2. So the number of parts
+    # is proportional to the square root of the bend.
+    parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
+    parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
+    # `part` counts the parts of each step from 0, in one array for all steps.
+    step = np.repeat(np.arange(len(parts)), parts)
+    part = np.arange(len(step)) - (np.cumsum(parts) - parts)[step]
+    inside = times[step] + part / parts[step] * lengths[step]
+    return np.append(inside, times[-1:])
+
+
+def states_between(times: Times, states: State, wanted: Wanted) -> State:
+    """Interpolate the states at M times `wanted` from the states at the ends of the steps.
+
+    Motions of bodies are interpolated by cubic Hermite polynomials. Deflections of bristles and
+    integrals of the energy ledger (energies dissipated and supplied) are interpolated linearly.
+    Entry speeds of contacts keep their values at the start of the step until its end. At a time
+    that is repeated in `times`, the last of its states is taken.
+
+    **Arguments:** `times`: (N,) s, not decreasing, N ≥ 2, the start of the first step and the ends
+    of all steps; `states`: the N states at these times; `wanted`: (M,) s, not decreasing, between
+    the first and the last of `times`.
+
+    **Returns:** a state whose arrays have a first axis of length M.
+
+    **Raises:** `ValueError` if `wanted` is empty, not one-dimensional, or decreases, or has times
+    that are not finite, or not between the first and the last of `times`.
+    """
+    wanted = checked_times(times[0], times[-1], wanted, "times")
+    # The step of a wanted time begins at the last row whose time is not later. No step begins at
+    # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
+    # last time is repeated, the last step has the length zero, for which x is set to 1.
+    left = np.clip(np.searchsorted(times, wanted, "right") - 1, 0, len(times) - 2)
+    h = (times[left + 1] - times[left])[:, None]
+    x = np.where(h > 0.0, (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0), 1.0)
+    bodies = {name: _body(body, left, x, h) for name, body in states.bodies.items()}
+    ends = np.where(x[:, 0] == 1.0, left + 1, left)
+
+    def linear(rows: np.ndarray) -> np.ndarray:
+        y = x.reshape(-1, *[1] * (rows.ndim - 1))
+        return (1.0 - y) * rows[left] + y * rows[left + 1]
+
+    entry_speeds = jax.tree.map(lambda rows: np.asarray(rows)[ends], states.entry_speeds)
+    work, bristles = jax.tree.map(
+        lambda rows: linear(np.asarray(rows)), (states.work, states.bristles)
+    )
+    return State(bodies, entry_speeds, work, bristles)
+
+
+def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
+    """Return the states of one body at M instants inside steps.
+
+    **Arguments:** `body`: the states at the ends of all steps; `left`: (M,), for each instant the
+    row of `body` at which its step begins; `x`: (M, 1), the part of the step's time before the
+    instant, 0 to 1; `h`: (M, 1) s, the length of the step.
+    """
+    positions, velocities = np.asarray(body.position), np.asarray(body.velocity)
+    ends = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
+    position, velocity = _along(*ends, x, h)
+    orientations, spins = np.asarray(body.orientation), np.asarray(body.spin)
+    first, second = orientations[left], orientations[left + 1]
+    # Both signs of Euler parameters are the same orientation: take the nearer one.
+    sign = np.where(np.sum(first * second, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    # The rate of the Euler parameters p is the quaternion product p (0, w)/2, where w is the spin.
+    rates = 0.5 * _product(orientations, np.pad(spins, ((0, 0), (1, 0))))
+    ends = Slope(first, rates[left]), Slope(sign * second, sign * rates[left + 1])
+    orientation, rate = _along(*ends, x, h)
+    # The same relation gives the spin, (0, w) = 2 p^-1 dp/dt. Its scalar part is left out: it is
+    # not zero inside the step, only because the size of the interpolated p changes there.
+    size = np.linalg.norm(orientation, axis=1, keepdims=True)
+    inverse = orientation * (1.0, -1.0, -1.0, -1.0) / size**2
+    return BodyState(position, orientation / size, velocity, 2.0 * _product(inverse, rate)[:, 1:])
+
+
+def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cubic Hermite interpolants and their time derivatives, (M, components) each.
+
+    For a step of length zero they are the value and the rate at its end.
+
+    **Arguments:** `start`, `end`: values and rates at the ends of M steps, (M, components) each;
+    `x`, `h`: as of `_body`.
+    """
+    there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
+    value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
+    return np.where(there, value, end.value), np.where(there, rate, end.rate)
+
+
+def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the quaternion products of the rows of two arrays (N, 4), scalar parts first."""
+    return pack(composed(EulerParameters(*first.T), EulerParameters(*second.T)))
+
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+TIME = "time"
+"""Name of the column with the times of crossings. No channel (a recorded quantity of a section) may
+have this name."""
+SHOWN_BODIES = 6
+"""Largest number of bodies whose final position and velocity `repr(solution)` shows."""
+SUCCESSFUL = result_number(RESULTS.successful)
+SAVE_TIMES = "pass save=Saving(times) to simulate()"
+
+
+class Trajectory(AbstractReadable, AbstractTabular):
+    """States of a motion at N times.
+
+    - `times`: (N,) s, not decreasing.
+    - `states`: a `State` whose arrays have an additional first axis of length N. For example,
+      `states.bodies["arm"].position` has the shape (N, 3), in m.
+    - `interpolated`: (N,), true at the times inside steps, where `between` has interpolated the
+      states; ``None`` for a trajectory of computed states.
+
+    >>> states = cj.State({"arm": cj.body_state((0, 0, 0))})
+    >>> cj.results.Trajectory(np.zeros(1), states).times.shape
+    (1,)
+    """
+
+    times: Numbers
+    states: State
+    interpolated: Flags | None = None
+
+    def __len__(self) -> int:
+        return self.times.shape[0]
+
+    def between(self, times: ArrayLike | None = None) -> "Trajectory":
+        """Interpolate the states between the ends of accepted steps, to draw smooth curves.
+
+        Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
+        far below the clearances. Bristle deflections and the energy ledger are interpolated
+        linearly, and entry speeds keep their values until the end of the step. Call this method for
+        `solution.steps` only: between two states of `solution.saved` there may be impacts, at which
+        velocities change abruptly.
+
+        **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
+        trajectory. By default, the ends of all steps, and further times inside steps in which a
+        body rotates by more than 0.05 rad, or its velocity changes much compared with other steps.
+
+        **Returns:** a `Trajectory` of M times and states.
+
+        **Raises:** `ValueError` if `times` is empty, not one-dimensional, or decreases, or has
+        times that are not finite, or not between the first and last time of the trajectory; and for
+        a trajectory of fewer than two states.
+
+        >>> scene, state = cj.mechanisms.double_pendulum()
+        >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
+        >>> path = cj.observe(scene, solution, solution.steps.between())
+        >>> axes = plot.journal_orbit(path, "shoulder")
+        """
+        ends = np.asarray(self.times)
+        remedy = "pass save=Saving(steps=True) to simulate(), and take solution.steps"
+        require(len(ends) >= 2, "times", len(ends), "two states of the trajectory or more", remedy)
+        states = jax.tree.map(np.asarray, self.states)
+        wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
+        return Trajectory(wanted, states_between(ends, states, wanted), ~np.isin(wanted, ends))
+
+    def __str__(self) -> str:
+        """Return one line with the number of states, the bodies, and the first and last time; the
+        result of `repr` if these are unknown, as while JAX traces, or if there are no states."""
+        if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
+            return repr(self)
+        bodies = ", ".join(map(repr, self.states.bodies))
+        first, last = as_shown(np.asarray(self.times)[[0, -1]])
+        return f"{len(self)} states of {bodies} from {first} s to {last} s"
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the states as an `xarray.Dataset` with units.
+
+        - `position` in m, `velocity` in m/s (both global) and `spin` in rad/s (body axes) have the
+          dimensions "time", "body" and "component" ("x", "y", "z").
+        - `orientation` has "parameter" ("e0" to "e3", Euler parameters) instead of "component".
+        - `entry_speed` in m/s along "contact", `bristle_deflection` in m along "bristle_contact",
+          and `ledger` in J along "integral" exist only if the states have them. The ledger has the
+          energies dissipated and supplied since the start of the run, or of the earliest run if
+          this one continues others.
+
+        See `AbstractTabular` for the export to other formats.
+        """
+        rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
+        labels = {"time": times, **state_labels(self.states)}
+        return labelled_dataset("motion", state_arrays(self.states, rows), labels)
+
+
+class Crossings(AbstractReadable, AbstractTabular):
+    """The N crossings of a Poincaré section in a run.
+
+    A channel is a quantity, such as a speed, that the section records at each crossing under a
+    name.
+
+    - `times`: (N,) s, times of the crossings.
+    - `values`: by name of the channel, the values of its quantity at the crossings, (N,).
+    - `units`: by name of the channel, the unit of its values; empty if unknown.
+
+    >>> crossings = cj.results.Crossings(np.array([0.1, 0.2]), {"speed": np.array([1.0, 1.1])})
+    >>> np.diff(crossings.times).round(6)  # the period
+    array([0.1])
+    """
+
+    times: Numbers
+    values: dict[str, Numbers]
+    units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the crossings as an `xarray.Dataset`, with a variable along "time" for each
+        channel.
+
+        "time" contains the times of the crossings, s. See `AbstractTabular` for other formats.
+        """
+        values = {
+            name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
+        }
+        times = Labelled((TIME,), self.times, "s", "time of the crossing")
+        return labelled_dataset("crossings of a section", values, {TIME: times})
+
+    def __len__(self) -> int:
+        return self.times.shape[0]
+
+
+class Solution(AbstractReadable, AbstractTabular):
+    """Result of `clearjoint.simulate`.
+
+    - `saved`: the `Trajectory` at those requested times that the run reached (all of them if it
+      succeeded); ``None`` if no times were requested by `Saving.times`. Under a JAX transformation
+      its arrays have a row for every requested time, and only the first `saved_count` rows are
+      valid.
+    - `saved_count`: number of requested times that the run reached, or ``None`` without `saved`.
+    - `time`, `final`: the time in s at which the run ended, and the `State` at that time. A further
+      run can start from them.
+    - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `steps`: the `Trajectory` with the states at the start of the run and after every accepted
+      step; ``None`` unless requested.
+    - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
+      requested.
+    - `sections[name]`: the `Crossings` of each requested Poincaré section.
+    - `outputs[name]`: the result of each requested reduction, a number that is updated during the
+      run, such as the largest value of a quantity. A reduction with several results has entries
+      "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
+    - `formulation`: the formulation of the equations of motion: their coordinates, how constraints
+      are kept satisfied, and whether the energy ledger was integrated.
+    - `redundant_constraints`: names of constraint equations that depend linearly on others. If
+      there are any, the reactions are not unique, and those of least norm are computed.
+    - `settings`: the settings of the run, as pairs of a name and a text or number; empty under a
+      JAX transformation.
+
+    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states.
+
+    >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
+    >>> positions = solution.saved.states.bodies["ball"].position
+    >>> print(solution.result == cj.RESULTS.successful, np.round(positions[:, 0], 4))
+    True [0.1   0.054]
+    """
+
+    time: Scalar
+    final: State
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+    saved: Trajectory | None
+    saved_count: Scalar | None
+    steps: Trajectory | None
+    impacts: Impacts | None = eqx.field(static=True)
+    formulation: Formulation
+    redundant_constraints: tuple[str, ...] = eqx.field(static=True)
+    sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
+    outputs: Mapping[str, float] = eqx.field(default_factory=dict)
+    settings: Notes = eqx.field(default=(), static=True)
+
+    def __repr__(self) -> str:
+        """Return text with the result code, the results that were kept, such as the number of saved
+        states, and the final state of the bodies. If their values are unknown, as while JAX traces,
+        the text shows all fields."""
+        if is_abstract(self):
+            return super().__repr__()
+        lines = [f"{self.accepted} steps, {self.attempts} tried"]
+        for name, kept in (("saved", self.saved), ("steps", self.steps)):
+            if kept is not None:
+                lines.append(f"{name}: {kept}")
+        if self.impacts is not None:
+            lines.append(f"impacts: {len(self.impacts)}")
+        if self.sections:
+            lines.append(f"sections: {', '.join(map(repr, self.sections))}")
+        return run_text(self, self.final, self.redundant_constraints, lines)
+
+    @property
+    def times(self) -> Numbers:
+        """The N requested times that the run reached, (N,) s; short for `saved.times`.
+
+        **Raises:** `AttributeError` if no times were requested.
+        """
+        return self._requested().times
+
+    @property
+    def states(self) -> State:
+        """The `State` at the N `times`, whose arrays have a first axis of length N; short for
+        `saved.states`.
+
+        **Raises:** `AttributeError` if no times were requested.
+        """
+        return self._requested().states
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the saved states as an `xarray.Dataset`, with the variables and units of
+        `Trajectory.to_xarray`.
+
+        The final state is in further variables without "time": `final_position`,
+        `final_orientation`, `final_velocity`, `final_spin` and so on. The attributes of the dataset
+        are a title, the result, the time reached in s, the numbers of steps, the names of redundant
+        constraints, and the settings.
+
+        ```python
+        import clearjoint as cj
+        import numpy as np
+
+        save = cj.Saving(np.linspace(0.0, 0.01, 11))
+        solution = cj.simulate(*cj.mechanisms.double_pendulum(), 0.01, save=save)
+        print(solution.to_xarray()["position"].sel(body="arm 2", component="x"))
+        print(solution.to_dataframe()["arm 2.position.x [m]"])
+        solution.to_netcdf("motion.nc")
+        ```
+
+        **Raises:** `ValueError` if no states were saved.
+        """
+        require(self.saved is not None, "solution", "without saved states", "with some", SAVE_TIMES)
+        assert self.saved is not None
+        # The final state has no dimension of time, so it gets variables of its own, which `merge`
+        # adds to those of the saved states.
+        found = self.saved.to_xarray()
+        final = state_arrays(self.final, (), "final_")
+        reached = labelled_dataset("state reached", final, state_labels(self.final))
+        notes = {
+            "title": "motion of a mechanism",
+            "result": RESULTS[self.result],
+            "time_reached": float(self.time),
+            "attempts": int(self.attempts),
+            "accepted": int(self.accepted),
+            "redundant_constraints": ", ".join(self.redundant_constraints) or "none",
+            **dict(self.settings),
+        }
+        return found.merge(reached).assign_attrs(notes)
+
+    def _requested(self) -> Trajectory:
+        if self.saved is None:
+            raise AttributeError("No times were requested: pass save=Saving(times) to simulate().")
+        return self.saved
+
+
+class FinishedRun(Protocol):
+    """Type of the result of any kind of run: an object with the end time and the result code."""
+
+    @property
+    def time(self) -> Scalar:
+        """Time at which the run ended, s."""
+        ...
+
+    @property
+    def result(self) -> RESULTS:
+        """The `RESULTS` code, which says whether the run succeeded or why it failed."""
+        ...
+
+
+def is_abstract(tree: PyTree) -> bool:
+    """Return whether text cannot show the values in a PyTree.
+
+    That is so while JAX traces a leaf, whose value is then unknown, and if the tree has the results
+    of several runs at once, as from `jax.vmap`: its field `time` is then an array.
+    """
+    time = getattr(tree, "time", 0.0)
+    return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def run_text(
+    run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
+) -> str:
+    """Return the text that `repr` shows for the result of a run, one item a line.
+
+    **Arguments:**
+
+    - `run`: the result; the first line has its type, its end time in s and its result code.
+    - `final`: the state at the end; the last lines have position in m and velocity in m/s, both in
+      global axes, of the first `SHOWN_BODIES` bodies.
+    - `redundant`: names of redundant constraints, listed if there are any.
+    - `lines`: further lines, which follow the first one.
+    """
+    if redundant:
+        names = ", ".join(map(repr, redundant))
+        lines = [*lines, f"redundant constraints: {names}"]
+    bodies = list(final.bodies.items())
+    for name, body in bodies[:SHOWN_BODIES]:
+        position, velocity = (_triple(vector) for vector in (body.position, body.velocity))
+        lines = [*lines, f"{name!r} at {position} m with {velocity} m/s"]
+    if len(bodies) > SHOWN_BODIES:
+        lines = [*lines, f"... and {len(bodies) - SHOWN_BODIES} more in `final.bodies`"]
+    head = f"{type(run).__name__} at t = {float(run.time):.9g} s: {RESULTS[run.result]}"
+    return "\n  ".join([head, *lines])
+
+
+def _triple(vector: Numbers) -> str:
+    return f"({', '.join(f'{number:.6g}' for number in np.asarray(vector))})"
+
+
+class SimulationError(RuntimeError):
+    """The error that `simulate` and other functions raise if a run fails.
+
+    Its attribute `solution` contains the results up to the failure. It is of the type that the
+    function returns on success, such as a `Solution` from `simulate`.
+
+    >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
+    Traceback (most recent call last):
+        ...
+    clearjoint._simulation.results.solution.SimulationError: The run ended at t = 0.124372989 ...
+    """
+
+    def __init__(self, message: str, solution: FinishedRun):
+        super().__init__(message)
+        self.solution = solution
+
+
+def raise_failure(
+    solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
+) -> None:
+    """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
+
+    **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
+    error; `message`: text in place of the result code's message, if it is known better; `causes`:
+    sentences on the cause, which follow the message.
+    """
+    if result_number(solution.result) != SUCCESSFUL:
+        start = f"The run ended at t = {float(solution.time):.9g} s:"
+        message = RESULTS[solution.result] if message is None else message
+        raise SimulationError(" ".join([start, message, *causes]), solution)

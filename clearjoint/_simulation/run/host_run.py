@@ -1,0 +1,375 @@
+"""Execution of a run: in compiled segments called from Python, or traced as part of a computation.
+
+A segment is a number of steps that compiled code takes before it returns to Python. The
+host is the process that runs Python.
+
+A segment ends at the end time, after the last time to save at, after a number of attempts (trial
+steps, accepted or rejected), at a failure, or when a buffer of steps or impacts is full. Python
+then empties these buffers, shows progress and starts the next segment.
+
+Scene and states are passed in packed form, in which each vector is an array (3,). In a folded
+scene, the components of vectors that are exactly 0 or 1 are marked; they become constants of the
+compiled program.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import reduce
+from operator import and_
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._dynamics.journals import any_slid_out
+from ..._export.datasets import Notes
+from ..._math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
+from ..._model.bodies import State
+from ..._native import Native
+from ..._result_codes import RESULTS, result_number
+from ..results.impact_table import Impacts
+from ..results.solution import SUCCESSFUL, Solution, Trajectory
+from ..step.dense_output import Snapshot, look_inside
+from ..step.loops import PLAIN, Loops
+from ..step.method import Scheme
+from ..step.step_state import Step
+from ..step.types import Numbers
+from .impact_recorder import ImpactRecorder, impact_rows_of
+from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
+from .run_loop import (
+    Progress,
+    Recorders,
+    RunLoop,
+    begin_run,
+    final_result,
+    final_state,
+    state_of,
+)
+from .saving import Saving
+from .sections import Section, crossings_of
+from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
+
+STEP_ROWS, IMPACT_ROWS = 4096, ROWS
+"""Number of rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When
+one of these buffers is full, compiled code returns to Python, which empties them all. The buffer of
+steps is larger, because every accepted step writes a row. The sizes are part of the compiled
+program."""
+LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
+SECTIONS, REDUCTIONS = "sections", "reductions"
+"""Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
+`STEPS` the states at the start and after accepted steps, `IMPACTS` the impacts of all contacts. The
+values at `SECTIONS` and `REDUCTIONS` are dictionaries by the name of the section or reduction."""
+
+
+def recorders_of(save: Saving) -> Recorders:
+    """Return the recorders of a single run for the results to `save`, in a dictionary with those of
+    the keys `LATEST`, `STEPS`, `IMPACTS`, `SECTIONS` and `REDUCTIONS` that are needed."""
+    recorders: dict[str, Recorders] = {
+        SECTIONS: save.section_recorders(),
+        REDUCTIONS: {name: ReductionRecorder(of) for name, of in save.outputs.items()},
+    }
+    if save.times is not None:
+        recorders[LATEST] = LatestAttempt()
+    if save.steps:
+        recorders[STEPS] = StepRecorder(STEP_ROWS)
+    if save.impacts:
+        recorders[IMPACTS] = ImpactRecorder(capacity=IMPACT_ROWS)
+    return recorders
+
+
+def begin(
+    scheme: Scheme,
+    folded_scene: ConstantFolded,
+    state: State,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    recorders: Recorders,
+) -> Progress:
+    """Return a run before its first step, the argument `now` of the first segment.
+
+    **Arguments:**
+
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `folded_scene`, `state`: folded scene and initial state, in packed form.
+    - `t0`, `t_end`, `first_step`: s, start, end and length of the first step, as arrays.
+    - `recorders`: recorders in nested dictionaries, as `recorders_of` returns.
+    """
+    method, system = scheme.method, scheme.system_of_packed(folded_scene)
+    step = begin_run(method, system, state, t0, t_end, first_step)
+    now = RunLoop(method, system, t_end, recorders).start(step)
+    # The result of a loop has no weak types. If this result had some, the second segment would be
+    # compiled again.
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), now)
+
+
+def segment(
+    scheme: Scheme,
+    folded_scene: ConstantFolded,
+    recorders: Recorders,
+    now: Progress,
+    save_times: Numbers | None,
+    t_end: Scalar,
+    attempts: Scalar,
+    loops: Loops = PLAIN,
+) -> tuple[Progress, tuple[State, jax.Array] | None]:
+    """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
+    time to save at, whichever comes first.
+
+    **Arguments:**
+
+    - `scheme`, `folded_scene`, `recorders`: as in `begin`.
+    - `now`: the run so far.
+    - `save_times`: (N,) s, not decreasing, times to save at, or ``None``. With times, `recorders`
+      must contain a `LatestAttempt` at the key `LATEST`.
+    - `t_end`: s, end of the run.
+    - `attempts`: largest number of attempts since the start of the run.
+    - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
+
+    **Returns:** the run after the segment, and what it saved, ``None`` if `save_times` is ``None``:
+    a pair of the states at the N times, whose leaves have an additional first axis, with each
+    vector as three arrays, and whether the run has reached each time, (N,). A state at a time that
+    the run has not reached is meaningless.
+    """
+    method, system = scheme.method, scheme.system_of_packed(folded_scene)
+    # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
+    # numbers overflow.
+    loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
+    if save_times is None:
+        return loop.until(t_end, now, attempts, _has_room), None
+
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[State, jax.Array]]:
+        # Steps are not shortened to end at the save time, because saving must not change the
+        # motion. The state there is interpolated.
+        now = loop.until(time, now, attempts, _has_room)
+        state = state_of(system, *look_inside(method, system, now.records[LATEST], time))
+        return now, (state, jnp.asarray(time <= now.step.t))
+
+    return loops.each(save_next, now, save_times)
+
+
+def emptied(now: Progress) -> Progress:
+    """Return the run `now` with empty buffers of steps and impacts, to be called after Python has
+    read their rows. Buffers of sections stay: they have room for all crossings to be kept."""
+    read = {key: now.records[key] for key in (STEPS, IMPACTS) if key in now.records}
+    if not read:
+        return now
+    empty = jax.tree.map(
+        lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer
+    )
+    return Progress(now.step, now.records | empty)
+
+
+def _has_room(now: Progress) -> Condition:
+    """Return whether no buffer of steps or impacts is full."""
+    parts = jax.tree.leaves([now.records.get(k) for k in (STEPS, IMPACTS)], is_leaf=_is_buffer)
+    room = [jnp.logical_not(part.is_full()) for part in parts if isinstance(part, RowBuffer)]
+    return reduce(and_, room, jnp.asarray(True))
+
+
+def _is_buffer(tree: object) -> bool:
+    """Return whether an object is a `RowBuffer`, at which JAX's tree functions stop."""
+    return isinstance(tree, RowBuffer)
+
+
+T = TypeVar("T")
+ATTEMPTS_A_SEGMENT = 50_000
+"""Largest number of attempts in a segment. The progress bar is updated, and Ctrl-C is obeyed, only
+between segments."""
+SAVES_A_SEGMENT = 512
+"""Number of times to save at that a segment receives. It is part of the compiled program, so it is
+the same for all runs."""
+segment_compiled = Native(segment)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that is ready to start.
+
+    - `folded_scene`: the folded scene, in packed form.
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `recorders`: the recorders that collect results during the run.
+    - `end`: end time, s.
+    - `redundant`: names of the redundant constraints, those that depend linearly on others.
+    """
+
+    folded_scene: ConstantFolded
+    scheme: Scheme
+    recorders: Recorders
+    end: Scalar
+    redundant: tuple[str, ...]
+
+    def in_one_piece(
+        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
+    ) -> Solution:
+        """Run to the end inside a computation that JAX traces, such as under `jax.grad`.
+
+        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
+        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: JAX's loops, or
+        loops with checkpoints for reverse-mode differentiation.
+
+        **Returns:** a `Solution` of traced arrays. Saved states at times that the run did not reach
+        are meaningless. Steps, impacts, sections and outputs are not kept.
+        """
+        # The end is a further time to save at, so that the run continues after the last of the
+        # requested times.
+        times = None if save_at is None else jnp.append(save_at, self.end)
+        program = self.scheme, self.folded_scene
+        rest = self.recorders, now, times, self.end, jnp.asarray(max_steps)
+        # With JAX's own loops, reverse-mode differentiation of this result raises an error.
+        now, saved = loops.guarded(segment(*program, *rest, loops))
+        final, result, _, _ = _end_of(*program, {}, {}, now.step, self.end)
+        trajectory = count = None
+        if saved is not None:
+            # Leave out the last row, the state at the end of the run, which was added above.
+            states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
+            trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
+        counts = now.step.attempts, now.step.accepted
+        ran = self.scheme.formulation, self.redundant
+        # Neither steps nor impacts are kept: both are `None`.
+        return Solution(now.step.t, final, result, *counts, trajectory, count, None, None, *ran)
+
+    def on_host(
+        self,
+        now: Progress,
+        save_at: np.ndarray | None,
+        max_steps: int,
+        progress: bool,
+        sections: Mapping[str, Section],
+        notes: Notes,
+    ) -> tuple[Solution, bool, bool]:
+        """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
+
+        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
+        save at, or ``None``; `max_steps`: largest number of attempts; `progress`: whether to show a
+        progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, for the
+        field `settings` of the solution.
+
+        **Returns:** the solution; whether Ctrl-C was pressed; and whether a journal has slid
+        out of its bearing in the final state. Ctrl-C stops the run after the current segment.
+        """
+        program, start = (self.scheme, self.folded_scene), float(now.step.t)
+        # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
+        # may become smaller, and a run in float32 would never reach the unrounded number.
+        end = float(np.asarray(self.end, now.step.t.dtype))  # pyright: ignore
+        saved_states: list[State] = []
+        saved_count, wanted = 0, 0 if save_at is None else len(save_at)
+        steps: list[TimedState] = []
+        impacts: list[tuple[str | float, ...]] = []
+        # No bar is shown in the first two seconds of computing (`delay`).
+        bar = ProgressBar(
+            total=end - start,
+            desc="simulated",
+            bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
+            delay=2.0,
+            leave=False,
+            disable=not progress,
+        )
+        with telling_of_compiling(bar), interruptions_deferred() as stopped:
+            while True:
+                # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
+                # them.
+                limit: Any = np.asarray(min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
+                times = None
+                if save_at is not None:
+                    # Filled up with the end time, since a segment receives a fixed number of times.
+                    following = save_at[saved_count:][:SAVES_A_SEGMENT]
+                    filling = 0, SAVES_A_SEGMENT - len(following)
+                    times = np.pad(following, filling, constant_values=end)
+                rest = self.recorders, now, times, self.end, limit
+                now, saved = segment_compiled(*program, *rest)
+                if saved is not None:
+                    # Only the first `count` states are kept. The others are at times that the run
+                    # has not reached yet, or belong to the filling.
+                    states, reached = saved
+                    count = int(np.sum(reached[: wanted - saved_count]))
+                    saved_states.append(_first_rows(states, count))
+                    saved_count += count
+                # Empty the buffers after each segment, so that their size does not limit the run.
+                if STEPS in now.records:
+                    steps.append(now.records[STEPS].filled())
+                if IMPACTS in now.records:
+                    impacts += impact_rows_of(now.records[IMPACTS])
+                now = emptied(now)
+                bar.update(float(now.step.t) - start - bar.n)
+                failed = result_number(now.step.result) != SUCCESSFUL
+                ended = failed or int(now.step.attempts) >= max_steps
+                # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
+                # end time while states are still to be saved.
+                ended = ended or (float(now.step.t) >= end and saved_count == wanted)
+                # Also in the last segment: otherwise a loop of short runs could not be interrupted.
+                interrupted = stopped()
+                if ended or interrupted:
+                    break
+        reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]
+        final, result, slid_out, results = _end_compiled(*program, *reductions, now.step, self.end)
+        step, saved, trajectory = now.step, None, None
+        time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
+        if save_at is not None:
+            saved = Trajectory(save_at[:saved_count], pack(_joined(saved_states)))
+        if STEPS in now.records:
+            rows = _joined(steps)
+            trajectory = Trajectory(rows.t, pack(rows.state))
+        solution = Solution(
+            time,
+            final,
+            result,
+            attempts,
+            accepted,
+            saved,
+            None if saved is None else saved_count,
+            trajectory,
+            Impacts.of_rows(impacts) if IMPACTS in now.records else None,
+            self.scheme.formulation,
+            self.redundant,
+            sections=crossings_of(now.records[SECTIONS], sections),
+            outputs={
+                f"{name}_{part}" if part else name: float(value)
+                for name, parts in jax.device_get(results).items()
+                for part, value in parts.items()
+            },
+            settings=notes,
+        )
+        return solution, interrupted, bool(slid_out)
+
+
+def _end_of(
+    scheme: Scheme,
+    folded_scene: ConstantFolded,
+    reductions: dict[str, ReductionRecorder],
+    tallies: dict[str, PyTree],
+    step: Step,
+    end: Scalar,
+) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
+    """Return the final state, the result code, whether a journal has slid out of its bearing, and
+    the results of the reductions, as results[name][part]; the part is "" for a result that is named
+    as its reduction.
+
+    The vectors of the state are arrays (3,).
+
+    **Arguments:** `folded_scene`: the scene, in packed form; `reductions`, `tallies`: the recorders
+    of reductions and their records, by name of the reduction; `step`: state of the run after its
+    last step; `end`: end time of the run, s.
+    """
+    system = scheme.system_of_packed(folded_scene)
+    final = final_state(system, step)
+    slid_out = any_slid_out(unpack(folded_scene), final.bodies)
+    instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
+    results = {n: of.reduction.results(tallies[n], instant) for n, of in reductions.items()}
+    return pack(final), final_result(step, end), slid_out, results
+
+
+_end_compiled = Native(_end_of, few_runs=True)
+
+
+def _first_rows(tree: T, count: int) -> T:
+    """Return the first `count` rows of each array of a PyTree, as copies: a slice would keep all
+    rows in memory."""
+    return jax.tree.map(lambda leaf: np.array(leaf[:count]), tree)
+
+
+def _joined(pieces: list[T]) -> T:
+    """Return PyTrees of arrays, joined along their first axes to one PyTree."""
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)

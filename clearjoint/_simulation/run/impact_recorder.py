@@ -1,0 +1,375 @@
+"""Recorder of impacts, for single runs, runs with derivatives and the runs of sweeps.
+
+An impact is a finished contact. While a contact lasts, its peak force and its largest penetration
+are updated after each accepted step. When the contact ends, they are written into a row of a
+buffer, together with the times and speeds of its onset and its end.
+
+The penetration of a contact is also called its depth; it is negative where the surfaces are apart.
+Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
+without an origin it shows the scene's time.
+"""
+
+from collections.abc import Callable, Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._compilation import shared_by_many
+from ..._dynamics.system import System
+from ..._math.interpolation import (
+    Bend,
+    Point,
+    Quintic,
+    Slope,
+    hermite_rate,
+    hermite_root,
+    hermite_value,
+    higher,
+    highest,
+)
+from ..._math.vectors import Condition, Scalar
+from ..._model.contact.laws import AbstractContactLaw, Gap, contact_normal_force
+from ..._model.joints.base import ByLabel, each_label
+from ...quantities.base import Instant
+from ..reductions.base import Window
+from ..results.impact_table import IMPACT_UNITS
+from ..results.solution import contact_label
+from ..step.solvers import UnrolledExplicit
+from ..step.step_state import Method, Step, choose
+from .recorders import ROWS, RowBuffer
+from .run_loop import AbstractRecorder, RunStart, StepOutcome
+
+RESOLVED_TRAVEL = 1e-8
+"""Smallest product of a step's length and the contact's speed (`ContactInstant.speed`), m, for
+which rates inside the step are computed from depths. In a shorter step, the depths differ so little
+that rounding errors dominate the difference."""
+PIECES = 4
+"""Number of equal intervals into which a step is divided for a first search for the peak of a
+contact. There are several, because a contact may fill only a small part of a step that does not end
+at its onset or its end."""
+
+
+class ContactInstant(eqx.Module):
+    """A contact at one instant.
+
+    - `gap`: depth, m, and its rate, m/s, positive while the surfaces approach; also the bearing's
+      radius and the clearance, m, on which the force may depend.
+    - `second_rate`: second time derivative of the depth, m/s^2.
+    - `entry_speed`: m/s, rate of the depth at the onset of the contact, zero in flight; ``None`` if
+      the contact law does not use it.
+    """
+
+    gap: Gap
+    second_rate: Scalar
+    entry_speed: Scalar | None
+
+    def touches(self, law: AbstractContactLaw) -> Condition:
+        """Return whether the contact has a force under its contact law.
+
+        It has one if its entry speed is not zero or, for a law that uses no entry speed, if its
+        depth is beyond the onset of the force.
+        """
+        if self.entry_speed is None:
+            return self.gap.depth + law.onset_offset() > 0.0
+        return self.entry_speed > 0.0
+
+    def speed(self) -> Scalar:
+        """Return the entry speed, m/s, or the present rate of the depth if the law uses no entry
+        speed."""
+        return self.gap.rate if self.entry_speed is None else self.entry_speed
+
+
+def peak_in_step(
+    law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
+) -> tuple[Point, Scalar]:
+    """Return the peaks of a contact in a step of length h, s.
+
+    **Arguments:** `law`: the contact law; `start`, `end`: the contact at the ends of the step. The
+    entry speed at `start` is used in the whole step; if it is zero, the current rate replaces it.
+
+    **Returns:** the largest normal force, N, as a `Point`, whose position is the fraction of the
+    step's time, 0 to 1, after which this force occurs; and the largest depth, m, which may occur at
+    another time.
+    """
+    first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
+    quintic = Quintic.through(first, last, h)
+    rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
+    # In very short steps the slope of the quintic suffers from rounding errors of the depths. The
+    # cubic through rates and second rates does not.
+    moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
+
+    def force(x: Scalar) -> Scalar:
+        rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))
+        gap = Gap(quintic.value(x), rate, start.gap.bearing_radius, start.gap.clearance)
+        return contact_normal_force(law, gap, start.entry_speed)
+
+    return _largest(force), _largest(quintic.value).value
+
+
+def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
+    """Return the largest value of a function on the interval 0 to 1, and its position.
+
+    The function is evaluated at `PIECES` + 1 equidistant points. The peak is refined around the
+    inner point with the largest value, and the values at both ends are compared with the result.
+    """
+    # Among all triples of neighbouring points, the one with the highest middle point is selected.
+    points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
+    best = points[:3]
+    for k in range(2, PIECES):
+        best = choose(points[k].value > best[1].value, points[k - 1 : k + 2], best)
+    return higher(highest(value_at, *best), higher(points[0], points[-1]))
+
+
+def end_in_step(
+    law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
+) -> Scalar:
+    """Return the fraction, 0 to 1, of a step of length h, s, after which a contact ends; 1 if it
+    does not end in the step.
+
+    The depth is interpolated by the cubic through depths and rates at `start`, where the contact
+    must exist, and at `end`.
+    """
+    before, after = _depths(law, start, end)
+    return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
+
+
+def _depths(
+    law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
+) -> tuple[Slope, Slope]:
+    """Return the depth, counted from the onset of the force, and its rate at two instants."""
+    ahead = law.onset_offset()
+    before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
+    return before, after
+
+
+INSTANTS = ("onset", "separation", "peak_time")
+"""Names of the fields of an `ImpactRow` that are times on the clock of the run."""
+
+
+class ImpactRow(eqx.Module):
+    """A finished contact.
+
+    - `onset`, `separation`: s, times at which the contact force began and ended.
+    - `entry_speed`, `exit_speed`: m/s, speeds of approach at the onset and of separation at the
+      end, both positive.
+    - `peak_force`, `peak_time`: largest normal force in N, and its time in s.
+    - `largest_penetration`: m.
+    """
+
+    onset: Scalar
+    separation: Scalar
+    entry_speed: Scalar
+    exit_speed: Scalar
+    peak_force: Scalar
+    peak_time: Scalar
+    largest_penetration: Scalar
+
+    def columns(self, *_: object) -> dict[str, Scalar]:
+        """Return all fields by name, and also the "duration" of the contact, s.
+
+        The scheduler of the runs of a sweep calls this method for the rows of all recorders, with
+        arguments that only the rows of Poincaré sections need.
+        """
+        return {**vars(self), "duration": self.separation - self.onset}
+
+
+class ContactSoFar(eqx.Module):
+    """A contact at the end of the latest accepted step.
+
+    - `instant`: the contact at that time.
+    - `begun`: whether it touches at that time and its onset was after the start of the run.
+    - `row`: its onset, its entry speed and its peaks so far, valid only if `begun`. Its fields
+      `separation` and `exit_speed` have no meaning: only the row that `after` returns for the step
+      in which the contact ends contains them.
+    """
+
+    instant: ContactInstant
+    begun: Condition
+    row: ImpactRow
+
+    def after(
+        self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant, lands: bool
+    ) -> tuple["ContactSoFar", Condition, ImpactRow]:
+        """Return the contact after a further step, from t0 to t1, s.
+
+        **Arguments:** `law`: the contact's law; `end`: the contact at t1; `lands`: whether steps
+        end at onsets and ends of contacts.
+
+        **Returns:** the contact after the step; whether a contact that began in an earlier step of
+        the run ended in this step; and its row, which is valid only in this case.
+        """
+        start, row, h = self.instant, self.row, t1 - t0
+        touched, touches = start.touches(law), end.touches(law)
+        # The peak mostly lies inside a step, not at its ends.
+        peak, depth = peak_in_step(law, start, end, h)
+        stronger = peak.value > row.peak_force
+        before, after = _depths(law, start, end)
+        over = end_in_step(law, start, end, h)
+        # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
+        # steps land at the ends of contacts, the rate there needs no interpolation.
+        row = ImpactRow(
+            row.onset,
+            t0 + h * over,
+            row.entry_speed,
+            -(end.gap.rate if lands else hermite_rate(over, before, after, h)),
+            jnp.where(stronger, peak.value, row.peak_force),
+            jnp.where(stronger, t0 + h * peak.x, row.peak_time),
+            jnp.maximum(row.largest_penetration, depth),
+        )
+        begins = touches & jnp.logical_not(touched)
+        if lands:
+            # Depth beyond the onset of the force over its rate: steps end just after an onset, so
+            # the rate hardly changes in this time.
+            since_onset = (end.gap.depth + law.onset_offset()) / end.gap.rate
+            onset, speed = t1 - since_onset, end.speed()
+            # The peaks of a contact that began in this step are minus infinity, so that its first
+            # whole step, the next one, sets them. Hardly any part of the contact is in this step.
+            nothing = jnp.full_like(row.peak_force, -jnp.inf)
+            peaks = nothing, t1, nothing
+        else:
+            # The contact may have begun long before the end of the step, and may already recede
+            # there.
+            x = hermite_root(before, after, h)
+            onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
+            peaks = peak.value, t0 + h * peak.x, depth
+        # The separation and the exit speed are still unknown, so these fields get any numbers.
+        fresh = ImpactRow(onset, t1, speed, end.gap.rate, *peaks)
+        # A contact that exists at the start of the run gets no row, because its onset is unknown.
+        begun = touches & (begins | self.begun)
+        contact = ContactSoFar(end, begun, choose(begins, fresh, row))
+        return contact, self.begun & jnp.logical_not(touches), row
+
+
+class ContactRecord(eqx.Module):
+    """A contact at the end of the latest accepted step, and the rows of its finished impacts."""
+
+    contact: ContactSoFar
+    rows: RowBuffer[ImpactRow]
+
+
+ImpactRecord = dict[str, dict[str, ContactRecord]]
+"""A `ContactRecord` for each contact, as record[joint][contact]."""
+
+
+class ImpactRecorder(AbstractRecorder[ImpactRecord]):
+    """Recorder of the impacts of one joint, or of all joints.
+
+    - `joint`: name of the joint, or ``None`` for all joints.
+    - `window`: span of the scene's time; only contacts with an onset in it are recorded. ``None``
+      records all.
+    - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
+      rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
+    - `wanted`: by label of the contact, such as "pin V", the largest number of impacts to record
+      until the contact's buffer is emptied; a sweep may need no more. Unlike impacts beyond
+      `capacity`, further ones are not counted. ``None``, as in a single run, for no such limit.
+    """
+
+    joint: str | None = eqx.field(default=None, static=True)
+    window: Window | None = eqx.field(default=None, static=True)
+    capacity: int = eqx.field(default=ROWS, static=True)
+    wanted: Mapping[str, Scalar] | None = None
+
+    def start(self, start: RunStart) -> ImpactRecord:
+        """Return empty buffers, and the contacts at the start of the run."""
+        no, loop = jnp.asarray(False), start.loop
+        none = ImpactRow(*[jnp.zeros(())] * 7)
+        rows = RowBuffer.like(none, self.capacity)
+        instants = self._instants(loop.method, loop.system, start.now, start.step)
+        return each_label(
+            lambda name, label: ContactRecord(ContactSoFar(instants[name][label], no, none), rows),
+            instants,
+        )
+
+    def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
+        """Return the record after an attempt; it is unchanged if the step was not accepted."""
+        now, system, kept = step_outcome.now, step_outcome.system, step_outcome.kept
+        t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
+        lands = step_outcome.method.landing is not None
+        ends = self._instants(step_outcome.method, system, now, step_outcome.after)
+        # All contacts of the scene count, so that the impacts of a joint have the same bits whether
+        # those of other joints are recorded or not.
+        count = sum(map(len, laws.values()))
+
+        def after(name: str, label: str) -> ContactRecord:
+            one = record[name][label]
+            law, end = laws[name][label], ends[name][label]
+            given = one.contact, law, t0, t1, end, lands
+            contact, over, row = shared_by_many(count, ContactSoFar.after, *given)
+            # A row is written if the contact ended in this step, and the row is to be recorded.
+            written = kept & over
+            if self.window is not None:
+                written = written & self.window.at(now).holds(system.clock(row.onset))
+            if self.wanted is not None:
+                written = written & (self.wanted[contact_label(name, label)] > one.rows.count)
+            rows = one.rows.with_row(row, written)
+            return ContactRecord(choose(kept, contact, one.contact), rows)
+
+        return each_label(after, record)
+
+    def _instants(
+        self, method: Method, system: System, now: Instant, step: Step
+    ) -> dict[str, dict[str, ContactInstant]]:
+        """Return the `ContactInstant` of each contact to record, by joint and contact.
+
+        **Arguments:** `method`, `system`: those of the run; `step`: the complete state of the run
+        at this time; `now`: the same state as an `Instant`.
+        """
+        names = now.contacts if self.joint is None else [self.joint]
+        second_rates = _second_rates(method, system, step)
+
+        def instant(name: str, label: str) -> ContactInstant:
+            speed = now.entry_speeds.get(name, {}).get(label)
+            # The state of a loop must keep its types, so the numbers have no weak type.
+            gap = jax.tree.map(
+                lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
+                now.contacts[name][label].contact.gap,
+            )
+            return ContactInstant(gap, second_rates[name][label], speed)
+
+        return each_label(instant, {name: now.contacts[name] for name in names})
+
+
+def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
+    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact, in the
+    state `step` of a run, at the end of a step or at the start of the run."""
+    if isinstance(method.solver, UnrolledExplicit):
+        return step.second_rates
+    # Other solvers do not keep the rates at the end of a step, so they are computed here.
+    motion = step.y.motion
+    rates, _ = system.rates(motion, step.entry_speeds, step.t, bristles=step.y.bristles)
+    # A rate may be a Python number. Adding zero times the variable gives it the variable's type, as
+    # `jax.jvp` demands.
+    rates = jax.tree.map(lambda like, rate: rate + 0.0 * like, motion, rates)
+    return system.second_rates(motion, rates)
+
+
+def most(record: ImpactRecord) -> int:
+    """Return the number of impacts of the contact that has most of them; zero without contacts.
+
+    Impacts for which a buffer had no room are counted too, so that the result is the number of rows
+    for which each buffer needs room.
+    """
+    counts = (int(one.rows.count) for family in record.values() for one in family.values())
+    return max(counts, default=0)
+
+
+def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
+    """Return the impacts in a record as rows for `Impacts.of_rows`.
+
+    There is one tuple for each impact: the name of the joint, the label of the contact, and the
+    numbers that `IMPACT_UNITS` names, in its order.
+
+    **Arguments:** `record`: the record in NumPy arrays, whose buffers must have had room for all
+    impacts; `origin`: s, the scene's time at which the clock of the run was zero, which is added
+    to all times.
+    """
+    rows: list[tuple[str | float, ...]] = []
+    for joint, family in record.items():
+        for contact, one in family.items():
+            columns = one.rows.filled().columns()
+            columns |= {name: columns[name] + origin for name in INSTANTS}
+            numbers = (np.asarray(columns[name]).tolist() for name in IMPACT_UNITS)
+            rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]
+    return rows

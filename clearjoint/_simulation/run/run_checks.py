@@ -1,0 +1,412 @@
+"""Checks of a scene, an initial state, settings and JAX's precision before a run.
+
+A start is a scene with an initial state, a start time and coordinates. Most checks of starts run in
+Python. For scenes that are run many times, a compiled native program does the same checks faster.
+Starts have the same structure if they differ only in their numbers. Redundant constraints are those
+that depend linearly on others.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Callable, Hashable
+from dataclasses import replace
+from functools import reduce
+from operator import and_
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import PyTree
+
+from ..._compilation import HostFirst
+from ..._compilation.xla import is_tracing
+from ..._dynamics.assembly import (
+    ACCEPTED_VIOLATION,
+    REPRESENTED,
+    check_names,
+    cosines_of_turns,
+    require_assembled,
+    require_certain,
+    require_oriented,
+    require_representable,
+    round_trip,
+)
+from ..._dynamics.constraint_report import (
+    RowName,
+    StartRows,
+    dependent,
+    free_motions,
+    scene_order,
+    start_rows,
+)
+from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
+from ..._dynamics.journals import (
+    FAR_OUTSIDE,
+    FAST_APPROACH,
+    require_in_bearings,
+    starting_contacts,
+)
+from ..._fields.caching import cached_by_numbers
+from ..._fields.cautions import number_issued, warns
+from ..._fields.checks import conditions_of, recheck, recheck_changes, require
+from ..._fields.objects import on_device, with_arrays
+from ..._math.vectors import Condition, ConstantFolded, Scalar, unpack
+from ..._model.bodies import State
+from ..._model.joints.base import ByLabel
+from ..._model.scene import Scene
+from ..._native import NativeFunction, UnsupportedPrimitiveError, is_native
+from ..._native.functions import FlatArguments, flattened, folded
+from ..._native.machine_code import RecentPrograms
+from ..step.dense_output import require_dense
+from ..step.discontinuities import require_declared
+from ..step.method import Scheme
+from ..step.settings import Settings
+
+BY_NUMPY = 16
+"""Number of starts of the same structure that are checked in Python. For further ones a native
+program is compiled, which checks each in microseconds. Compiling takes as long as thirty checks of
+a pendulum, or fourteen of a chain of thirty joints."""
+KEPT = 256
+"""Largest number of starts of the same structure for which results of the search for redundant
+constraints are cached."""
+
+
+def check_precision(allow_float32: bool) -> None:
+    """Check that JAX computes in 64 bits, unless single precision is allowed.
+
+    **Raises:** `ValueError` if JAX computes in 32 bits.
+    """
+    if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
+        raise ValueError(
+            "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
+            "clearjoint.configure() first, or pass Settings(allow_float32=True)."
+        )
+
+
+def is_traced(tree: PyTree) -> bool:
+    """Return whether JAX traces a leaf of a PyTree, so that its value is not known in Python.
+
+    Inside a transformation, such as `jax.jit` or `jax.vmap`, the result is ``True`` for every
+    PyTree: under `jax.jit`, results of computations with known numbers are traced too.
+    """
+    return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def check_numbers(scene: Scene, state: State) -> None:
+    """Check that the numbers of a scene satisfy the conditions of its constructors, and that a
+    state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
+    norm. Traced numbers raise no error; see `in_domain`.
+
+    **Raises:** `ValueError` that names the element.
+    """
+    _recheck(scene)
+    check_names(scene, state)
+
+
+def in_domain(check: Callable[[], None]) -> Condition | None:
+    """Return a traced bool, which is true if the numbers pass a check; ``None`` if the check meets
+    no traced numbers.
+
+    A run that JAX traces cannot raise errors for invalid numbers. Its program evaluates this
+    condition once, before the first step.
+
+    **Arguments:** `check`: a function that raises an error for invalid numbers if they are known.
+    """
+    conditions = conditions_of(check)
+    return reduce(jnp.logical_and, conditions) if conditions else None
+
+
+def check_start(
+    scene: Scene,
+    state: State,
+    start_time: Scalar,
+    coordinates: AbstractCoordinates,
+    flat: FlatArguments | None = None,
+) -> tuple[str, ...]:
+    """Check all numbers of a scene and a state, and the state against the constraints.
+
+    **Arguments:** `start_time`: s, the time at which constraints are evaluated; `coordinates`: the
+    coordinates of the run, which must be able to represent the state; `flat`: scene and state, if
+    they are flattened already and all of their leaves are arrays of floats.
+
+    **Returns:** the names of the redundant constraints.
+
+    **Raises**, **Warns:** as `check_numbers` and `check_structure`.
+    """
+    if not (isinstance(scene, Scene) and isinstance(state, State)):
+        check_numbers(scene, state)
+        return check_structure(scene, state, start_time, coordinates)
+    return starts.checked(scene, state, start_time, coordinates, flat)
+
+
+def check_structure(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[str, ...]:
+    """Check an initial state against the constraints of a scene at a time t, s. Nothing is checked
+    in a scene without joints.
+
+    **Returns:** the names of the redundant constraints.
+
+    **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
+    orientation, if a contact is deeper than its joint allows, as for a journal far outside its
+    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state or
+    have no variable.
+
+    **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
+    the depth that its joint allows, and for one that approaches further without an entry speed.
+    """
+    if not scene.joints:
+        return ()
+    start = start_values(scene, state, on_device(t), coordinates)
+    require_in_bearings(scene, start.depths, start.approaches)
+    rows = start.rows.in_order_of(scene)
+    require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
+    require_oriented(scene, start.cosines)
+    redundant, uncertain = dependent(rows.names, rows.left, {})
+    require_certain(uncertain)
+    require_representable(state, coordinates, start.variables, start.orientations)
+    return redundant
+
+
+def derivative_scheme(
+    scene: Scene, state: State, settings: Settings, start_time: float = 0.0
+) -> Scheme:
+    """Check scene, state and settings of a run with derivatives, and return its integration method
+    and formulation.
+
+    **Arguments:** `start_time`: s, the time at which the state must satisfy the constraints.
+
+    **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
+    support, such as a solver other than an explicit Runge-Kutta method, or a `landing_tolerance` of
+    ``None``; if JAX computes in 32 bits; and for an element that may change abruptly at some time
+    but declares no `breakpoints`.
+
+    **Warns:** `UnusualValueWarning`, as `check_structure`.
+    """
+    settings.require_double()
+    check_precision(False)
+    lands = settings.landing_tolerance is not None
+    remedy = "derivatives are right only if steps end at the onset and the end of contacts"
+    require(lands, "landing_tolerance", None, "a penetration in m", remedy)
+    redundant = check_start(scene, state, start_time, settings.coordinates)
+    require_declared(scene)
+    # Redundant constraints need another solution of the equations of motion.
+    scheme = Scheme.on_host(settings, bool(redundant))
+    require_dense(scheme.method.solver)
+    # Only runs with tangents have this tolerance: the factor by which errors of tangents may be
+    # larger than those of the variables.
+    tolerance = np.asarray(settings.derivative_tolerance, float)
+    return replace(scheme, method=replace(scheme.method, derivative_tolerance=tolerance))
+
+
+_recheck = cached_by_numbers(recheck)
+"""Check all numbers in a scene, unless a scene of the same structure with the same numbers has
+passed the check recently."""
+
+
+class StartValues(NamedTuple):
+    """What the checks of a start compare with their limits.
+
+    - `depths`, `approaches`: the results of `starting_contacts`, by joint and contact label.
+    - `rows`: the constraint equations.
+    - `cosines`: the result of `cosines_of_turns`, by joint.
+    - `variables`, `orientations`: the result of `round_trip`.
+    """
+
+    depths: ByLabel[Scalar]
+    approaches: ByLabel[Scalar]
+    rows: StartRows
+    cosines: dict[str, Scalar]
+    variables: MotionVariables
+    orientations: dict[str, np.ndarray]
+
+
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
+@HostFirst
+def start_values(
+    scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> StartValues:
+    """Return the values for the checks of a start at a time t, s. Vectors in scene and state may be
+    arrays (3,) or three separate scalars."""
+    scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
+    motions = free_motions(scene, state.bodies)
+    depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
+    rows = start_rows(scene, coordinates, state, t, motions=motions)
+    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
+    variables, orientations = round_trip.__wrapped__(scene, state, coordinates)
+    return StartValues(depths, approaches, rows, cosines, variables, orientations)
+
+
+def _passes(
+    folded_scene: ConstantFolded, state: State, t: Scalar, coordinates: AbstractCoordinates
+) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray]]:
+    """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
+
+    **Returns:** whether the start passes all checks except those of redundancy and of the scene's
+    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`, from
+    which redundant constraints are found.
+    """
+    scene = folded_scene.tree
+    holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
+    if not scene.joints:
+        return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
+    # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
+    # of its wrapper is called.
+    start = start_values.__wrapped__(unpack(folded_scene), state, t, coordinates)
+    # `require_in_bearings` raises an error beyond the limit, and issues a warning beyond the small
+    # fraction `FAR_OUTSIDE` of it. This function can do neither, so both bounds must hold.
+    holds += [
+        (start.depths[name][label] <= limit) & (start.depths[name][label] <= FAR_OUTSIDE * limit)
+        for name, joint in scene.contact_joints().items()
+        for label, limit in joint.deepest().items()
+    ]
+    rates = [rate for family in start.approaches.values() for rate in family.values()]
+    holds += [jnp.asarray(rate) <= FAST_APPROACH for rate in rates]
+    # A scene without variables is invalid, because nothing could move.
+    holds += [_assembled(state, start), jnp.asarray(bool(jax.tree.leaves(start.variables)))]
+    names, left = start.rows.names, start.rows.left
+    return reduce(and_, holds), (names, left)
+
+
+def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
+    """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
+    time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
+    which can't raise errors, use this function for these checks of `check_structure`."""
+    return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
+
+
+def _assembled(state: State, start: StartValues) -> Condition:
+    # Native code has no `all` of an array without elements, as in a scene without constraints.
+    residuals = [part for part in (start.rows.values, start.rows.rates) if part.size]
+    holds = [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in residuals]
+    # As in `require_oriented`, fixed and prismatic joints hold their orientation.
+    holds += [cosine > 0.0 for cosine in start.cosines.values()]
+    for name, body in state.bodies.items():
+        # As in `require_representable`, only orientations are compared: with an axis reversed, a
+        # state may satisfy all constraints, but its orientation after the conversion is another.
+        given, same = body.orientation, start.orientations[name]
+        # Both signs of Euler parameters are the same orientation.
+        apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
+        holds.append(apart < REPRESENTED)
+    return reduce(and_, holds, jnp.asarray(True))
+
+
+def flat_start(
+    scene: Scene,
+    state: State,
+    t: Scalar,
+    coordinates: AbstractCoordinates,
+    flat: FlatArguments | None = None,
+) -> FlatArguments:
+    """Return the arguments of `check_start`, flattened."""
+    if flat is None:
+        flat = FlatArguments.of(with_arrays((scene, state)))
+    rest = FlatArguments.of((np.asarray(t, float), coordinates))
+    return FlatArguments.joined((*flat.parts, *rest.parts))
+
+
+class _Starts:
+    """Fast checks of starts by native programs, of which there is one for each structure.
+
+    A native program says only whether a start passes all checks. A start that fails is checked
+    again in Python, where the errors name the cause.
+    """
+
+    def __init__(self) -> None:
+        self._function = NativeFunction(_passes, few_runs=True)
+        # Number of starts so far, by structure; far below zero where native code cannot be used.
+        self._seen: Counter[Hashable] = Counter()
+        # Caches of the function `dependent`, by structure.
+        self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
+        # Redundant constraints of recent starts that have passed all checks without a warning.
+        self._passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
+        # The latest scene of each structure whose numbers have passed their checks.
+        self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
+
+    def count(self) -> int:
+        """Return the number of native programs that have been compiled to check starts."""
+        return self._function.count()
+
+    def checked(
+        self,
+        scene: Scene,
+        state: State,
+        t: Scalar,
+        coordinates: AbstractCoordinates,
+        flat: FlatArguments | None = None,
+    ) -> tuple[str, ...]:
+        """Return the result of `check_start`, of which these are the arguments."""
+        given = flat_start(scene, state, t, coordinates, flat)
+        key = given.key, given.numbers
+        redundant = self._passed.recent(key)
+        if redundant is None:
+            before = number_issued()
+            # The native check is fast, but cannot say why a start fails. A start that fails is
+            # therefore checked again in Python, which raises the error.
+            redundant = self.redundant(given)
+            if redundant is None:
+                check_numbers(scene, state)
+                redundant = check_structure(scene, state, t, coordinates)
+            # A start that leads to a warning does so at each call.
+            if warns() and number_issued() == before:
+                self._passed.add(key, redundant)
+        return redundant
+
+    def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
+        """Return the names of the redundant constraints of a start that passes all checks.
+
+        The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
+        is no native program for its structure, as for the first starts of a structure.
+
+        **Arguments:** `given`: scene, state, start time and coordinates, flattened.
+
+        **Raises:** `ValueError` for numbers of the scene that its constructors refuse.
+        """
+        scene, unfolded = given.arguments[0], given.parts[0]
+        given = FlatArguments.joined((flattened(folded(unfolded)), *given.parts[1:]))
+        self._seen[given.key] += 1
+        if not is_native():
+            return None
+        if self._seen[given.key] == 1:
+            self._function.load(given)
+        # Compiling takes longer than the checks of a few starts, so the first ones of a structure
+        # are left to Python, unless another process has saved the program.
+        if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
+            return None
+        try:
+            fine, (names, left) = self._function.run(given)
+        except (UnsupportedPrimitiveError, ValueError):
+            # Native code has no rule for an operation of the checks, or a check fails for any
+            # numbers, for instance if a body lacks a state. Never try this structure again.
+            self._seen[given.key] = -sys.maxsize
+            return None
+        if not fine:
+            return None
+        self._recheck(scene, unfolded)
+        # The search for redundant constraints depends only on `left`, the derivatives of the
+        # constraint equations, so its results are cached by them. Without a limit, the cache would
+        # grow with each start whose constraints differ.
+        known = self._distances.setdefault(given.key, {})
+        if len(known) >= KEPT:
+            known.clear()
+        order = scene_order(names, scene)
+        names, left = tuple(names[k] for k in order), left[order]
+        redundant, uncertain = dependent(names, left, known)
+        return None if uncertain else redundant
+
+    def _recheck(self, scene: Scene, flat: FlatArguments) -> None:
+        """Repeat the checks of the constructors of a scene, or only those of the numbers that
+        differ from the latest scene of the same structure. In native code, these checks were a
+        third of the program."""
+        earlier = self._scenes.recent(flat.key)
+        changed = None if earlier is None else flat.changes(earlier)
+        if changed is None:
+            _recheck(scene)
+        else:
+            recheck_changes(scene, flat.tree_structure, changed)
+        self._scenes.add(flat.key, flat)
+
+
+starts = _Starts()

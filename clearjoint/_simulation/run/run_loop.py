@@ -1,0 +1,278 @@
+"""The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
+
+Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
+recorders, which collect data during the run. In sweeps the scheduler of lanes repeats the body of
+the loop; in other runs JAX's loops do so. A lane is one run of a sweep. Compiled code advances
+several lanes side by side; a lane that waits, for example because one of its buffers is full, stays
+unchanged in the meantime.
+
+Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
+without an origin it shows the scene's time.
+"""
+
+import abc
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Generic, TypeAlias, TypeVar
+
+import equinox as eqx
+import jax
+from jaxtyping import PyTree
+
+from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.system import System
+from ..._math.vectors import Condition, Scalar, unpack
+from ..._model.bodies import State
+from ..._result_codes import RESULTS
+from ...quantities.base import Instant
+from ..step.dense_output import DenseStep, Snapshot
+from ..step.loops import PLAIN, Loops
+from ..step.method import SystemFamily
+from ..step.rotation_limit import rotating_bodies
+from ..step.step_state import Attempt, Method, Step, Variables, choose
+from ..step.stepping import attempt, blank_attempt, running, start
+
+R = TypeVar("R", bound=PyTree)
+
+
+@dataclass(frozen=True, eq=False)
+class RunStart:
+    """A run before its first step, as recorders receive it.
+
+    - `loop`: the loop of the run.
+    - `step`: the complete state of the run.
+
+    The properties are computed only if a recorder uses them.
+    """
+
+    loop: "RunLoop"
+    step: Step
+
+    @cached_property
+    def now(self) -> Instant:
+        """The start as an `Instant`, from which quantities such as positions are computed."""
+        return Snapshot(self.step.t, self.step.y, self.step.entry_speeds).instant(self.loop.system)
+
+    @cached_property
+    def blank_attempt(self) -> Attempt:
+        """An `Attempt` that contains the state at the start, and zeros in its other fields, as the
+        first record of recorders that keep attempts."""
+        loop = self.loop
+        return blank_attempt(
+            loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StepOutcome:
+    """The outcome of an attempt to take a step, as recorders receive it.
+
+    - `method`, `system`: solver and step control; the system that is integrated.
+    - `before`, `after`: the complete state of the run before and after the attempt. If the step was
+      not accepted, time and variables are the same in both.
+    - `tried`: the attempt, with its data for dense output.
+    - `kept`: whether the step was accepted; false for a lane that waits.
+
+    The properties are computed only if a recorder uses them.
+    """
+
+    method: Method
+    system: System
+    before: Step
+    tried: Attempt
+    after: Step
+    kept: Condition
+
+    @cached_property
+    def dense_step(self) -> DenseStep:
+        """The step with the data for dense output, the solution inside it; valid only if the step
+        was accepted."""
+        return DenseStep.of(self.tried)
+
+    @cached_property
+    def now(self) -> Instant:
+        """The state `after` as an `Instant`, from which quantities such as positions are computed.
+        Its method `inside`, which returns instants inside the step, is valid only if the step was
+        accepted."""
+        after = self.after
+
+        def inside(x: Scalar) -> Instant:
+            return self.dense_step.within(self.method, x).instant(self.system)
+
+        return Snapshot(after.t, after.y, after.entry_speeds).instant(self.system, inside)
+
+
+class AbstractRecorder(eqx.Module, Generic[R]):
+    """Base class of recorders, which collect data during a run. The data are of type R and are
+    called the record.
+
+    `RunLoop` calls `start` once before the first step, and `after` after each attempt.
+    """
+
+    @abc.abstractmethod
+    def start(self, start: RunStart) -> R:
+        """Return the record before the first step."""
+
+    @abc.abstractmethod
+    def after(self, record: R, step_outcome: StepOutcome) -> R:
+        """Return the record after an attempt; it must be unchanged if the step was not accepted."""
+
+    def searched(self, now: Instant) -> PyTree[Scalar]:
+        """Return the numbers at an instant that the recorder evaluates at few instants of a step,
+        so that a step must not pass many of their oscillations. The default is none."""
+        del now
+        return ()
+
+
+Recorders: TypeAlias = PyTree[AbstractRecorder]
+"""The recorders of a run, in nested dictionaries."""
+Records: TypeAlias = dict[str, PyTree]
+"""The records of a run, in nested dictionaries with the same keys as those of the recorders."""
+
+
+class Progress(eqx.Module):
+    """A run between two attempts: its complete state, `step`, and the `records` so far."""
+
+    step: Step
+    records: Records
+
+
+@dataclass(frozen=True, eq=False)
+class RunLoop:
+    """The loop of a run.
+
+    - `method`: solver and step control; `system`: the system to integrate.
+    - `t_end`: s, end of the run; no step goes past it.
+    - `recorders`: nested dictionaries of recorders; the records have the same keys.
+    - `family`: the system as a function of parameters, if the run carries derivatives with respect
+      to them; otherwise ``None``.
+    - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
+    - `attempt`: the function that tries a step, with the arguments and the result of the function
+      `attempt` in `..step.stepping`, which is the default.
+    """
+
+    method: Method
+    system: System
+    t_end: Scalar
+    recorders: Recorders
+    family: SystemFamily | None = None
+    loops: Loops = PLAIN
+    attempt: Callable[..., Attempt] = attempt
+
+    def start(self, step: Step) -> Progress:
+        """Return the run before its first step: the given state, and the first records."""
+        start = RunStart(self, step)
+        return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
+
+    def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
+        """Return the run after one attempt to take a step.
+
+        If the step is rejected, time and variables stay as they are, and the next attempt is
+        shorter.
+
+        **Arguments:** `now`: the run before the attempt; `goes`: whether to make the attempt; where
+        it is false, as in a lane that waits, the run stays unchanged. By default it is made.
+        """
+        family_if_any = () if self.family is None else (self.family,)
+        method = self._method(now.step)
+        tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
+        after, kept = tried.step, tried.kept
+        if goes is not None:
+            # In compiled code all lanes compute the attempt; a lane that waits discards its own.
+            after, kept = choose(goes, after, now.step), goes & kept
+        outcome = StepOutcome(self.method, self.system, now.step, tried, after, kept)
+        records = _map_recorders(
+            lambda recorder, record: recorder.after(record, outcome), self.recorders, now.records
+        )
+        return Progress(after, records)
+
+    def _method(self, step: Step) -> Method:
+        """Return the method with the bodies whose rotations its steps limit (see
+        `..step.rotation_limit`), for steps of the structure of `step`."""
+
+        def searched(motion: MotionVariables) -> PyTree:
+            y = replace(step.y, motion=motion)
+
+            def inside(_: Scalar) -> Instant:
+                return instant()
+
+            def instant() -> Instant:
+                return Snapshot(step.t, y, step.entry_speeds).instant(self.system, inside)
+
+            return _map_recorders(lambda recorder: recorder.searched(instant()), self.recorders)
+
+        rotating = rotating_bodies(self.system, step.y.motion, searched)
+        return replace(self.method, rotating=rotating)
+
+    def until(
+        self,
+        stop: Scalar,
+        now: Progress,
+        attempts: Scalar,
+        goes: Callable[[Progress], Condition] | None = None,
+    ) -> Progress:
+        """Return the run after further steps, of which the last one ends at or after the time
+        `stop`, s. A run that has reached this time already stays unchanged.
+
+        The steps end earlier at a failure, at the end of the run `t_end`, after `attempts` attempts
+        since the start of the run, and if the function `goes`, called with the run before each
+        attempt, returns false.
+        """
+
+        def continues(now: Progress) -> Condition:
+            more = (now.step.t < stop) & running(now.step, self.t_end, attempts)
+            return more if goes is None else more & goes(now)
+
+        return self.loops.repeat(continues, self.advance, now)
+
+
+def _map_recorders(
+    function: Callable[..., PyTree], recorders: Recorders, *records: Records
+) -> Records:
+    """Call a function for each recorder, with its record as second argument if `records` are given,
+    and return the results in nested dictionaries with the keys of `recorders`."""
+    return jax.tree.map(
+        function, recorders, *records, is_leaf=lambda tree: isinstance(tree, AbstractRecorder)
+    )
+
+
+def begin_run(
+    method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the complete state of a run before its first step.
+
+    **Arguments:** `method`: solver and step control; `system`: the system to integrate; `state`:
+    the initial state, whose vectors are arrays (3,); `t0`, `t_end`: s, start and end of the run;
+    `first_step`: s, length of the first step.
+
+    The run continues from the state's entry speeds, bristles and energy ledger (the integrals of
+    powers). Entries that the state lacks are initialised. The ledger is left out if the formulation
+    keeps none.
+    """
+    motion = system.encode(unpack(state.bodies))
+    work = state.work if system.formulation.ledger else {}
+    y = Variables(motion, work, unpack(state.bristles))
+    return start(method, system, t0, t_end, first_step, y, state.entry_speeds)
+
+
+def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
+    """Return variables y and entry speeds, m/s, as a `State` whose vectors are three separate
+    scalars."""
+    return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
+
+
+def final_state(system: System, step: Step) -> State:
+    """Return the state after `step`, whose vectors are three separate scalars."""
+    return state_of(system, step.y, step.entry_speeds)
+
+
+def final_result(step: Step, t_end: Scalar) -> RESULTS:
+    """Return the result code of a run whose last step was `step`.
+
+    The code is `max_steps_reached` if the run has neither failed nor reached its end `t_end`, s;
+    otherwise it is `step.result`.
+    """
+    unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
+    return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

@@ -1,0 +1,387 @@
+"""Runs with tangents, which evaluate quantities and their derivatives at given times.
+
+Tangents are derivatives of the variables with respect to p parameters, integrated together with the
+variables. Runge-Kutta methods commute with differentiation: the derivative of a step with respect
+to a parameter is the same step of the variational equations, error estimate included. Hence an
+attempt to take a step (`attempt` in `..step.stepping`) differentiates the solver's step for all
+parameters at once, and controls the errors of variables and tangents together.
+
+`sensitivities`, `identify` and `fit_horizon` use this module.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._compilation import traced_once
+from ..._dynamics.bristles import initial_bristles
+from ..._dynamics.contact_events import initial_entry_speeds
+from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.system import System
+from ..._math.vectors import Condition, Scalar
+from ..._model.bodies import State
+from ..._model.joints.base import each_label
+from ..._native import Native
+from ..._parametrisation.parametrised_scene import Coordinates, ParametrisedScene
+from ..._result_codes import RESULTS
+from ...quantities.base import Instant, Quantity
+from ..step.dense_output import dense_time, look_inside, stabilised
+from ..step.method import Scheme, SystemFamily
+from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
+from ..step.stepping import attempt, start
+from ..step.trial_step import term_of
+from ..step.types import Gradients, Numbers
+from .host_run import IMPACTS, LATEST, SECTIONS
+from .impact_recorder import ImpactRecord, ImpactRecorder, most
+from .recorders import LatestAttempt, TangentPeak, TangentPeakRecorder
+from .run_loop import Progress, Recorders, RunLoop, final_result, state_of
+from .sections import SectionRecord, SectionRecorder
+
+FEW_TIMES, GROWTH = 64, 8
+"""The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
+programs are compiled. The additional times repeat the end time. Quantities at repeated times are
+computed only once, so the additional times cost almost nothing."""
+
+
+class Kept(eqx.Module):
+    """Results that a run with tangents keeps besides the values of quantities.
+
+    - `states`: whether to keep the state at each of the times.
+    - `impacts`: number of impacts of each contact for which the buffers have room, or ``None`` to
+      record no impacts. Further impacts of a contact are counted, but not kept.
+    - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
+    """
+
+    states: bool = eqx.field(default=False, static=True)
+    impacts: int | None = eqx.field(default=None, static=True)
+    sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
+
+
+NOTHING_ELSE = Kept()
+"""For runs that return the values of quantities only."""
+PEAK = "peak"
+"""Name of the recorder of the largest derivatives."""
+IMPACTS_AT_FIRST = 512
+"""Number of impacts of each contact for which the buffers of the first run have room. If a contact
+has more impacts, the run is repeated with `GROWTH` times as much room."""
+
+
+class Sampled(eqx.Module):
+    """Values of quantities at N times, and their derivatives with respect to p parameters.
+
+    - `values[name]`: (N,), in the quantity's unit.
+    - `derivatives[name]`: (N, p), in the quantity's unit, with respect to the coordinates of the
+      parameters on their scales. These coordinates are pure numbers, such as logarithms of the
+      parameters' values.
+    - `reached`: (N,), whether the run reached each time. Values, derivatives and states at times
+      that it did not reach are meaningless.
+    - `time`: s, the time at which the run ended; `result`: its result code.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
+      derivatives to that of the speeds' derivatives at their peak: this peak times the time since
+      then, over the largest derivative of a position since then.
+    - `states`: the state at each time. Its leaves have an additional first axis of length N, and
+      each vector is three separate arrays. ``None`` unless kept.
+    - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
+    - `sections`: the records of crossings, by name of the section, with times on the clock of the
+      scene, to which drivers and loads refer.
+    """
+
+    values: dict[str, Numbers]
+    derivatives: dict[str, Gradients]
+    reached: jax.Array
+    time: Scalar
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+    amplification: jax.Array
+    states: State | None = None
+    impacts: ImpactRecord | None = None
+    sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
+
+
+def start_with_tangents(
+    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the complete state of a run with tangents before its first step.
+
+    **Arguments:** `method`: solver and step control; `family`: the systems and initial states as
+    functions of p parameters; `t0`, `t_end`: start and end of the run, s, on the clock of the
+    systems, which is zero at `family.origin`; `first_step`: length of the first step, s.
+    """
+
+    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
+        state = family_of_scenes.start(values)
+        motion = system.encode(state.bodies)
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
+        return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
+
+    # `with_derivatives` evaluates a function of the system, and differentiates it with respect to
+    # the parameters. For this it takes the derivatives of the function's other arguments, which for
+    # the parameters themselves are the identity matrix.
+    family_of_scenes, count = family.family, len(family.family.values)
+    (y, entry_speeds), _, (y_along, entry_speeds_along) = family.with_derivatives(
+        initial, (family_of_scenes.values,), (jnp.eye(count),)
+    )
+    # Entry speeds and energy ledger, which the initial state may lack, are added here.
+    system = family.system()
+    step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
+
+    # The solver of an explicit method has a state of its own: the rates at the start of the step,
+    # which depend on the parameters too. The solver's `init` ignores the end of the first step, so
+    # any later time may be passed.
+    def solver_state(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[SolverState, None]:
+        return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
+
+    # The energy ledger does not depend on the parameters at the start.
+    none = jnp.zeros(count)
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
+
+    # The entry speed of a contact that begins at the start is its penetration rate there, which
+    # depends on the parameters like that of a later onset.
+    def completed(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[EntrySpeeds, None]:
+        gaps = system.contact_gaps(y.motion)
+        return initial_entry_speeds(system.scene, gaps, entry_speeds, step.second_rates), None
+
+    _, _, entry_speeds_along = family.with_derivatives(
+        completed, (step.y, entry_speeds), (y_along, entry_speeds_along)
+    )
+    _, _, state_along = family.with_derivatives(
+        solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
+    )
+    return replace(step, tangents=Tangents(y_along, entry_speeds_along, state_along))
+
+
+def look_at_tangents(
+    method: Method, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
+) -> tuple[Variables, EntrySpeeds]:
+    """Return the derivatives of variables and entry speeds with respect to p parameters, at a time
+    t, s since the start of the run, in the accepted step of an `attempt`.
+
+    Inside the step they are derivatives of dense output, and at its end those of the stored state.
+    `look_inside` also corrects the variables so that they satisfy the constraints; this correction
+    is not differentiated here. Each leaf has an additional first axis of length p.
+
+    **Arguments:** `entry_speeds`: the entry speeds at t from `look_inside`.
+    """
+    end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
+    assert inside is not None and last is not None
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
+    y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
+
+    def speed_along(name: str, label: str) -> Gradients:
+        # A contact that began in this step has its entry speed from the end of the step.
+        before = attempt.entry_speeds_start[name][label]
+        began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
+        kept = inside.entry_speeds_start[name][label]
+        return jnp.where((t >= end) | began, last.entry_speeds[name][label], kept)
+
+    return y, each_label(speed_along, entry_speeds)
+
+
+def _first(
+    scheme: Scheme, family: ParametrisedScene, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the state of `sampled` before its first step, at time zero."""
+    # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
+    # than the rounding errors of large times.
+    systems = SystemFamily(family, scheme.formulation, t0)
+    return start_with_tangents(scheme.method, systems, jnp.zeros_like(t0), t_end - t0, first_step)
+
+
+def _sampled_from(
+    first: Step,
+    scheme: Scheme,
+    family: ParametrisedScene,
+    outputs: Mapping[str, Quantity],
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    max_steps: Scalar,
+    kept: Kept,
+) -> Sampled:
+    """Return the result of `sampled`, given the result of `_first`."""
+    method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
+    system, own_end, own_times = systems.system(), t_end - t0, times - t0
+    recorders: dict[str, Recorders] = {
+        LATEST: LatestAttempt(),
+        PEAK: TangentPeakRecorder(),
+        SECTIONS: kept.sections,
+    }
+    if kept.impacts is not None:
+        recorders[IMPACTS] = ImpactRecorder(capacity=kept.impacts)
+    # JAX would otherwise trace an attempt again wherever `loop` calls it.
+    tried = traced_once(attempt)
+    loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
+
+    no_values = dict.fromkeys(outputs, jnp.zeros(()))
+    no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(family.values)))
+
+    def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
+        """Continue the run to a time or beyond it.
+
+        **Arguments:** `now`: the run so far; `row`: the time, s since the start of the run, and
+        whether it differs from the time before it.
+
+        **Returns:** the run, and a tuple of values, derivatives and state at the time, and whether
+        the run has reached it.
+        """
+        time, is_new = row
+        # Steps are not shortened to end at the time, since evaluation must not change the motion.
+        now = loop.until(time, now, max_steps)
+        latest = now.records[LATEST]
+
+        def observed(
+            system: System, y: Variables, entry_speeds: EntrySpeeds
+        ) -> tuple[dict[str, Scalar], None]:
+            """Return the quantities at the time for the variables `y` of dense output, and
+            ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
+            # The variables from `look_inside` are corrected already, but their derivatives from
+            # `look_at_tangents` are not. The correction is repeated here, where it is
+            # differentiated.
+            y = stabilised(system, y, time)
+            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
+            return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
+
+        def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
+            """Return the quantities and their derivatives at the time."""
+            dense = look_inside(method, systems.system(), latest, time)
+            along = look_at_tangents(method, latest, time, dense[1])
+            values, _, derivatives = systems.with_derivatives(observed, dense, along)
+            return values, derivatives
+
+        # At a repeated time, quantities need not be computed: those at the first of equal times are
+        # copied below. States are not copied, so they are computed at every time.
+        values = jax.lax.cond(is_new, quantities, lambda: (no_values, no_derivatives))
+        state = None
+        if kept.states:
+            system = systems.system()
+            state = state_of(system, *look_inside(method, system, latest, time))
+        return now, (*values, state, time <= now.step.t)
+
+    is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
+    now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
+    step, records = now.step, now.records
+    # Index of the first of equal times, of which the quantities are copied.
+    latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
+    return Sampled(
+        values=values,
+        derivatives=derivatives,
+        reached=reached,
+        # At the end this is `t_end` itself, as t0 + (t_end - t0) may differ from it by rounding.
+        time=jnp.where(step.t < own_end, t0 + step.t, t_end),
+        result=final_result(step, own_end),
+        attempts=step.attempts,
+        accepted=step.accepted,
+        states=states,
+        impacts=records.get(IMPACTS),
+        sections=records[SECTIONS],
+        amplification=_amplification(step, records[PEAK]),
+    )
+
+
+def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
+    """Return `Sampled.amplification` for the last step of a run."""
+    # Nothing is amplified if no position depends on the parameter.
+    positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
+    return peak.size * (step.t - peak.time) / positions
+
+
+def _scanned(
+    sample: Callable[[Progress, PyTree], tuple[Progress, PyTree]], run: Progress, rows: PyTree
+) -> tuple[Progress, PyTree]:
+    """Apply `sample` to one row after the other, like a single `jax.lax.scan`, but in blocks of
+    `FEW_TIMES` rows.
+
+    **Arguments:** `sample`: function of the run and a row that returns the run and an output;
+    `run`: the run before the first row; `rows`: a PyTree of arrays (N,).
+    """
+    # In each iteration, XLA copies all outputs that the loop has written so far. With 4096 rows,
+    # one loop took ten times as long as the run. Numbers of rows from `padded` are multiples of
+    # `FEW_TIMES`; for others, a single loop is used.
+    count = len(jax.tree.leaves(rows)[0])
+    if count <= FEW_TIMES or count % FEW_TIMES != 0:
+        return jax.lax.scan(sample, run, rows)
+    blocks = jax.tree.map(lambda leaf: leaf.reshape(-1, FEW_TIMES), rows)
+    run, rows = jax.lax.scan(lambda run, block: jax.lax.scan(sample, run, block), run, blocks)
+    return run, jax.tree.map(lambda leaf: leaf.reshape(count, *leaf.shape[2:]), rows)
+
+
+# The start is a program of its own: it is a quarter of the code, and runs once.
+_first_compiled = Native(_first, few_runs=True)
+sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
+
+
+def sampled(
+    scheme: Scheme,
+    family: ParametrisedScene,
+    outputs: Mapping[str, Quantity],
+    times: jax.Array,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar,
+    max_steps: Scalar,
+    kept: Kept = NOTHING_ELSE,
+) -> Sampled:
+    """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
+    given times. This is the whole run of `sensitivities` and fits.
+
+    The derivatives are with respect to the coordinates of the parameters on their scales, such as
+    logarithms of the values.
+
+    **Arguments:**
+
+    - `scheme`: integration method and formulation of the equations of motion.
+    - `family`: scene and initial state as functions of the p parameters.
+    - `outputs`: the quantities to evaluate, by name.
+    - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
+      last time. So the last time must be `t_end` or later, as `padded` ensures; if it is earlier,
+      the run may count as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
+    - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
+    - `first_step`: s, length of the first step that is tried.
+    - `max_steps`: largest number of attempts.
+    - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
+      than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
+      more room, as `recorded_run` does.
+    """
+    first = _first_compiled(scheme, family, t0, t_end, first_step)
+    return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
+
+
+def recorded_run(
+    arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
+) -> Sampled:
+    """Call `sampled`, with larger buffers each time until they have room for all impacts,
+    and return its last result as NumPy arrays.
+
+    **Arguments:** `arguments`: all arguments of `sampled` except `kept`; `states`,
+    `impacts`: whether to keep states and impacts; `sections`: recorders of crossings, by name of
+    the section.
+    """
+    room = IMPACTS_AT_FIRST if impacts else None
+    while True:
+        kept = Kept(states, room, sections)
+        found: Sampled = jax.device_get(sampled(*arguments, kept=kept))
+        if found.impacts is None or room is None or most(found.impacts) <= room:
+            return found
+        room *= GROWTH
+
+
+def padded(times: np.ndarray, end_time: float) -> np.ndarray:
+    """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
+    512, 4096 ..., so that few programs are compiled (see `FEW_TIMES`). At least one copy is
+    appended, so that the run reaches its end even if the last of the times is earlier."""
+    size = FEW_TIMES
+    while size <= len(times):
+        size *= GROWTH
+    return np.append(times, np.full(size - len(times), float(end_time)))

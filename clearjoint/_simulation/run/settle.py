@@ -1,0 +1,426 @@
+"""Simulate until a motion is periodic, steady or stationary.
+
+A run covers a block of periods. After each block, the motion is compared with itself some periods
+earlier. For this comparison the motion is reduced to a table with one row of numbers for each
+period, as under a stroboscope.
+"""
+
+import enum
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from ..._fields.checks import as_number, require, require_count, require_positive, require_type
+from ..._model.bodies import State
+from ..._model.scene import Scene
+from ..._result_codes import RESULTS
+from ..results.solution import Solution
+from ..step import presets
+from ..step.settings import Settings, settings_or
+from .saving import Saving
+from .sections import Section
+from .simulate import simulate
+from .terminal import ProgressBar, RunInterrupted
+
+BLOCK = 10
+"""Number of periods of one run. After each run the motion so far is assessed. A larger number would
+simulate more periods than needed, a smaller one would assess the motion more often."""
+PHASES = 16
+"""Number of states in each period that are compared with those of another period. There are many,
+because two different motions may agree at one phase by chance."""
+SECTION = "settle"
+"""Name of the section in the runs that `settle` makes."""
+
+
+class Settling(enum.Enum):
+    """How a motion settled. The value of each member is a description in words.
+
+    - `PERIODIC`: it repeats after a number of periods.
+    - `STEADY`: it is at rest.
+    - `STATIONARY`: it does not repeat, but its means and standard deviations are constant.
+    - `UNSETTLED`: none of these after the largest number of periods.
+    - `FAILED`: a run ended with a failure.
+
+    >>> cj.Settling.UNSETTLED.value
+    'not settled'
+    """
+
+    PERIODIC = "periodic"
+    STEADY = "steady"
+    STATIONARY = "neither periodic nor steady, but its statistics change no longer"
+    UNSETTLED = "not settled"
+    FAILED = "a run failed"
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Result of `settle`: how a motion settled, and the state and time at the end.
+
+    - `kind`: a `Settling`. A `STATIONARY` motion is chaotic, quasi-periodic, or periodic with a
+      larger multiple than was tried. No finite run can exclude that it is a long transient whose
+      statistics are constant.
+    - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
+      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. If a `period` was
+      given and no run failed, the simulated time is a whole number of periods. If all drivers and
+      loads repeat with the period, a further run may then start from `state` at the first run's
+      `start_time` instead.
+    - `start_time`: s, the start of the first run.
+    - `periods`: number of periods, or of times between crossings of the section, that were
+      simulated in runs without a failure.
+    - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
+    - `period`: s, the given period, or the mean time between the last crossings of the section;
+      ``None`` with fewer than two crossings.
+    - `changes`: (n,), for each period after the first `multiple` ones, in the order of time: the
+      largest difference from the period that was `multiple` periods earlier. If the motion is not
+      periodic, each period is compared with the one before it. The argument `tolerance` of `settle`
+      says what differences are relative to.
+    - `result`: the `RESULTS` code of the last run.
+
+    >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
+    >>> settled.kind.name, settled.multiple, settled.settled
+    ('PERIODIC', 1, True)
+    """
+
+    kind: Settling
+    state: State
+    time: float
+    start_time: float
+    periods: int
+    multiple: int | None
+    period: float | None
+    changes: Float[np.ndarray, " n"]
+    result: RESULTS
+
+    @property
+    def settled(self) -> bool:
+        """Whether the motion is periodic, steady or stationary."""
+        return self.kind not in (Settling.UNSETTLED, Settling.FAILED)
+
+    def __str__(self) -> str:
+        """Return a sentence that says how the motion settled and after how many periods."""
+        after = f"after {self.periods} periods, at t = {self.time:.9g} s"
+        if self.kind is Settling.FAILED:
+            return f"A run failed {after}: {RESULTS[self.result]}"
+        repeats = f" with {self.multiple} times the period" if (self.multiple or 1) > 1 else ""
+        last = (
+            f"; the last change is {self.changes[-1]:.2g} of its range" if len(self.changes) else ""
+        )
+        return f"The motion is {self.kind.value}{repeats} {after}{last}."
+
+
+SETTLED_STATISTICS = 0.1
+"""Two spans of a motion count as having the same statistics if their means, and their standard
+deviations, differ by at most this part of the range of the motion. It leaves room for the scatter
+of the statistics of a chaotic motion over finitely many periods."""
+ROOM = PHASES * BLOCK
+"""Number of crossings of a section for which there is room in a block of periods."""
+CONFIRMING = 3
+"""A motion counts as periodic only if each of at least this number of successive periods equals an
+earlier one, since a single period may resemble an earlier one by chance. A motion counts as steady
+only if it is still for this number of periods."""
+STILL = 1e-6
+"""Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
+that rounding errors of a motion at rest are not taken for changes. With a section, it is also
+the lower bound of the scales of the times between crossings, s, and of each channel, in its
+unit."""
+
+
+@dataclass(frozen=True)
+class Strobe:
+    """A motion as D numbers for each of n periods, in which `settle` looks for repetition.
+
+    - `rows`: (n, D), the numbers, such as positions and velocities at some phases of the period.
+    - `scales`: (D,), for each column of `rows`, the number by which changes in it are divided, such
+      as the range of the motion.
+    """
+
+    rows: Float[np.ndarray, "n D"]
+    scales: Float[np.ndarray, " D"]
+
+    def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
+        """Return the change of the motion since `multiple` periods earlier, for each of the later
+        periods.
+
+        **Returns:** (n - multiple,), the largest change in any column, each divided by its scale.
+        """
+        difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
+        return np.max(difference / self.scales, axis=1, initial=0.0)
+
+    def multiple(self, largest: int, tolerance: float) -> int | None:
+        """Return the smallest number m of periods after which the motion repeats, or ``None`` if
+        there is none up to `largest`.
+
+        The motion repeats if each of the last m periods, and at least of the last `CONFIRMING`,
+        equals the period m periods earlier, with changes of at most `tolerance`.
+        """
+        for multiple in range(1, largest + 1):
+            needed = max(multiple, CONFIRMING)
+            changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
+            if len(changes) >= needed and bool(np.all(changes[-needed:] <= tolerance)):
+                return multiple
+        return None
+
+    def statistics_settled(self) -> bool:
+        """Return whether means and standard deviations in the third and the last quarter of the
+        periods differ by at most `SETTLED_STATISTICS` times `scales` in each column; ``False`` for
+        fewer than eight periods. The transient is assumed to have ended after the first half."""
+        quarter = len(self.rows) // 4
+        # The standard deviation of a single period would be zero.
+        if quarter < 2:
+            return False
+        spans = self.rows[-2 * quarter : -quarter], self.rows[-quarter:]
+        means, deviations = ([f(span, axis=0) for span in spans] for f in (np.mean, np.std))
+        apart = [np.abs(a - b) / self.scales for a, b in (means, deviations)]
+        return bool(np.max(apart) <= SETTLED_STATISTICS)
+
+
+def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
+    """Return "position" (m), "velocity" (m/s), "spin" (rad/s) and "orientation" of all bodies in N
+    states.
+
+    Each is an array (N, bodies, components). The 16 components of an orientation are all products
+    p_i p_j of its Euler parameters, since these do not depend on the common sign of the parameters.
+
+    **Arguments:** `states`: one state whose arrays have a first axis of length N.
+    """
+    parts = {
+        name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
+        for name in ("position", "velocity", "spin", "orientation")
+    }
+    p = parts["orientation"]
+    products = p[..., :, None] * p[..., None, :]
+    return {**parts, "orientation": products.reshape(*p.shape[:2], 16)}
+
+
+def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
+    """Return the range of each array from `columns`, by name: the largest range of any component
+    over the N states, but at least `STILL`, and 1 for orientations, whose components are at most
+    1."""
+    sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
+    return {**sizes, "orientation": 1.0}
+
+
+def strobe_of(states: State, phases: int) -> Strobe:
+    """Return a motion of n periods as a table, from states at `phases` instants of each period.
+
+    The scales are the ranges in the last `CONFIRMING` periods.
+
+    **Arguments:** `states`: n * phases states in the order of time, as one state whose arrays have
+    a first axis of that length.
+    """
+    parts = columns(states)
+    sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
+    whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
+    scales = [np.full(one.shape[1], sizes[name]) for name, one in zip(parts, whole, strict=True)]
+    return Strobe(np.concatenate(whole, axis=1), np.concatenate(scales))
+
+
+def stillness(states: State, last: int) -> float:
+    """Return the range of a motion at its end, relative to the range in all states. The result is
+    small if the motion has come to rest.
+
+    It is the largest of the relative ranges of positions, velocities, spins and orientations.
+
+    **Arguments:** `states`: N states in the order of time, as one state whose arrays have a first
+    axis of length N; `last`: number of states that count as the end.
+    """
+    parts = columns(states)
+    sizes = ranges(parts)
+    return max(
+        float(np.max(np.ptp(part[-last:], axis=0))) / sizes[name] for name, part in parts.items()
+    )
+
+
+def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
+    """Return a motion as a table with one row for each crossing of a Poincaré section. The first
+    crossing has no row.
+
+    A row contains the time since the previous crossing, s, and the value of each channel of the
+    section. The scales are the mean time between crossings (1 s with fewer than two crossings), and
+    the largest magnitude of each channel, but at least `STILL`.
+
+    **Arguments:** `times`: (n,) s, times of the crossings; `values`: for each channel, its values
+    at the crossings, (n,).
+    """
+    waits = np.diff(times)
+    rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
+    wait = np.mean(waits) if len(waits) else 1.0
+    sizes = [wait, *(np.max(np.abs(channel), initial=0.0) for channel in values)]
+    return Strobe(rows, np.maximum(sizes, STILL))
+
+
+def settle(
+    scene: Scene,
+    state: State,
+    settings: Settings | None = None,
+    *,
+    period: float | None = None,
+    section: Section | None = None,
+    span: float | None = None,
+    start_time: float = 0.0,
+    periods: int = 300,
+    largest_multiple: int = 8,
+    tolerance: float = 1e-5,
+    progress: bool = True,
+) -> Settled:
+    """Simulate until the motion is periodic or steady, or the largest number of periods is reached.
+
+    With the `period` of a drive, the states at 16 phases of each period are compared with the
+    states one period before, two periods before, and so on up to `largest_multiple`. With a
+    `section`, the values of its channels at each crossing, and the time since the last crossing,
+    are compared with those one crossing before, two crossings before, and so on. A motion that
+    does not repeat within all `periods` is stationary if the means and standard deviations in the
+    third quarter of the periods (or crossings) differ from those in the last quarter by at most a
+    tenth of the sizes to which changes are relative (see `tolerance`). At least eight periods, or
+    nine crossings, are needed for this.
+
+    ```python
+    import math
+
+    import clearjoint as cj
+
+    scene, state = cj.mechanisms.slider_crank(0.1e-3, speed=500.0)
+    settled = cj.settle(scene, state, period=2 * math.pi / 500.0, periods=20)
+    print(settled)
+    solution = cj.simulate(scene, settled.state, settled.time + 0.01, start_time=settled.time)
+    ```
+
+    **Arguments:**
+
+    - `scene`, `state`: the mechanism and its initial state, as in `simulate`.
+    - `start_time`: s, time of the initial state.
+    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.accurate` unless given.
+    - `period`: s, the period of all drivers and loads: 2 pi over a drive's speed in rad/s.
+    - `section`: a `Section`, used instead of `period` for motions without a drive. It is a Poincaré
+      section with quantities, called its channels, that are evaluated at each crossing. Its fields
+      `count` and `after` are ignored.
+    - `span`: s, only with a section: a time in which the section is crossed about once.
+    - `periods`: largest number of periods to simulate; with a section, largest number of spans. It
+      is rounded up to a multiple of 10.
+    - `largest_multiple`: largest number of periods after which the motion may repeat.
+    - `tolerance`: relative. A motion repeats after m periods if each of the last m periods, and at
+      least of the last three, differs from the one m periods earlier by at most this. Changes are
+      relative to the ranges of positions, velocities and spins in the last three periods: for a
+      motion over 0.1 m, 1e-5 is a micrometre. With a section, they are relative to the mean time
+      between crossings and to the largest magnitude of each channel. A motion is at rest if its
+      ranges in the last three periods are at most `tolerance` times those of the whole motion.
+      `settings.rtol` must be well below `tolerance`.
+    - `progress`: show a progress bar.
+
+    **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
+    `kind` of the result tells.
+
+    **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
+    section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as
+    an initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
+    motion so far, after Ctrl-C.
+    """
+    require_count("periods", periods, "allow some hundred")
+    require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
+    require_positive("tolerance", tolerance, "1e-5 of the motion's range is usual")
+    length = _period(period, section, span)
+    settings = settings_or(settings, presets.accurate)
+    blocks: list[Solution] = []
+    time, kind, multiple = start_time, None, None
+    # If the first run fails, the result has no periods.
+    strobe = Strobe(np.zeros((0, 1)), np.ones(1))
+    text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
+    shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
+    with ProgressBar(total=periods, **shown) as bar:
+        while kind is None:
+            # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
+            times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
+            sections = {}
+            if section is not None:
+                # A run may have more than `BLOCK` crossings, because the span is a rough guess.
+                sections[SECTION] = replace(section, count=ROOM, after=time)
+            save, end = Saving(times, sections=sections), float(times[-1])
+            options = {"start_time": time, "throw": False, "progress": False}
+            try:
+                block = simulate(scene, state, end, settings, save, **options)
+            except RunInterrupted as stopped:
+                raise RunInterrupted(_joined([*blocks, stopped.solution])) from stopped
+            state, time, result = block.final, float(block.time), block.result
+            bar.update(min(BLOCK, periods - bar.n))
+            if result != RESULTS.successful:
+                # A block that failed lacks states, so its periods cannot be compared with others.
+                kind = Settling.FAILED
+                break
+            blocks.append(block)
+            motion = _joined(blocks)
+            if section is None:
+                strobe = strobe_of(motion.states, PHASES)
+            else:
+                # Without the crossings that were lost, the motion would not be found to repeat.
+                few = len(block.sections[SECTION]) < ROOM
+                expected = f"a time in which the section is crossed fewer than {PHASES} times"
+                remedy = "give a time in s in which the section is crossed about once"
+                require(few, "span", span, expected, remedy)
+                crossings = motion.sections[SECTION]
+                strobe = section_strobe(crossings.times, [*crossings.values.values()])
+                # The transient has other times between crossings than the last periods.
+                waits = np.diff(crossings.times[-CONFIRMING * BLOCK :])
+                period = np.mean(waits) if len(waits) else None
+            multiple = strobe.multiple(largest_multiple, tolerance)
+            # A motion at rest repeats itself too, so this is checked before periods.
+            if stillness(motion.states, PHASES * CONFIRMING) <= tolerance:
+                kind, multiple = Settling.STEADY, None
+            elif multiple is not None:
+                kind = Settling.PERIODIC
+            elif BLOCK * len(blocks) >= periods:
+                # Statistics need all periods, so they are compared only after the last block.
+                stationary = strobe.statistics_settled()
+                kind = Settling.STATIONARY if stationary else Settling.UNSETTLED
+    changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
+    return Settled(
+        kind=kind,
+        state=state,
+        time=time,
+        start_time=start_time,
+        periods=len(strobe.rows),
+        multiple=multiple,
+        period=None if period is None else float(period),
+        changes=changes,
+        result=result,
+    )
+
+
+def _joined(blocks: list[Solution]) -> Solution:
+    """Return the motion of successive runs as one `Solution`, with the saved states and crossings
+    of all runs."""
+    saved, sections = jax.tree.map(
+        lambda *rows: np.concatenate(rows), *((block.saved, block.sections) for block in blocks)
+    )
+    return replace(
+        blocks[-1],
+        attempts=sum(block.attempts for block in blocks),
+        accepted=sum(block.accepted for block in blocks),
+        saved=saved,
+        saved_count=len(saved),
+        sections=sections,
+    )
+
+
+def _period(period: float | None, section: Section | None, span: float | None) -> float:
+    """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`
+    if it is given, and `span` with a section.
+
+    **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
+    time that is not positive, and a section that is no `Section`.
+    """
+    one = (period is None) != (section is None)
+    remedy = "pass the drive's period in s; or a section, with its span in s"
+    require(one, "period", period, "given if and only if `section` is not", remedy)
+    if period is not None:
+        number = as_number(period, "period", "s")
+        require_positive("period", number, "give it in s: 2 pi over the drive's speed")
+        require(span is None, "span", span, "None beside a period", "leave it out")
+        return float(period)
+    require_type("section", section, Section, "a Section", remedy)
+    remedy = "give a time in s in which the section is crossed about once"
+    require(span is not None, "span", span, "given with a section", remedy)
+    assert span is not None
+    require_positive("span", span, remedy)
+    return float(span)

@@ -1,0 +1,196 @@
+"""Simulation of a scene from an initial state: the function `simulate`."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import numpy as np
+
+from ..._dynamics.journals import overdamped_contacts, warn_of_journals_outside
+from ..._export.datasets import setting_notes
+from ..._fields.cautions import LawRangeWarning, caution
+from ..._fields.checks import require
+from ..._fields.objects import on_device, with_arrays
+from ..._math.vectors import Scalar
+from ..._model.bodies import State
+from ..._model.scene import Scene
+from ..._native import Native
+from ..._native.functions import FlatArguments, folded
+from ..._result_codes import RESULTS, result_number
+from ..results.impact_table import beyond_law_ranges
+from ..results.solution import Solution, raise_failure
+from ..step import presets
+from ..step.dense_output import require_dense
+from ..step.loops import loops_for
+from ..step.method import Scheme
+from ..step.settings import Settings, check_span, settings_or
+from ..step.types import Numbers
+from .host_run import Run, begin, recorders_of
+from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
+from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
+from .terminal import RunInterrupted
+
+SHORT_STEPS = RESULTS.max_steps_reached, RESULTS.step_too_small
+"""Result codes of runs whose steps were too short."""
+LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
+"""Remedy in the error message for results that a traced run cannot keep."""
+
+
+def simulate(
+    scene: Scene,
+    state: State,
+    end_time: Scalar,
+    settings: Settings | None = None,
+    save: Saving | None = None,
+    *,
+    start_time: Scalar = 0.0,
+    adjoint: diffrax.RecursiveCheckpointAdjoint | None = None,
+    throw: bool = True,
+    progress: bool = True,
+) -> Solution:
+    """Integrate the equations of motion of a scene.
+
+    The program is compiled once for each structure of the scene and each integration method. Other
+    values of a scene's numbers use the same program, unless a vector component changes to or from
+    exactly 0 or 1 (a folded constant).
+
+    The function works under `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and
+    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A
+    traced number that is invalid, such as a clearance that is NaN, raises no error. Instead, the
+    run ends before its first step with the result `RESULTS.domain`. A run that JAX traces does not
+    check that the initial state satisfies the constraints.
+
+    Derivatives by these transformations are derivatives of the computed steps, not of the exact
+    motion. Their error is far above the error of the states, and falls slowly with the tolerance.
+    Prefer `clearjoint.sensitivities`, or at least use `clearjoint.presets.derivatives`.
+
+    **Arguments:**
+
+    - `scene`: the mechanism.
+    - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run
+      also continues from the entry speeds of contacts that have begun, the deflections of bristles
+      and the energy ledger, if the state contains them (see `State`).
+    - `end_time`, `start_time`: s; the end must be after the start.
+    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
+    - `save`: results to keep besides the final state: states at given times, every step, impacts,
+      sections, and reductions such as `Peak`. Under a transformation of JAX, only states at given
+      times can be kept.
+    - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
+      mode is then unavailable. Its argument `checkpoints` is the number of states that are stored;
+      the steps between stored states are computed again. The default of 300 was fastest up to
+      36 000 steps. Any number works for any run, and does not change the solution. A run that JAX
+      does not trace ignores `adjoint`.
+    - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
+      the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
+    - `progress`: show a progress bar for runs that take longer than two seconds, and while
+      compiling.
+
+    **Returns:** a `Solution`.
+
+    **Raises:** `ValueError` for invalid arguments; `SimulationError` if the run fails and `throw`
+    is true; `RunInterrupted`, a `KeyboardInterrupt` with the solution so far, after Ctrl-C.
+
+    **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
+    in a saved state or at the end; `LawRangeWarning` if impacts are saved, and one of them was
+    deeper than the range of its law (see `beyond_law_ranges`); `UnusualValueWarning` for a journal
+    that starts deep in the wall of its bearing.
+
+    >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    >>> scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    >>> state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    >>> solution = cj.simulate(scene, state, 0.1 * np.pi, progress=False)
+    >>> print(f"{solution.final.bodies['ball'].position[0]:.4f} m")
+    -0.1000 m
+    """
+    settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
+    check_precision(settings.allow_float32)
+    # 1. Checks of the arguments.
+    fine = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
+    remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
+    expected = "a diffrax.RecursiveCheckpointAdjoint or None"
+    require(fine, "adjoint", adjoint, expected, remedy)
+    # Scene and state are flattened once, which for thirty joints takes half a millisecond.
+    flat = FlatArguments.of((scene, state))
+    if not flat.all_floats:
+        scene, state = with_arrays((scene, state))
+        flat = FlatArguments.of((scene, state))
+    traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
+    redundant: tuple[str, ...] = ()
+    times: Numbers | None = save.times
+    admissible = None
+
+    def check_all_numbers() -> None:
+        check_numbers(scene, state)
+        check_span(start_time, end_time)
+        settings.check_numbers()
+        save.times_between(start_time, end_time)
+
+    if traced:
+        # Values are unknown while JAX traces: their checks become a condition of the program.
+        save.require_none(EXCEPT_TIMES, "under a transformation of JAX", LEAVE_OUT)
+        admissible = in_domain(check_all_numbers)
+    else:
+        check_span(start_time, end_time)
+        times = save.times_between(start_time, end_time)
+        redundant = check_start(scene, state, start_time, settings.coordinates, flat)
+        save.check(scene, settings.ledger)
+    # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
+    # the compiled program.
+    folded_scene = folded(flat.parts[0])
+    # Without tracers, the scheme is made of NumPy arrays and kept for equal settings, which saves
+    # most of the time of a call. With redundant constraints, the equations of motion are solved by
+    # another method.
+    scheme = (Scheme.of if traced else Scheme.on_host)(settings, bool(redundant))
+    first_step = settings.length_of_first_step(start_time, end_time)
+
+    def array(number: Numbers) -> Any:
+        # NumPy arrays are made faster, but cannot hold tracers.
+        return on_device(number) if traced else np.asarray(number, float)
+
+    start, end, length = map(array, (start_time, end_time, first_step))
+    if save.sections or save.outputs:
+        require_dense(scheme.method.solver)
+    recorders = recorders_of(save)
+    now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
+    # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
+    run = Run(folded_scene, scheme, recorders, end, redundant)
+    if traced:
+        if admissible is not None:
+            # With another result than `successful`, the loop of steps takes no step.
+            result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
+            now = eqx.tree_at(lambda progress: progress.step.result, now, result)
+        save_at = None if times is None else on_device(times)
+        return run.in_one_piece(now, save_at, settings.max_steps, loops_for(adjoint))
+    solution, interrupted, left_bearing = run.on_host(
+        now, times, settings.max_steps, progress, save.sections, setting_notes(settings)
+    )
+    _warn(scene, solution, left_bearing)
+    if interrupted:
+        raise RunInterrupted(solution)
+    if throw:
+        raise_failure(solution, causes=_causes(scene, solution))
+    return solution
+
+
+begin_compiled = Native(begin, few_runs=True)
+
+
+def _causes(scene: Scene, solution: Solution) -> list[str]:
+    """Return sentences on contacts that made the steps of a failed run short."""
+    if result_number(solution.result) not in map(result_number, SHORT_STEPS):
+        return []
+    return overdamped_contacts(scene, solution.final, solution.time)
+
+
+def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
+    """Issue the warnings of a finished run: of journals outside their bearings, and of recorded
+    impacts deeper than their laws' ranges of validity.
+
+    **Arguments:** `left_bearing`: whether a journal is outside its bearing at the end of the run.
+    """
+    kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
+    if kept or left_bearing:
+        warn_of_journals_outside(scene, solution.time, solution.final, kept)
+    if solution.impacts is not None:
+        for sentence in beyond_law_ranges(scene, solution.impacts):
+            caution(sentence, LawRangeWarning)

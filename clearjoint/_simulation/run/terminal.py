@@ -1,0 +1,212 @@
+"""Progress of runs on the error stream, and their interruption by Ctrl-C.
+
+While a program is being compiled, the text of a progress bar says for how long. One thread updates
+the texts of all bars once a second, because the main thread waits for JAX. It ends when no bar is
+left.
+"""
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from types import FrameType
+from typing import TextIO
+from weakref import WeakSet
+
+from tqdm import tqdm
+
+from ..._compilation import seconds_of_compiling
+from ..results.solution import Solution
+
+TICK = 1.0
+"""Time, s, between two updates of the text; also the time of compiling, s, after which the text
+mentions it."""
+LINE_PERIOD = 30.0
+"""Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
+WATCH = "clearjoint: compiling"
+"""Name of the thread that updates the bars."""
+
+
+class _Watch:
+    """The thread that updates the bars, if there are any.
+
+    - `usual`: the bars that are shown, with their texts while nothing is being compiled.
+    - `thread`: the thread; ``None`` if there is none.
+    - `lock`: held while `usual` or `thread` changes, and while the thread writes texts, so that no
+      bar is closed in the meantime.
+    """
+
+    def __init__(self) -> None:
+        self.usual: dict[tqdm, str] = {}
+        self.thread: threading.Thread | None = None
+        self.lock = threading.Lock()
+
+    def add(self, bar: tqdm) -> None:
+        """Update the text of a bar from now on."""
+        with self.lock:
+            self.usual[bar] = bar.desc
+            # The thread of an earlier bar is used again, since starting one takes a third of the
+            # time of a short run. After a fork, it exists in the parent process only.
+            if self.thread is None or not self.thread.is_alive():
+                self.thread = threading.Thread(target=self._update, name=WATCH, daemon=True)
+                self.thread.start()
+
+    def remove(self, bar: tqdm) -> None:
+        """Leave a bar as it is from now on."""
+        with self.lock:
+            del self.usual[bar]
+
+    def _update(self) -> None:
+        """Update the texts of all bars every `TICK` seconds, until no bar is left. While a program
+        is being compiled, the text is the time that this has taken; afterwards, it is the usual
+        one."""
+        while True:
+            time.sleep(TICK)
+            seconds = seconds_of_compiling()
+            with self.lock:
+                if not self.usual:
+                    self.thread = None
+                    return
+                for bar, usual in self.usual.items():
+                    if seconds >= TICK:
+                        # With a delay, tqdm would not clear a text that is shown before the delay
+                        # is over.
+                        bar.delay = 0.0
+                        bar.set_description_str(f"compiling, {seconds:.0f} s")
+                    elif bar.desc.startswith("compiling"):
+                        bar.set_description_str(usual)
+
+
+_watch = _Watch()
+
+
+class ProgressBar(tqdm):
+    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
+
+    A caller may set `seconds_left`, the estimated time left, s; ``None`` if unknown. The field
+    ``{left}`` in a `bar_format` shows this time.
+    """
+
+    # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
+    _lock = threading.RLock()
+    # Otherwise tqdm may set attributes of the class at run time, such as a monitor thread, and the
+    # class would count as changed code (see `compilation`).
+    _instances = WeakSet()
+    monitor_interval = 0
+    seconds_left: float | None = None
+    _latest_line: float | None = None
+
+    @property
+    def format_dict(self) -> dict[str, object]:
+        """The values of the fields in the text, by name; `left` is the time left, such as "02:15",
+        or "?" if it is unknown."""
+        fields = super().format_dict
+        left = self.seconds_left
+        return {**fields, "left": "?" if left is None else self.format_interval(left)}
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> bool:
+        """Show `msg`, or by default the text of the bar, and return whether it was shown.
+
+        On a terminal, `pos` is the number of lines between the cursor and the text, as in tqdm.
+        Where text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD`
+        seconds after the start or the latest line, nor for an empty `msg`, with which tqdm clears
+        a bar.
+        """
+        if is_live(sys.stderr):
+            return bool(super().display(msg, pos))
+        now = time.time()
+        latest = self._latest_line or getattr(self, "start_t", now)
+        if msg == "" or now - latest < LINE_PERIOD:
+            return False
+        self._latest_line = now
+        print(str(self) if msg is None else msg, file=sys.stderr, flush=True)
+        return True
+
+
+def is_live(stream: TextIO) -> bool:
+    """Return whether text on a stream can be overwritten, as in terminals and notebooks."""
+    return stream.isatty() or type(stream).__module__.startswith("ipykernel")
+
+
+@contextmanager
+def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
+    """Return a context manager that shows a bar while its block runs, with a text such as
+    "compiling, 12 s" while a program is being compiled. Its value is the bar.
+
+    If the bar is not to be shown (`bar.disable`), no thread is started.
+    """
+    with bar:
+        if bar.disable:
+            yield bar
+            return
+        _watch.add(bar)
+        try:
+            yield bar
+        finally:
+            _watch.remove(bar)
+
+
+def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
+    """Return a context manager for a call that reports no progress. It shows only the time spent
+    compiling.
+
+    **Arguments:** `show`: whether to show it at all.
+    """
+    bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
+    return telling_of_compiling(bar)
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """The error of a run that the user stopped by Ctrl-C (the signal SIGINT).
+
+    Its attribute `solution` is the `Solution` up to the interruption. A further run can start from
+    `solution.time` and `solution.final`.
+
+    ```python
+    import clearjoint as cj
+
+    scene, state = cj.mechanisms.double_pendulum()
+    try:
+        solution = cj.simulate(scene, state, 0.01)
+    except cj.RunInterrupted as stopped:
+        solution = stopped.solution
+    ```
+    """
+
+    def __init__(self, solution: Solution):
+        super().__init__(f"The run was interrupted at t = {float(solution.time):.9g} s.")
+        self.solution = solution
+
+
+@contextmanager
+def interruptions_deferred() -> Iterator[Callable[[], bool]]:
+    """Return a context manager for a run. The first Ctrl-C in its block raises no error, but is
+    noted, so that the run can stop when compiled code next returns to Python, and keep its results.
+
+    Its value is a function that returns whether Ctrl-C has been pressed. A further Ctrl-C raises
+    `KeyboardInterrupt`. Python handles signals only between its own instructions. Therefore a
+    further Ctrl-C also takes effect only when compiled code returns, and several presses during one
+    call of compiled code count as one. Outside the main thread, and in a program with its own
+    handler of SIGINT, the handling of the signal is not changed, and the function returns
+    ``False``.
+    """
+    requested = threading.Event()
+    # Python delivers signals to the main thread only, and the handler of a program is respected.
+    ours = threading.current_thread() is threading.main_thread()
+    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield requested.is_set
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        requested.set()
+        # From now on, Ctrl-C raises `KeyboardInterrupt` again.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield requested.is_set
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)

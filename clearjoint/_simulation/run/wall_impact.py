@@ -1,0 +1,176 @@
+"""Impact of a free mass on a wall, which shows the restitution and the peak force of a contact
+law."""
+
+from dataclasses import dataclass
+from functools import partial
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+from jaxtyping import Float
+
+from ..._compilation import Compiled
+from ..._fields.checks import require, require_positive
+from ..._fields.types import Single
+from ..._math.interpolation import Parabola
+from ..._math.vectors import Scalar
+from ..._model.clearance_joints.common import require_smaller_clearance
+from ..._model.contact.laws import AbstractContactLaw, Gap, contact_normal_force
+from .run_checks import check_precision
+
+TOLERANCE = 1e-11
+"""Relative tolerance of each step, and of the time at which the force ends."""
+STEPS_A_CONTACT = 500
+"""Smallest number of steps during the contact. The peaks are found between the ends of steps by
+parabolas, which are accurate if steps are short."""
+LONGEST = 100.0
+"""Longest duration of a contact that is simulated, s."""
+INSIDE = 1e-300
+"""Penetration at the start, m, counted from the onset of the law's force. It is positive, so that a
+law whose force jumps at the onset has a force from the start. For a law with a nonzero
+`onset_offset`, it is lost to rounding."""
+
+
+@dataclass(frozen=True)
+class FreeImpact:
+    """Result of the impact of a free mass on a wall.
+
+    - `restitution`: rebound speed over entry speed.
+    - `peak_force`: N, largest normal force.
+    - `largest_penetration`: m, counted from where the surfaces touch. The force of a law with an
+      `onset_offset` begins earlier.
+    - `duration`: s, time from the beginning of the force to its end.
+
+    >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
+    >>> print(f"{impact.restitution:.4f}, {impact.peak_force:.1f} N")
+    0.8329, 265.8 N
+    """
+
+    restitution: float
+    peak_force: float
+    largest_penetration: float
+    duration: float
+
+
+def free_impact(
+    law: AbstractContactLaw,
+    mass: float,
+    entry_speed: float,
+    bearing_radius: float | None = None,
+    clearance: float | None = None,
+) -> FreeImpact:
+    """Simulate the impact of a free mass on a wall, with the normal force of a contact law.
+
+    **Arguments:**
+
+    - `law`: the contact law.
+    - `mass`: kg.
+    - `entry_speed`: m/s, speed of the mass towards the wall when the contact begins.
+    - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
+      stiffness depends on them.
+
+    **Raises:** `ValueError` if a number is not positive, if the clearance is not smaller than the
+    radius, if one of these two is missing and the stiffness depends on it, if the mass does not
+    leave the wall within 100 s or 16 384 steps, or if JAX computes in 32 bits.
+
+    >>> impact = cj.free_impact(cj.laws.Hertz(1e6, exponent=1.0), mass=1.0, entry_speed=0.1)
+    >>> print(f"{impact.peak_force:.2f} N in {impact.duration * 1e3:.3f} ms")
+    100.00 N in 3.142 ms
+    """
+    check_precision(allow_float32=False)
+    require_positive("mass", mass, "give kg")
+    require_positive("entry_speed", entry_speed, "give m/s")
+    if bearing_radius is not None:
+        require_positive("bearing_radius", bearing_radius, "give m")
+    if clearance is not None:
+        require_positive("clearance", clearance, "give m")
+        if bearing_radius is not None:
+            require_smaller_clearance(clearance, bearing_radius, "the bearing's radius")
+    numbers = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
+    contact = partial(_contact, law, *numbers, bearing_radius, clearance)
+    # The first run finds the duration.
+    whole = contact(jnp.asarray(jnp.inf))
+    # diffrax fills the rows for steps that were not taken with infinity.
+    times = np.asarray(whole.ts)
+    duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
+    rebounds = bool(whole.result == diffrax.RESULTS.event_occurred)
+    expected = f"one from which a mass rebounds at {entry_speed} m/s"
+    remedy = "raise the entry speed, or the law's `entry_speed_floor`"
+    require(rebounds, "law", law, expected, remedy)
+    # The peaks are found from a second run with shorter steps.
+    fine = contact(jnp.asarray(duration / STEPS_A_CONTACT))
+    is_step = np.isfinite(np.asarray(fine.ts))
+    times, (depth, rate) = np.asarray(fine.ts)[is_step], np.asarray(fine.ys)[is_step].T
+    gap = Gap(depth, rate, bearing_radius, clearance)
+    force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
+    peaks = _crest(times, force), _crest(times, depth)
+    return FreeImpact(-float(rate[-1]) / entry_speed, *peaks, duration)
+
+
+@Compiled
+def _contact(
+    law: AbstractContactLaw,
+    mass: Scalar,
+    entry_speed: Scalar,
+    bearing_radius: float | None,
+    clearance: float | None,
+    longest_step: Scalar,
+) -> diffrax.Solution:
+    """Simulate the motion of a mass, kg, that meets a wall at the entry speed, m/s, until the force
+    ends.
+
+    **Arguments:** `bearing_radius`, `clearance`: m, or ``None``, as in `free_impact`;
+    `longest_step`: s.
+
+    **Returns:** diffrax's solution. Its `ts`, (N,) s, are the start of the motion and the ends of
+    all steps; `ys`, (N, 2), are the penetration, m, and its rate, m/s, at these times. N follows
+    from the limit of steps, and rows of steps that were not taken are infinite. `result` is
+    `event_occurred` if the force ended within `LONGEST` and within the limit of steps.
+    """
+
+    def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
+        del t, args
+        gap = Gap(y[0], y[1], bearing_radius, clearance)
+        return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
+
+    # The force begins and ends at a penetration of minus `gap`. With `direction=False`, only the
+    # passage from larger to smaller penetrations ends the motion.
+    gap = jnp.asarray(law.onset_offset(), dtype=float)
+    leaving = diffrax.Event(
+        lambda t, y, args, **_: y[0] + gap, optimistix.Newton(TOLERANCE, 1e-16), direction=False
+    )
+    # The absolute tolerances, 1e-16 s and 1e-18 (m and m/s), are far below the times and
+    # penetrations of impacts, so that the relative ones decide. The first step, 1e-9 s, is far
+    # shorter than an impact of usual stiffness. The limit of steps is many times larger than
+    # `STEPS_A_CONTACT`.
+    return diffrax.diffeqsolve(
+        diffrax.ODETerm(rates),
+        diffrax.Dopri8(),
+        0.0,
+        LONGEST,
+        1e-9,
+        jnp.stack([INSIDE - gap, entry_speed]),
+        event=leaving,
+        throw=False,
+        max_steps=16384,
+        saveat=diffrax.SaveAt(t0=True, steps=True, t1=True),
+        stepsize_controller=diffrax.PIDController(TOLERANCE, 1e-18, dtmax=longest_step),
+    )
+
+
+def _crest(times: np.ndarray, values: np.ndarray) -> float:
+    """Return the peak of a curve from N >= 3 values at rising times, both (N,).
+
+    It is the largest value of a parabola through the largest of the values and both values beside
+    it. If the largest is the first or last one, the parabola goes through the three values at this
+    end.
+    """
+    k = int(np.clip(np.argmax(values), 1, len(values) - 2))
+    start, middle, end = values[k - 1 : k + 2]
+    # The position of the middle value on the way from the first time, 0, to the last one, 1.
+    x = (times[k] - times[k - 1]) / (times[k + 1] - times[k - 1])
+    # The coefficient of x^2.
+    bend = ((end - start) - (middle - start) / x) / (1.0 - x)
+    return float(Parabola(start, end - start - bend, bend).extremes(0.0, 1.0)[1])

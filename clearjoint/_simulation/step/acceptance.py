@@ -1,0 +1,272 @@
+"""Decide whether a trial step is accepted, how long the next one is, and whether the run failed.
+
+An event is the onset or the end of a contact. Landing is the adjustment of a step so that it ends
+at an event. A breakpoint is a declared time at which a driver or load changes abruptly; steps end
+there too. Rates are time derivatives of the integrated variables. Tangents are derivatives of the
+variables with respect to parameters. Bristles are deflections of the surfaces in friction laws that
+can stick. A time map places the solver's stages non-uniformly in the time of a step (see
+`.time_map`).
+"""
+
+from typing import Any, TypeAlias
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Bool, PyTree
+
+from ..._dynamics.breakpoints import breakpoints, drivers_are_smooth, one_sided_time
+from ..._dynamics.contact_events import changes, time_since_onset, too_deep
+from ..._dynamics.system import System
+from ..._fields.types import Single
+from ..._math.stacked import stacked, unstacked
+from ..._math.vectors import Condition, Scalar
+from ..._result_codes import RESULTS
+from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
+from .rotation_limit import LARGEST, TARGET, rotation_in
+from .step_length import (
+    length_after_breakpoints,
+    lengths_after_contacts,
+    magnitudes,
+    tangent_sizes,
+    with_relative_bristles,
+)
+from .step_state import ControllerState, Method, Proposal, Step, choose
+from .trial_step import Trial, error_order, may_jump, slopes_may_jump
+
+Flag: TypeAlias = Bool[Any, ""]
+"""A truth value, (), annotated as in diffrax."""
+
+DRIVER_TOLERANCE = 3.0
+"""Tolerance within which a driver must be smooth over a step, as a multiple of the relative
+tolerance of the step-size controller. A driver is a constraint that prescribes a motion as a
+function of time. It counts as smooth if two pairs of numbers agree: the change of its rate over the
+step and the integral of its second time derivative, within the tolerance times the driver's speed;
+and the change of its value and the integral of its rate, within the tolerance times this speed
+times the step's length. The integrals are computed by a quadrature, and the factor leaves room for
+its error."""
+FIXED_STEPS_RTOL = 1e-6
+"""Relative tolerance for drivers if the step-size controller has none, as in runs with fixed steps:
+the default `rtol` of `Settings`."""
+SHORTER = 0.2
+"""Length of the next trial, relative to the last one, after a trial that is rejected because a
+driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
+step."""
+
+
+def decide_step(
+    method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
+) -> tuple[Condition, Proposal, RESULTS]:
+    """Decide whether a trial step is accepted, and which step is tried next.
+
+    The step-size controller decides first. A trial that the controller accepts is still rejected if
+    a driver is not smooth over the step, or if the step passes a contact event at which it must
+    end. It is then repeated: in the first case with a shorter step, in the second case up to the
+    event.
+
+    **Arguments:** `method`: solver, step-size controller, and `landing`, the rule by which steps
+    end at contact events (``None`` if steps go across events); `system`: the scene and its
+    equations of motion; `step`: the state before the trial; `trial`: the trial as the solver
+    computed it; `t_end`: end of the run, s.
+
+    **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
+    so far.
+    """
+    t1, last, after = trial.t1, step.proposal, trial.gaps
+    keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
+        method, system, step, trial
+    )
+    # 1. Drivers. The equations of motion use only second time derivatives of a driver, at the
+    # solver's stages. A kink or jump between stages does not change the error estimate, so it is
+    # checked separately. If no breakpoint declares it, the steps towards it become shorter and
+    # shorter, until `_result` stops the run.
+    rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
+    smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
+    refused: Condition | None = None
+    if smooth is not None:
+        repeats: Condition = keep & ~smooth
+        refused, keep = repeats, keep & smooth
+        t_next = jnp.where(repeats, step.t + SHORTER * (t1 - step.t), t_next)
+        # The controller took the trial for accepted. Its state before the trial is restored, or its
+        # history of errors would contain a step that was never made.
+        controller_state = choose(repeats, last.controller_state, controller_state)
+
+    # 2. Rotations. The rates at the start, which have limited the length of the trial, may have
+    # grown in it.
+    if method.rotating:
+        rotation = rotation_in(method, system, step, trial)
+        repeats = keep & (rotation > LARGEST)
+        keep = keep & ~repeats
+        shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (t1 - step.t)
+        t_next = jnp.where(repeats, jax.lax.stop_gradient(shorter), t_next)
+        controller_state = choose(repeats, last.controller_state, controller_state)
+
+    # 3. Length of the next step. The controller's proposal assumes that the next step has the same
+    # time map as this one. The map corrects the proposal, because the next step may have another.
+    # The next step begins where this one ends, or where it began if it is rejected. `full_length`
+    # is the length that it would have if no event cut it short.
+    full_length = t_next - jnp.where(keep, t1, step.t)
+    if trial.time_map is not None:
+        full_length = trial.time_map.next_length(full_length, keep)
+
+    # 4. Contact events. A step past an event was computed with the wrong set of closed contacts; it
+    # is repeated up to the event. `lands` is true for a trial that is rejected for this reason
+    # only. The first step after an onset is limited to twice `entry_length`, the length of the
+    # latest such step that no event cut short. Without contacts only breakpoints and rotations can
+    # have cut the step short.
+    begins_contact, entry_length = last.begins_contact, last.entry_length
+    if method.landing is not None and after:
+        passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
+        lands = keep & passes
+        controller_state = choose(lands, last.controller_state, controller_state)
+        keep = keep & jnp.logical_not(passes)
+        full_length, begins_contact, entry_length = lengths_after_contacts(
+            step, after, t1, keep, lands, full_length
+        )
+        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + full_length)
+    elif breakpoints(system.scene) or method.rotating:
+        full_length = length_after_breakpoints(step, t1, keep, full_length)
+        t_next = jnp.where(keep, t1, step.t) + full_length
+
+    # 5. Whether the next step must compute the rates at its start anew (`made_jump`), or can reuse
+    # those at the end of this one. After a rejection the start of the step is the same, so the flag
+    # stays.
+    jumps = may_jump(method, system.scene)
+    if slopes_may_jump(method, system.scene):
+        # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
+        # that the tangents of the rates cannot be reused.
+        jumps = changes(step.contact_gaps, after)
+    made_jump = jnp.where(keep, made_jump | jumps, last.made_jump)
+
+    result = _result(system, step, trial, keep, refused, t_next, controller_result, t_end)
+    if trial.tangents is not None and may_have_undeclared_jump(system.scene):
+        # Across an undeclared jump the states stay correct, but the derivatives do not.
+        jumps = keep & has_undeclared_jump(method, system, step, trial)
+        result = RESULTS.where(jumps, RESULTS.force_jumped, result)
+    # 6. Time since the latest onset, which runs with tangents need for the next step's time map.
+    since = last.time_since_onset
+    if since is not None:
+        latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
+        since = jnp.where(keep, latest, since)
+    proposal = Proposal(
+        t_next=t_next,
+        full_length=full_length,
+        begins_contact=begins_contact,
+        time_since_onset=since,
+        entry_length=entry_length,
+        made_jump=made_jump,
+        controller_state=controller_state,
+    )
+    return keep, proposal, result
+
+
+def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
+    """Return the relative tolerance of a controller, or `FIXED_STEPS_RTOL` if it has none.
+
+    Controllers that wrap another one, such as `diffrax.ClipStepSizeController`, have its tolerance.
+    """
+    inner = getattr(controller, "controller", None)
+    if inner is not None:
+        return _relative_tolerance(inner)
+    return getattr(controller, "rtol", FIXED_STEPS_RTOL)
+
+
+def _controller_decision(
+    method: Method, system: System, step: Step, trial: Trial
+) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
+    """Return the decision of diffrax's step-size controller about a trial step from `step`.
+
+    The controller gets the errors of variables and tangents together. Since it has one tolerance
+    for both, errors of tangents are first divided by `method.derivative_tolerance`, the factor by
+    which the tolerances of tangents are larger. The controller relates errors to the sizes of the
+    variables; `magnitudes` gives all components of a vector the same size.
+
+    **Returns:** whether the trial is accepted; the proposed end of the next step, s; whether the
+    rates may jump at the start of the next step; the controller's new state; and its result code.
+    """
+
+    def scaled(y: PyTree) -> PyTree:
+        return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
+
+    has_bristles = bool(system.scene.bristle_laws())
+
+    # Deflections of bristles are micrometres: they and their errors are divided by the deflection
+    # at full friction, so that the same tolerance suits them.
+    before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
+    error = scaled(trial.outcome.error)
+    if trial.tangents is not None:
+        assert step.tangents is not None and method.derivative_tolerance is not None
+        tolerance = method.derivative_tolerance
+        along_before, along_after = (
+            magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
+        )
+        before = stacked(before), stacked(tangent_sizes(system, before, along_before))
+        after = stacked(after), stacked(tangent_sizes(system, after, along_after))
+        along = jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
+        error = stacked(error), stacked(along)
+    else:
+        before, after, error = map(stacked, (before, after, error))
+    # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
+    # the next step, is not used: each step begins where the last accepted one has ended.
+    keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
+        step.t,
+        trial.t1,
+        before,
+        after,
+        (system, step.entry_speeds),
+        error,
+        error_order(method),
+        step.proposal.controller_state,
+    )
+    return keep, t_next, made_jump, state, result
+
+
+def _result(
+    system: System,
+    step: Step,
+    trial: Trial,
+    keep: Condition,
+    refused: Condition | None,
+    t_next: Scalar,
+    controller_result: diffrax.RESULTS,
+    t_end: Scalar,
+) -> RESULTS:
+    """Return the result code of the run after a trial step.
+
+    If several checks fail, the last of these decides: the step is too small, a journal is too deep
+    in the wall, a driver or ideal joint is not followed, a variable is not finite, the solver or
+    the controller failed. If none fails, the code in `step` stays.
+
+    **Arguments:**
+
+    - `step`: the state before the trial; `trial`: the trial as the solver computed it; `keep`:
+      whether it is accepted.
+    - `refused`: whether it was rejected because of a driver; ``None`` without drivers.
+    - `t_next`: end of the step proposed next, s; `t_end`: end of the run, s.
+    - `controller_result`: diffrax's result code of the controller.
+    """
+    now = jnp.where(keep, trial.t1, step.t)
+    eps = jnp.finfo(now.dtype).eps
+    # A step shorter than the spacing of the numbers at its start makes no progress. At t = 0 that
+    # spacing is zero; there the time that remains sets the scale.
+    resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))
+    stuck = (t_next - now <= resolution) & (now < t_end)
+    gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
+        controller_result != diffrax.RESULTS.successful
+    )
+    result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
+    if trial.gaps:
+        deep = keep & too_deep(system.scene, trial.gaps)
+        result = RESULTS.where(deep, RESULTS.left_bearing, result)
+    if refused is not None:
+        # If steps shrink to nothing because of a driver, it has a kink or jump there. The cause is
+        # not a stiff force.
+        result = RESULTS.where(stuck & refused, RESULTS.not_followed, result)
+    # At a breakpoint at the end of the step, constraints have the values just before it.
+    time = one_sided_time(system, step.t, trial.t1)
+    violated = system.constraints_violated(trial.outcome.y.motion, time)
+    if violated is not None:
+        result = RESULTS.where(keep & violated, RESULTS.not_followed, result)
+    # Controllers that adapt the step reject such a trial; only one with fixed steps accepts it.
+    result = RESULTS.where(keep & ~trial.finite, RESULTS.non_finite, result)
+    return RESULTS.where(gave_up, RESULTS.solver_failed, result)

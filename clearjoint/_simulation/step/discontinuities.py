@@ -1,0 +1,241 @@
+"""Find undeclared discontinuities of elements, the joints and forces of a scene, in their traced
+programs and in accepted steps.
+
+If an element switches a force on where t > t_s, the force is constant before and after t_s. JAX's
+derivative of the comparison by t_s is zero, so the derivative of the motion lacks a term, and no
+run would show that it is missing. Therefore the traced program (jaxpr) of each element is searched
+for operations that compare, round or clip a number which depends on time. An element declares the
+times at which it changes abruptly by its method `breakpoints`.
+
+If a torque jumps at some angle, the instant of the jump depends on the parameters, and derivatives
+of the motion have a term for the shift of this instant (see `.saltation`). Contact laws declare
+such events. A user-defined element cannot declare them, and a step across its jump looks like any
+other. Therefore user-defined elements are searched for operations that compare or round a number
+which depends on the motion. If a scene has such an element, or a user-defined contact joint, each
+accepted step of a run with derivatives is checked: if the rates change by more than their slopes at
+both ends of the step allow, the run ends with the result code `force_jumped`.
+"""
+
+from functools import reduce
+from operator import or_
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.interpreters import partial_eval
+from jaxtyping import PyTree
+
+from ..._compilation import program_of
+from ..._dynamics.system import System
+from ..._fields.caching import cached_by_numbers
+from ..._fields.checks import is_of_package, require
+from ..._math.vectors import Condition, Matrix, Scalar, Vector, unpack
+from ..._model.bodies import GROUND, Motion
+from ..._model.drives.functions_of_time import AbstractFunctionOfTime
+from ..._model.joints.base import (
+    AbstractConstraint,
+    AbstractContactJoint,
+    AbstractElement,
+    AbstractForce,
+)
+from ..._model.scene import Scene
+from .saltation import any_changes
+from .step_state import Method, Step
+from .trial_step import Trial, term_of
+
+JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
+"""Names of JAX primitives whose result is a float that jumps where the argument passes some value.
+Primitives whose result is not a float, such as comparisons, count as jumping too."""
+KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
+"""Names of JAX primitives whose result is a float that has a jump or a kink."""
+LOOPS = frozenset(["scan", "while"])
+"""Names of JAX's primitives for loops."""
+PURPOSE = "for derivatives to be right"
+BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or has a kink"
+"""Parts of error messages."""
+
+
+def require_declared(scene: Scene) -> None:
+    """Check that every element of a scene that may change abruptly at some time, because it
+    compares, rounds or clips a number that depends on time, declares its breakpoints.
+
+    **Raises:** `ValueError` that names the first such element whose class, or the class of a
+    function of time in it, does not define the method `breakpoints`.
+    """
+    elements = {"joints": scene.joints, "forces": scene.forces}
+    for family, members in elements.items():
+        for name, element in members.items():
+            argument = f"scene.{family}[{name!r}]"
+            # Functions of time are checked before the element that holds them, so that the message
+            # names the function, whose class must be changed.
+            expected = "a function smooth in time, or one that declares its breakpoints"
+            remedy = (
+                "take PiecewiseConstant or PiecewiseLinear, or a subclass of "
+                f"AbstractFunctionOfTime with a method {BREAKPOINTS}"
+            )
+            for function in _undeclared_functions_of_time(element):
+                smooth, kind = not compares_time(function), type(function).__name__
+                require(smooth, argument, kind.strip("_"), f"{expected}, {PURPOSE}", remedy)
+            # The class inherits `breakpoints`, which declares none.
+            silent = type(element).breakpoints is AbstractElement.breakpoints
+            smooth, kind = not silent or not compares_time(element), type(element)
+            expected = f"smooth in time, or declare its breakpoints, {PURPOSE}"
+            remedy = f"give its class a method {BREAKPOINTS}, or () if there are none"
+            require(smooth, argument, kind.__name__, expected, remedy)
+
+
+def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
+    """Return the functions of time in an element whose classes do not define `breakpoints`."""
+    parts = jax.tree.leaves(element, is_leaf=lambda part: isinstance(part, AbstractFunctionOfTime))
+    functions = [part for part in parts if isinstance(part, AbstractFunctionOfTime)]
+    silent = AbstractFunctionOfTime.breakpoints
+    return [function for function in functions if type(function).breakpoints is silent]
+
+
+@cached_by_numbers
+def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
+    """Return whether a function of time, or the forces or constraint rates of an element, may have
+    a jump or a kink, because they depend on an operation that compares, rounds or clips a number
+    that depends on time.
+
+    The function or element is as in the scene that the user made, with vectors as arrays (3,).
+    """
+    part = unpack(part)
+    if isinstance(part, AbstractFunctionOfTime):
+        return _depends_on_primitive(program_of(part, 0.0)[0].jaxpr, [True], KINKED)
+    return _depends_on_primitive(_program_of_element(part), [True, False], KINKED)
+
+
+def _program_of_element(element: AbstractElement) -> Jaxpr:
+    """Return the traced program (jaxpr) of an element's forces or constraint rates.
+
+    The program has two arguments: the time, and one number that stands for every component of the
+    motion. For the search it does not matter on which component a comparison depends.
+
+    **Arguments:** `element`: the joint or force, with three separate scalars for each vector.
+    """
+
+    def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
+        vector = Vector(number, number, number)
+        motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
+        motions = dict.fromkeys((*element.body_names(), GROUND), motion)
+        if isinstance(element, AbstractForce):
+            return element.wrenches(motions, t)
+        assert isinstance(element, AbstractConstraint | AbstractContactJoint)
+        # The equations of motion contain constraints by their rates, and not by their values.
+        rows = element.rows(motions, t).values()
+        return [(row.jacobian, row.bias, row.time_rate) for row in rows]
+
+    return program_of(outputs, 0.0, 1.0)[0].jaxpr
+
+
+def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
+    """Return whether the results of a program depend on one of certain operations, applied to a
+    variable that depends on one of the `chosen` arguments. These operations are those named in
+    `primitives`, and all whose result is not a float, such as comparisons.
+
+    **Arguments:** `program`: the traced program; `chosen`: for each of its arguments whether it is
+    chosen; `primitives`: names of JAX primitives.
+    """
+    # Variables that depend on a chosen argument.
+    causes = {v for v, is_chosen in zip(program.invars, chosen, strict=True) if is_chosen}
+    # Dead code is left out, such as comparisons in the value of a constraint, which is not used.
+    needed, _ = partial_eval.dce_jaxpr(program, [True] * len(program.outvars))
+    for equation in needed.eqns:
+        which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
+        if not any(which):
+            continue
+        # Results that are not floats are those of comparisons, of conversions to whole numbers and
+        # the like, which jump.
+        real = all(
+            isinstance(v.aval, ShapedArray) and jnp.issubdtype(v.aval.dtype, jnp.inexact)
+            for v in equation.outvars
+        )
+        if equation.primitive.name in primitives or not real:
+            return True
+        # Programs in the parameters of the equation, such as the body of a loop.
+        for inner in filter(_is_program, jax.tree.leaves(equation.params, is_leaf=_is_program)):
+            inner = inner.jaxpr if isinstance(inner, ClosedJaxpr) else inner
+            # Arguments correspond one to one for calls. For conditionals the assignment differs by
+            # primitive, and in a loop a carried value may depend on the chosen arguments from the
+            # second iteration on; all inner arguments then count as dependent.
+            is_call = equation.primitive.name not in LOOPS and len(inner.invars) == len(which)
+            passed = which if is_call else [True] * len(inner.invars)
+            if _depends_on_primitive(inner, passed, primitives):
+                return True
+        causes.update(equation.outvars)
+    return False
+
+
+def _is_program(part: object) -> bool:
+    return isinstance(part, Jaxpr | ClosedJaxpr)
+
+
+STEEPEST = 4.0
+"""Largest change of a smooth rate over a step, as a multiple of the sum of the changes that the
+slopes at both ends of the step predict. The change of a smooth rate is about half of this sum. The
+limit is eight times as large, so that a strongly curved rate is not taken for one that jumps."""
+SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
+"""A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
+times the largest of all rates. The first term disregards small changes of smooth rates whose slopes
+happen to vanish at both ends of the step. The second disregards rounding errors, which the mass
+matrix spreads from the largest rate to all others."""
+
+
+def may_have_undeclared_jump(scene: Scene) -> bool:
+    """Return whether a scene has an element that may jump without declaring it.
+
+    Such an element is of a class from outside this package, or contains a part of such a class, and
+    it either compares or rounds numbers of the motion or is a contact joint. All contact joints
+    count, because the search for comparisons covers their constraint rows but not their contact
+    forces.
+    """
+
+    def is_foreign(part: PyTree) -> bool:
+        return isinstance(part, eqx.Module) and not is_of_package(part)
+
+    return any(
+        isinstance(element, AbstractContactJoint)
+        or _depends_on_primitive(_program_of_element(element), [False, True], JUMPING)
+        for element in [*scene.joints.values(), *scene.forces.values()]
+        if any(map(is_foreign, jax.tree.leaves(element, is_leaf=is_foreign)))
+    )
+
+
+def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial) -> Condition:
+    """Return whether any rate of the motion, the time derivative of a coordinate or velocity, jumps
+    within a trial step.
+
+    Steps end at breakpoints and at contact events, so these are not inside the step. The check is
+    skipped if the step ends at the onset or the end of a contact whose force, or its slope, may
+    jump there.
+
+    **Arguments:** `method`: integration method; `step`: the state before the trial; `trial`: its
+    result.
+    """
+    term, fixed = term_of(method, step), (system, step.entry_speeds)
+
+    def rates(t: Scalar, motion: object) -> object:
+        y = eqx.tree_at(lambda y: y.motion, step.y, motion)
+        return term.vf(t, y, fixed).motion
+
+    # Slopes are taken along the secant of the step, from its start to its end, at both ends. A
+    # smooth rate changes by about the mean of both slopes.
+    start, end = step.y.motion, trial.outcome.y.motion
+    change = trial.t1 - step.t, jax.tree.map(jnp.subtract, end, start)
+    early, early_change = jax.jvp(rates, (step.t, start), change)
+    late, late_change = jax.jvp(rates, (trial.t1, end), change)
+    leaves = [jax.tree.leaves(tree) for tree in (early, late, early_change, late_change)]
+    magnitudes = [jnp.maximum(jnp.abs(a), jnp.abs(b)) for a, b in zip(*leaves[:2], strict=True)]
+    # Rounding of the largest rate reaches all others through the mass matrix.
+    largest = reduce(jnp.maximum, [jnp.max(size) for size in magnitudes])
+    jumps = [
+        jnp.any(
+            jnp.abs(b - a)
+            > STEEPEST * (jnp.abs(da) + jnp.abs(db)) + SMALLEST * size + NEGLIGIBLE * largest
+        )
+        for a, b, da, db, size in zip(*leaves, magnitudes, strict=True)
+    ]
+    return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, trial.gaps)

@@ -1,0 +1,147 @@
+"""Numerical scheme of a run: the integration method, and the formulation of the equations of motion
+(coordinates, stabilisation of the constraints, and energy ledger).
+
+Scenes have two forms: packed, with each vector as an array (3,), and scalar, with each vector as
+three separate scalars (a `Vector`). Runs receive packed scenes; the equations of motion are
+evaluated in scalar form.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._dynamics.formulation import Formulation
+from ..._dynamics.system import System
+from ..._fields.caching import cached_by_numbers
+from ..._math.vectors import ConstantFolded, Scalar, unpack
+from ..._model.scene import Scene
+from ..._native.functions import keep_flattened
+from ..._parametrisation.parametrised_scene import ParametrisedScene
+from .landing import Landing
+from .settings import Settings
+from .solvers import default_controller, ready_solver
+from .step_state import Method
+
+
+class Scheme(eqx.Module):
+    """Integration method and formulation of the equations of motion of a run. It contains no data
+    of a scene, so that runs of different scenes may use the same scheme.
+
+    - `method`: solver, step-size controller, and the rule by which steps end at contact events.
+    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
+    """
+
+    method: Method
+    formulation: Formulation
+
+    @staticmethod
+    def of(settings: Settings, redundant: bool = False) -> "Scheme":
+        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays.
+
+        **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
+        used if `settings.redundant` is ``None``.
+        """
+        redundant = redundant if settings.redundant is None else settings.redundant
+        # The arguments of `Formulation`.
+        choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
+        rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
+        # Impacts amplify errors of variables that are nearly zero, such as the misalignment of a
+        # journal. The relative tolerance must hold for these too, so `atol` is far below `rtol`.
+        atol = rtol * 1e-5 if atol is None else atol
+        controller = settings.controller
+        method = Method(
+            ready_solver(settings.solver, rtol, atol),
+            default_controller(rtol, atol) if controller is None else controller,
+            None if tolerance is None else Landing(tolerance),
+        )
+
+        def array(leaf: object) -> object:
+            # JAX compiles a program for each value of a Python number, but only one for all values
+            # of an array. As arrays, other tolerances use the same program. Zeros remain Python
+            # numbers, because diffrax's controller omits terms whose coefficient is such a zero.
+            is_number = isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)
+            return jax.device_put(leaf) if is_number else leaf
+
+        return jax.tree.map(array, Scheme(method, Formulation(*choices)))
+
+    @staticmethod
+    def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
+        """Return the scheme as `of` does, but with NumPy arrays, for calls from Python in which JAX
+        traces nothing. The result is cached for equal settings."""
+        return _on_host(vars(settings), redundant)
+
+    def system(self, scene: Scene) -> System:
+        """Return the system of equations that a run integrates, for a `scene` in scalar form."""
+        return System(scene, self.formulation)
+
+    def system_of_packed(self, folded_scene: ConstantFolded) -> System:
+        """Return the system of equations that a run integrates, for a scene in packed form.
+
+        **Arguments:** `folded_scene`: the scene, with marks at vector components that are exactly 0
+        or 1. These become constants of the compiled program.
+        """
+        return self.system(unpack(folded_scene))
+
+
+@cached_by_numbers
+def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
+    """Return `Scheme.of` with NumPy arrays. The fields of `Settings` are passed in a dictionary, a
+    PyTree, as the cache requires."""
+    return keep_flattened(jax.device_get(Scheme.of(Settings(**settings), redundant)))
+
+
+Value = TypeVar("Value")
+Auxiliary = TypeVar("Auxiliary")
+
+
+class SystemFamily(eqx.Module):
+    """A scene's equations of motion (`System`) and initial state as functions of p parameters.
+
+    - `family`: the scene and its initial state as functions of the parameters' coordinates, such as
+      the logarithm of a parameter on a logarithmic scale. All derivatives of this class are with
+      respect to these coordinates.
+    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
+    - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
+      the scene's time.
+    """
+
+    family: ParametrisedScene
+    formulation: Formulation
+    origin: Scalar | None = None
+
+    def system(self) -> System:
+        """Return the equations of motion for the values of the parameters at which derivatives are
+        taken."""
+        return System(self.family.scene(self.family.values), self.formulation, self.origin)
+
+    def with_derivatives(
+        self,
+        function: Callable[..., tuple[Value, Auxiliary]],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[Value, Auxiliary, Value]:
+        """Evaluate a function of the system, and differentiate it with respect to the parameters.
+
+        The derivatives are total ones: through the system, which depends on the parameters, and
+        through the function's further arguments.
+
+        **Arguments:**
+
+        - `function`: function of the system and of `primals`. It returns a pair of PyTrees: the
+          value, which is differentiated, and an auxiliary result, which is not.
+        - `primals`: the arguments of `function` after the system.
+        - `tangents`: derivatives of `primals` with respect to the parameters: PyTrees of the same
+          structures, whose leaves have an additional first axis of length p.
+
+        **Returns:** the value, the auxiliary result, and the value's derivatives, with a first axis
+        of length p in each leaf.
+        """
+
+        def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
+            return function(System(scene, self.formulation, self.origin), *primals)
+
+        return self.family.with_derivatives(of_scene, primals, tangents)

@@ -1,0 +1,326 @@
+"""Settings of a run: integration method, tolerances, coordinates and limit of steps."""
+
+from dataclasses import dataclass, field, replace
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._dynamics.coordinates import AbstractCoordinates
+from ..._dynamics.formulation import AbstractStabilisation, Baumgarte
+from ..._dynamics.joint_coordinates.coordinates import JointCoordinates
+from ..._fields.checks import (
+    as_number,
+    as_shown,
+    checkable,
+    require,
+    require_count,
+    require_positive,
+    require_type,
+)
+from ..._fields.types import ArrayLike, Column
+from ..._math.vectors import Scalar
+from .solvers import require_ordinary
+from .types import Numbers
+
+FIRST_SHARE = 1e-6
+"""Default length of the first step, relative to the duration of the run. It is short enough for
+stiff contacts. In motions that allow longer steps, the controller lengthens each of the next steps
+up to tenfold."""
+
+NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
+"""Types that are accepted as numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Settings of a run: integration method, tolerances, coordinates and limit of steps.
+
+    Functions that make runs raise a `ValueError` for settings that they do not support. To change
+    single settings, use `dataclasses.replace`, which returns a modified copy:
+
+        dataclasses.replace(cj.presets.accurate, ledger=True)
+
+    **Arguments:**
+
+    - `solver`: a diffrax solver of ordinary differential equations. Runs with derivatives, and
+      sweeps that save states, sections or statistics, need an explicit Runge-Kutta method. Implicit
+      solvers iterate their stages to `rtol` and `atol`, and need a looser `atol`, such as
+      `rtol`/1000.
+    - `controller`: a diffrax step-size controller. The default, ``None``, is a
+      `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
+    - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
+      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`. It is
+      so small because impacts amplify errors of variables that are nearly zero, such as the
+      misalignment of a journal. Give a smaller `atol` if all speeds of the motion are below
+      1e4 `atol`.
+    - `first_step`: length of the first step, s; by default a millionth of the run's duration.
+    - `landing_tolerance`: m; steps end at each onset and end of a contact. The penetration there
+      differs from that of the event by at most this value; in slow contacts, steps end at most
+      1e-11 s after the event. With ``None``, steps go across onsets and ends. Runs with derivatives
+      and an `rtol` of 1e-10 or less need 1e-13.
+    - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
+      the variables. The table shows its effect on the double pendulum after five impacts at each
+      base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. The
+      motion alone takes 823 attempted steps. These are more than with 1e5, because during contacts
+      runs without derivatives place the solver's stages at other times in a step:
+
+      | `derivative_tolerance` | steps | error of a position's derivative | of an entry speed's |
+      |---|---|---|---|
+      | 1 | 1451 | 5e-8 | 4e-7 |
+      | 10 | 1078 | 6e-7 | 2e-6 |
+      | 100 | 905 | 1e-6 | 6e-6 |
+      | 1e3 | 851 | 4e-5 | 4e-4 |
+      | 1e5 | 799 | 4e-4 | 1e-3 |
+
+    - `coordinates`: `JointCoordinates()`, which are faster, or `AbsoluteCoordinates()`, in which
+      every ideal joint adds constraint equations.
+    - `stabilisation`: method against drift from the constraints: `Baumgarte()`, `Projection()` or
+      `Unstabilised()`.
+    - `ledger`: whether to integrate the dissipated and supplied energies, J, with the motion.
+    - `redundant`: whether some constraint equations depend linearly on others. By default, runs
+      find this out from the initial state; inside a JAX transformation, they take all equations as
+      independent.
+    - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
+    - `allow_float32`: whether runs may compute in single precision, JAX's default.
+
+    **Raises:** `ValueError` that names the setting: for a value of a wrong type; for a solver of
+    stochastic equations or one that splits the equations; for a `diffrax.ClipStepSizeController`
+    with `step_ts` or `jump_ts`; for a number that is negative, not finite, or zero (only one of
+    `rtol` and `atol` may be zero); and for `max_steps` below 1.
+
+    >>> settings = cj.Settings(rtol=1e-8, ledger=True)
+    >>> settings.rtol, settings.ledger
+    (1e-08, True)
+    """
+
+    solver: diffrax.AbstractSolver = field(default_factory=diffrax.Tsit5)
+    controller: diffrax.AbstractStepSizeController | None = None
+    rtol: float = 1e-6
+    atol: float | None = None
+    first_step: float | None = None
+    landing_tolerance: float | None = 1e-12
+    derivative_tolerance: float = 10.0
+    coordinates: AbstractCoordinates = field(default_factory=JointCoordinates)
+    stabilisation: AbstractStabilisation = field(default_factory=Baumgarte)
+    ledger: bool = False
+    redundant: bool | None = None
+    max_steps: int = 10_000_000
+    allow_float32: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.generic):
+                # JAX would compile another program for a NumPy scalar than for a Python number.
+                object.__setattr__(self, name, value.item())
+        for name, kind, example in (
+            ("solver", diffrax.AbstractSolver, "diffrax.Tsit5()"),
+            ("controller", diffrax.AbstractStepSizeController | None, "diffrax.PIDController()"),
+            ("coordinates", AbstractCoordinates, "JointCoordinates()"),
+            ("stabilisation", AbstractStabilisation, "Baumgarte()"),
+        ):
+            value, expected = getattr(self, name), f"an object such as {example}"
+            require(isinstance(value, kind), name, value, expected, "pass one, or leave it out")
+        # Steps that end early, at contact events, would miss the times at which a
+        # `ClipStepSizeController` wants steps to end.
+        clip = self.controller
+        fine = not isinstance(clip, diffrax.ClipStepSizeController) or (
+            clip.step_ts is None and clip.jump_ts is None
+        )
+        remedy = "save at times by cj.Saving(times); functions of time declare their `breakpoints`"
+        require(fine, "controller", clip, "without `step_ts` and `jump_ts`", remedy)
+        require_ordinary(self.solver)
+        self.check_numbers()
+        require_count("max_steps", self.max_steps, "give a number of steps")
+        for name, kind in (("ledger", bool), ("redundant", bool | None), ("allow_float32", bool)):
+            value = getattr(self, name)
+            require(isinstance(value, kind), name, value, "True or False", "pass a bool")
+
+    def check_numbers(self) -> None:
+        """Check that each tolerance, and the length of the first step, is a number in its range.
+
+        **Raises:** `ValueError` that names the setting, if it is not a single finite number, is
+        negative, or is zero. `rtol` or `atol` may be zero, but not both; `atol`, `first_step` and
+        `landing_tolerance` may be ``None``. Numbers that JAX traces raise no error; the compiled
+        program checks them.
+        """
+        # Name of each setting, remedy in the error message, and whether the setting may be zero.
+        for name, remedy, zero in (
+            ("rtol", "give a relative tolerance such as 1e-6", True),
+            ("atol", "give an absolute tolerance such as 1e-9, or None", True),
+            ("derivative_tolerance", "give a factor such as 10", False),
+            ("first_step", "give a step in s, or None", False),
+            ("landing_tolerance", "give a penetration in m, or None", False),
+        ):
+            value = getattr(self, name)
+            # These two must be numbers; for the others ``None`` has a meaning.
+            if name not in ("rtol", "derivative_tolerance") and value is None:
+                continue
+            fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
+            require(fine, name, value, "a number", remedy)
+            require_positive(name, value, remedy, zero=zero)
+        # Errors are divided by atol + rtol |variable|, so one of both must be positive. Traced
+        # tolerances cannot be compared.
+        known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
+        if known is not None:
+            fine, remedy = (known[0] > 0) | (known[1] > 0), "give a relative tolerance such as 1e-6"
+            require(fine, "rtol", self.rtol, "positive unless `atol` is", remedy)
+
+    @property
+    def numbers(self) -> tuple[float | None, ...]:
+        """The settings whose values JAX may trace: `rtol`, `atol`, `first_step` (s) and
+        `landing_tolerance` (m)."""
+        return self.rtol, self.atol, self.first_step, self.landing_tolerance
+
+    def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
+        """Return the length of the first step of a run from `start_time` to `end_time`, all in s:
+        the setting `first_step`, or its default.
+
+        For several runs, with end times (N,), the default has the shape (N,), but `first_step` is
+        returned as one number.
+        """
+        if self.first_step is None:
+            return FIRST_SHARE * (end_time - start_time)
+        return self.first_step
+
+    def looser(self, factor: float) -> "Settings":
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`, for runs
+        that are faster or that are compared with more accurate ones.
+
+        **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
+        """
+        self.require_tolerances("runs of several tolerances are made")
+        atol = None if self.atol is None else factor * self.atol
+        return replace(self, rtol=factor * self.rtol, atol=atol)
+
+    def require_tolerances(self, where: str) -> None:
+        """Check that no `controller` is set, so that `rtol` and `atol` control the steps.
+
+        **Arguments:** `where`: the reason, for the message "... must be None where <reason>".
+
+        **Raises:** `ValueError` if a `controller` is set.
+        """
+        given, remedy = self.controller, "leave it out, and give rtol and atol"
+        require(given is None, "controller", given, f"None where {where}", remedy)
+
+    def require_double(self) -> None:
+        """Check that `allow_float32` is ``False``, for runs that need double precision.
+
+        **Raises:** `ValueError` if single precision is allowed.
+        """
+        expected = "False for sweeps and runs with derivatives"
+        remedy = "leave it out, and call clearjoint.configure() first"
+        require(not self.allow_float32, "allow_float32", True, expected, remedy)
+
+
+def settings_or(settings: Settings | None, default: Settings) -> Settings:
+    """Return `settings`, or `default` if `settings` is ``None``.
+
+    **Raises:** `ValueError` if `settings` is of another type.
+    """
+    remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"
+    require_type("settings", settings, Settings | None, "Settings or None", remedy)
+    return default if settings is None else settings
+
+
+ROUNDINGS = 4.0
+"""Largest distance by which a valid time may be outside of a run, in units of rounding error. Times
+in single precision, and times that a user computes as sums of steps, are wrong by that much."""
+SHORTEST = 1e10
+"""Shortest duration of a run, in multiples of the smallest normal floating-point number. Processors
+may take numbers below the smallest normal one as zero, and steps are much shorter than the run: the
+first one is by default a millionth of the duration."""
+
+
+def check_span(start: Scalar, end: Scalar) -> None:
+    """Check the `start` and `end` time of a run, s. If JAX traces one of them, only their types and
+    shapes are checked.
+
+    **Raises:** `ValueError` if a time is not a single finite number, or if the end is not after the
+    start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
+    """
+    for name, value in (("start_time", start), ("end_time", end)):
+        number = np.shape(as_number(value, name, "s")) == ()
+        require(number, name, value, "a single number", "pass one time in s")
+    if (known := checkable(start, end)) is not None:
+        first, last = known
+        after = f"after start_time = {as_shown(start)}"
+        fine = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
+        require(fine, "end_time", end, f"finite and {after}", "give times in s")
+        shortest = SHORTEST * float(jnp.finfo(jnp.result_type(float)).tiny)
+        expected = f"at least {shortest:.1g} s {after}"
+        remedy = "give times in s; the processor takes shorter spans as zero"
+        require(last - first >= shortest, "end_time", end, expected, remedy)
+
+
+def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
+    """Check that times lie within a run from `start` to `end`, s, and return them as an array.
+
+    **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
+
+    **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
+    alone are moved to its start or end. If JAX traces the times, only their shape is checked; if it
+    traces the start or the end of the run, the times are not compared with these. In both cases,
+    the times are returned unchanged.
+
+    **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
+    outside of the run, and for an empty array.
+    """
+    row = rising_times(times, argument)
+    if (known := checkable(row, start, end)) is not None:
+        row, first, last = known
+        room = rounding(start, end, times)
+        fine = (row[0] >= first - room) & (row[-1] <= last + room)
+        expected = f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}"
+        require(fine, argument, [row[0], row[-1]], expected, "leave out the times outside")
+        return row.astype(float).clip(first, last)
+    return row
+
+
+def rising_times(times: ArrayLike, argument: str) -> Column:
+    """Check that times, s, do not decrease, and return them as an array, (N,). Of traced times only
+    the shape is checked.
+
+    **Arguments:** `argument`: the times' name in error messages.
+
+    **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional,
+    and for an empty array.
+    """
+    row = as_number(times, argument, "s")
+    expected = "a rising one-dimensional array of finite times"
+    remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
+    require(row.ndim == 1 and row.size > 0, argument, row, expected, remedy)
+    if (known := checkable(row)) is None:
+        return row
+    (row,) = known
+    fine = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
+    require(fine, argument, row, expected, remedy)
+    return row
+
+
+def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
+    """Check that each of several times, s, is later than the one before, and return them as an
+    array, (N,). They must be known numbers, which JAX does not trace.
+
+    **Arguments:** `argument`: the times' name in error messages.
+
+    **Raises:** `ValueError` for times that decrease, are repeated, are not finite, or are not
+    one-dimensional, and for an empty array.
+    """
+    row = rising_times(times, argument)
+    remedy = "remove repeated times, for example with numpy.unique"
+    require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
+    return row
+
+
+def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
+    """Return by how much, s, `times` may be outside of a run from `start` to `end` because of
+    rounding errors alone.
+
+    The least precise floating-point type among the arguments determines the rounding error.
+    """
+    arrays = [v if isinstance(v, jax.Array) else np.asarray(v) for v in (start, end, times)]
+    kinds = [v.dtype if jnp.issubdtype(v.dtype, jnp.floating) else float for v in arrays]
+    precision = max(float(jnp.finfo(kind).eps) for kind in kinds)
+    return ROUNDINGS * precision * (abs(start) + abs(end))

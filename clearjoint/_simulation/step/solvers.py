@@ -1,0 +1,347 @@
+"""Solvers and step-size controllers of diffrax, prepared for single steps.
+
+diffrax loops over the stages of an explicit Runge-Kutta step, and decides inside the loop, for all
+lanes (runs) of a batch together, whether the last stage of the previous step can be reused.
+`UnrolledExplicit` writes the stages out instead. A step is then plain arithmetic: in a batch it
+takes a third of the time, and each lane has the same digits as a single run. Tableaux, error
+estimates and dense output (the solution between the ends of a step) are diffrax's.
+
+A time map may space the stages of a step non-uniformly in time: see `.time_map`. Rates are time
+derivatives of the variables.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache, partial, reduce
+from typing import TypeAlias, TypeVar
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from ..._compilation import elementwise
+from ..._fields.checks import require
+from ..._fields.types import Single
+from ..._math.stacked import Stacked, stacked, unstacked
+from ..._math.vectors import Scalar, add, larger, multiply
+from ..._native import evaluated
+from .time_map import AbstractTimeMap
+
+Weights = Float[np.ndarray, " n"]
+Y = TypeVar("Y")
+"""A PyTree with the variables of a run, or with their rates, per s."""
+DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
+"""Data from which a solver computes dense output. For `UnrolledExplicit`, "y0" are the
+variables at the start of the step, and "stages" is a tuple with the rates in each stage,
+multiplied by the slope of the time map if the step has one. Other solvers use other names."""
+
+
+class UnrolledExplicit(diffrax.AbstractSolver):
+    """An explicit Runge-Kutta solver whose stages are written out instead of computed in a loop.
+
+    A step computes many variables as one array (see `.math.stacked`).
+
+    **Arguments:** `method`: diffrax's solver, which supplies the tableau.
+
+    The state that the solver carries from one step to the next consists of the rates at the start
+    of the next step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
+    """
+
+    method: diffrax.AbstractERK
+    term_structure = diffrax.ODETerm
+
+    @property
+    def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Function that returns the dense output of a step. Its arguments are the start and end of
+        the step, `t0` and `t1`, s, and the items of `DenseInformation`."""
+        return partial(DenseOutput, self.method)
+
+    def order(self, terms: diffrax.ODETerm) -> int | None:
+        """Return the order of convergence of the method."""
+        return self.method.order(terms)
+
+    def error_order(self, terms: diffrax.ODETerm) -> Single | None:
+        """Return the order of the method's error estimate, from which a step-size controller
+        computes step lengths."""
+        return self.method.error_order(terms)
+
+    def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
+        """Return the rates of the variables `y0` at the time `t0`, s."""
+        return terms.vf(t0, y0, args)
+
+    def init(self, terms: diffrax.ODETerm, t0: Scalar, t1: Scalar, y0: Y, args: PyTree) -> Y:
+        """Return the solver's state before the first step: the rates at `t0`, s."""
+        del t1
+        return terms.vf(t0, y0, args)
+
+    def information_like(self, y: PyTree) -> "DenseInformation":
+        """Return a placeholder with the structure and shapes of the data for dense output of a step
+        of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
+        return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
+
+    def step(
+        self,
+        terms: diffrax.ODETerm,
+        t0: Scalar,
+        t1: Scalar,
+        y0: Y,
+        args: PyTree,
+        solver_state: Y,
+        made_jump: Scalar,
+        time_map: AbstractTimeMap | None = None,
+    ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
+        """Compute one step from `t0` to `t1`, s.
+
+        **Arguments:**
+
+        - `terms`: the differential equations; `args`: their further arguments.
+        - `y0`: variables at `t0`.
+        - `solver_state`: rates at `t0`, from the previous step.
+        - `made_jump`: whether the rates may have changed abruptly at `t0`. Only if this is the
+          Python value ``False`` is `solver_state` used; otherwise the rates are computed again.
+        - `time_map`: function that gives the elapsed part of the step's time at each stage from the
+          tableau's node; ``None`` if the two are equal.
+
+        **Returns:** the variables at `t1`, the estimate of their error, the data for dense output,
+        the rates at `t1`, and diffrax's result code. Error and data are `Stacked` if the variables
+        are many.
+        """
+        tableau = _tableau(self.method)
+        h = t1 - t0
+        start = stacked(y0)
+        # With a traced condition, every lane would compute both branches, so the rates are then
+        # computed unconditionally.
+        last = stacked(solver_state) if made_jump is False else terms.vf(t0, start, args)
+        # With a time map the independent variable is not the time t but a fraction x of the step,
+        # 0 to 1. The tableau's nodes are values of x, and dy/dx = dy/dt dt/dx.
+        stages, y = [_rates_by_fraction(last, 0.0, time_map)], start
+        for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
+            y = _advanced(start, h, row, stages)
+            elapsed = fraction if time_map is None else time_map.elapsed(fraction)
+            # The last stage is at exactly t1; t0 + h may differ from it by rounding.
+            t = t1 if fraction == 1.0 else t0 + elapsed * h
+            last = terms.vf(t, y, args)
+            stages.append(_rates_by_fraction(last, fraction, time_map))
+        # "Solution same as last" (`ssal`): the variables of the last stage are the result.
+        # Otherwise the result has weights of its own.
+        y1 = y if tableau.ssal else _advanced(start, h, tableau.b_sol, stages)
+        # "First same as last" (`fsal`): the last stage was evaluated at the end of the step.
+        if not tableau.fsal:
+            last = terms.vf(t1, y1, args)
+
+        # The weights are the differences between those of the two embedded methods.
+        def error_of(h: Scalar, *rates: Scalar) -> Scalar:
+            return multiply(h, _weighted(tableau.b_error, rates))
+
+        error = _by_leaf(error_of, h, *stages)
+        information = {"y0": y0, "stages": tuple(stages)}
+        return unstacked(y1), error, information, unstacked(last), diffrax.RESULTS.successful
+
+
+class DenseOutput(eqx.Module):
+    """Dense output of a step: the variables between its start `t0` and its end `t1`, s.
+
+    The polynomials are diffrax's. Sums over the stages are written out: a reduction of an array
+    would be a loop between scalar operations. XLA does not keep the value of an expression from
+    before a loop, but computes it again at each use after the loop. One derivative of one
+    acceleration of the double pendulum had 59 MB of LLVM text and never compiled; without
+    reductions it has 11 MB.
+
+    **Arguments:** `method`: diffrax's solver; `y0`: variables at `t0`; `stages`: for each stage,
+    the rates, per s, multiplied by the slope of the time map if the step has one.
+    """
+
+    method: diffrax.AbstractERK
+    t0: Scalar
+    t1: Scalar
+    y0: PyTree[Scalar]
+    stages: tuple[PyTree[Scalar], ...]
+
+    def evaluate(self, t: Scalar) -> PyTree[Scalar]:
+        """Return the variables at the time t, s, if time is uniform in the step. With a time map,
+        convert the time by `dense_time` in `.dense_output` first."""
+        h = self.t1 - self.t0
+        return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
+
+    def at(self, x: Scalar) -> PyTree[Scalar]:
+        """Return the variables at the fraction x of the step, from 0 at its start to 1 at its end.
+
+        x is measured like the nodes of the solver's tableau. If time is uniform in the step, it is
+        the elapsed part of the step's time. With a time map, that part is `time_map.elapsed(x)`.
+        """
+        h = self.t1 - self.t0
+        weights = [h * _horner(row, x) for row in dense_weights(self.method)]
+
+        def leaf(weights: list[Scalar], y0: Scalar, *stages: Scalar) -> Scalar:
+            for weight, stage in zip(weights, stages, strict=True):
+                y0 = add(y0, multiply(weight, stage))
+            return y0
+
+        start = stacked(self.y0) if isinstance(self.stages[0], Stacked) else self.y0
+        return unstacked(_by_leaf(leaf, weights, start, *self.stages))
+
+
+def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y) -> Y:
+    """Apply a function of `numbers` and a leaf of each PyTree to all leaves.
+
+    If the PyTrees are `Stacked`, the function is applied to arrays.
+    """
+    if isinstance(trees[0], Stacked):
+        function = partial(elementwise, function)
+    return jax.tree.map(partial(function, numbers), *trees)
+
+
+def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
+    """Return the derivatives of the variables with respect to the fraction x of a step, divided by
+    the step's length, per s. They are the `rates` at x times the slope of the time map there."""
+    return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
+
+
+def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
+    assert isinstance(method.tableau, diffrax.ButcherTableau)
+    return method.tableau
+
+
+def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
+    """Return y0 + h sum of w_i f_i: the variables y0 advanced by the step length h, s, with
+    `weights` w and rates f of the `stages`."""
+
+    def advanced(h: Scalar, y: Scalar, *rates: Scalar) -> Scalar:
+        return add(y, multiply(h, _weighted(weights, rates)))
+
+    return _by_leaf(advanced, h, y0, *stages)
+
+
+def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
+    """Return the weighted sum of `values`, without operations for weights of zero. At least one
+    weight must not be zero."""
+    pairs = zip(weights, values, strict=True)
+    return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
+
+
+def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """Return an explicit Runge-Kutta method with a single tableau as an `UnrolledExplicit`, and any
+    other solver unchanged."""
+    if isinstance(solver, diffrax.AbstractERK) and isinstance(
+        solver.tableau, diffrax.ButcherTableau
+    ):
+        return UnrolledExplicit(solver)
+    return solver
+
+
+def _horner(coefficients: Weights, x: Scalar) -> Scalar:
+    """Return the value at x of a polynomial with given coefficients, lowest power first. The
+    coefficient of power 0 must be zero, as in dense output, which is y0 at x = 0."""
+    value: Scalar = float(coefficients[-1])
+    for coefficient in coefficients[-2:0:-1]:
+        value = value * x + float(coefficient)
+    return value * x
+
+
+@cache
+def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
+    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method.
+
+    Here y0 are the variables at the start of a step, h is its length, f_i are the rates in its
+    stages, and x is the fraction of the step, 0 to 1. The polynomials are the same for all steps.
+    diffrax does not provide them, but its interpolant is linear in the stages. It is therefore
+    evaluated at Chebyshev nodes x with one stage equal to 1 and the others 0, and a polynomial is
+    passed through the values.
+
+    **Returns:** the coefficients, (stages, degree + 1), lowest power of x first.
+    """
+    tableau = _tableau(method)
+    stages = tableau.num_stages
+    # diffrax's interpolants have at most the order of the method as degree, but methods of low
+    # order are interpolated by cubic Hermite polynomials.
+    degree = max(method.order(None) or 1, 3)
+    x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
+
+    def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, t: Scalar) -> Scalar:
+        return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(t)
+
+    # With a step of length 1 from 0, unit stage i leads to y1 = b_sol[i].
+    b, unit = np.asarray(tableau.b_sol), np.eye(stages)
+    rows = zip(b, unit, strict=True)
+    calls = [(0.0, 1.0, *row, t) for row in rows for t in x]
+    # The operations are executed one by one, in Python by `evaluated` or, if this function lacks a
+    # rule for one of them, by JAX. A compiler would fuse them, and the digits would differ between
+    # processors.
+    numbers = evaluated(value, calls)
+    if numbers is not None:
+        values = np.reshape(numbers, (stages, len(x))).T
+    else:
+        with jax.ensure_compile_time_eval():
+            y1, k = map(jax.device_put, (b, unit))
+            values = np.array([value(0.0, 1.0, y1, k, t) for t in x])
+    # Coefficients of the polynomials through these values.
+    return np.linalg.solve(np.vander(x, increasing=True), values).T
+
+
+def largest_component(tree: PyTree[Scalar]) -> jax.Array:
+    """Return the largest absolute value in a PyTree, (), which step-size controllers use as the
+    norm of an error.
+
+    A mean would hide the error of one impact behind the small errors of bodies without contact.
+    """
+    # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
+    # gathered into an array, which would keep the loop from becoming one native function.
+    largest: dict[tuple[int, ...], Scalar] = {}
+    for leaf in jax.tree.leaves(tree):
+        shape = jnp.shape(leaf)
+        largest[shape] = larger(largest.get(shape, 0.0), jnp.abs(leaf))
+    return reduce(jnp.maximum, [jnp.max(leaf) for leaf in largest.values()])
+
+
+def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
+    """Return diffrax's PID step-size controller. Its norm is `largest_component`, so that the error
+    estimate of each variable satisfies the tolerances: `rtol`, and `atol` in the SI unit of the
+    variable."""
+    return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
+
+
+def require_ordinary(solver: diffrax.AbstractSolver) -> None:
+    """Check that a solver integrates ordinary differential equations, given as one term. Solvers
+    of stochastic equations, and those that split the equations into several terms, do not.
+
+    **Raises:** `ValueError` that names the solver's class.
+    """
+    structure, kind = solver.term_structure, type(solver).__name__
+    fine = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
+    expected = "a solver of ordinary differential equations without splitting"
+    remedy = "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5()"
+    require(fine, "solver", kind, expected, remedy)
+
+
+def ready_solver(
+    solver: diffrax.AbstractSolver, rtol: float, atol: float
+) -> diffrax.AbstractSolver:
+    """Return a solver whose method `step` can be called directly, without the preparations that
+    `diffrax.diffeqsolve` makes.
+
+    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods, unless their
+    `scan_kind` is set, loop over their stages by `lax.scan`, which forward differentiation
+    supports. Implicit methods iterate their stages to `rtol` and `atol` (in the SI unit of each
+    variable), unless their root finder has tolerances of its own.
+    """
+    solver = unrolled(solver)
+    if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
+        solver = eqx.tree_at(
+            lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None
+        )
+    if isinstance(solver, diffrax.AbstractImplicitSolver):
+        # The tolerances and the norm of the default root finder are markers, which only
+        # `diffrax.diffeqsolve` replaces by those of the controller.
+        marker = diffrax.with_stepsize_controller_tols(diffrax.VeryChord)().rtol
+        usual = {"rtol": rtol, "atol": atol, "norm": largest_component}
+        finder = solver.root_finder
+        marked = [name for name in usual if getattr(finder, name, None) is marker]
+        if marked:
+            solver = eqx.tree_at(
+                lambda s: [getattr(s.root_finder, name) for name in marked],
+                solver,
+                [usual[name] for name in marked],
+            )
+    return solver

@@ -1,0 +1,197 @@
+"""Lengths of steps before and after events, and the magnitudes with which errors are compared.
+
+An event is the onset or the end of a contact, or a breakpoint, a time at which a driver or load
+changes abruptly. Steps end at events. A step that an event ends earlier than the step-size
+controller proposed is said to be cut short. Bristles are deflections of the surfaces in friction
+laws that can stick.
+"""
+
+from dataclasses import replace
+from functools import reduce
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..._dynamics.breakpoints import next_breakpoint
+from ..._dynamics.bristles import full_deflections
+from ..._dynamics.contact_events import ContactGaps, begins
+from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.system import System
+from ..._math.vectors import Condition, Scalar, Vector
+from ..._model.bodies import BodyState
+from ..._model.scene import Scene
+from .rotation_limit import longest_step
+from .step_state import Method, Proposal, Step, Variables
+
+CUT = 0.99
+"""A step counts as cut short if it is shorter than this part of its `full_length`, the length that
+it would have without events. The margin disregards cuts as small as rounding errors."""
+
+
+SHARE_OF_SPEED = 0.2
+"""Share of a speed that counts as the least size of its derivative in `tangent_sizes`, relative to
+the largest derivative of a position over the largest position. With smaller shares, derivatives of
+a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
+
+
+def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
+    """Return the end of the next trial, s.
+
+    It is the earliest of five times: the proposed end in `step.proposal`, the next breakpoint, the
+    predicted next event of a contact, the end of the longest step that `.rotation_limit` allows,
+    and the end `t_end` of the run. Without the rule `method.landing`, events of contacts do not
+    count. A time that is too close for floating-point times counts as a few of their spacings away.
+    """
+    t1 = jnp.minimum(step.proposal.t_next, t_end)
+    breakpoint = next_breakpoint(system, step.t)
+    if breakpoint is not None:
+        t1 = jnp.minimum(t1, breakpoint)
+    lengths = []
+    if method.landing is not None and step.contact_gaps:
+        lengths.append(method.landing.time_to_next_event(step.contact_gaps, step.second_rates))
+    if method.rotating:
+        lengths.append(longest_step(method, system, step))
+    # A step cannot end at an event that is closer than a few spacings of floating-point times,
+    # because it must still advance. The number 1e-300 keeps this bound positive at t = 0.
+    resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
+    for length in lengths:
+        t1 = jnp.minimum(t1, step.t + jnp.maximum(length, resolution))
+    return t1
+
+
+def lengths_after_contacts(
+    step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
+) -> tuple[Scalar, Condition, Scalar]:
+    """Return three fields of the next `Proposal`, the step to try next, in a scene with contacts.
+
+    **Arguments:**
+
+    - `step`: the state before the trial.
+    - `after`: the penetration, m, and its rate, m/s, of each contact at the end of the trial, at
+      the time `t1`, s.
+    - `keep`: whether the trial is accepted.
+    - `lands`: whether the trial is rejected because it passes an event, and repeated up to this
+      event.
+    - `proposed`: length of the next step, s, without regard to events: that of the step-size
+      controller, adapted to the time map, or a shorter one after a trial in which a driver was not
+      smooth.
+
+    **Returns:** `full_length`, the length of the next step without events, s; `begins_contact`,
+    whether a contact begins at its start; and `entry_length`, the length of the latest step that
+    began with an onset and was not cut short, s.
+    """
+    last = step.proposal
+    length_tried = t1 - step.t
+    # The small error of a step that an event cut short is no measure for the next step. The next
+    # step continues with the full length of the one that was cut.
+    is_cut = length_tried < CUT * last.full_length
+    begins_contact = begins(step.contact_gaps, after)
+    # Contact needs much shorter steps than flight. The length that was accepted after the last
+    # onset is remembered. After the next onset at most twice this length is tried, which saves
+    # rejected trials but lets the length grow again.
+    entry_length = jnp.where(keep & last.begins_contact & ~is_cut, length_tried, last.entry_length)
+    length = _uncut(last, is_cut, proposed)
+    length = jnp.where(begins_contact, jnp.minimum(length, 2.0 * entry_length), length)
+    # A trial that is repeated up to an event keeps its length without events. A trial that is
+    # rejected because of its error or of a driver gets the shorter length `proposed`.
+    full_length = jnp.where(lands, last.full_length, jnp.where(keep, length, proposed))
+    return full_length, jnp.where(keep, begins_contact, last.begins_contact), entry_length
+
+
+def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
+    """Return `full_length` of the next `Proposal`, its length without events, s, in a scene without
+    contacts, whose steps breakpoints or `.rotation_limit` may cut short. The arguments are those of
+    `lengths_after_contacts`."""
+    is_cut = t1 - step.t < CUT * step.proposal.full_length
+    return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
+
+
+def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
+    """Return the length that the next step would have without events, s.
+
+    It is the length that the step-size controller `proposed`. But if the step just tried was cut
+    short (`is_cut`), it is at least the length that this step would have had without events, which
+    is the `full_length` of its proposal, `last`.
+    """
+    return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
+
+
+def magnitudes(y: Variables) -> Variables:
+    """Return the numbers to which the step-size controller relates the errors of the variables y.
+
+    The result has the structure and units of `y`. The controller takes absolute values, so signs
+    have no meaning.
+
+    - Positions and velocities of bodies: the largest absolute component of the vector, for all
+      three components.
+    - Bristle deflections: the absolute value, but at least 1.
+    - All other variables: the variable itself.
+
+    **Arguments:** `y`: variables whose bristle deflections are dimensionless, from
+    `with_relative_bristles`.
+    """
+
+    def largest_component(vector: Vector) -> Vector:
+        size = jnp.maximum(jnp.maximum(jnp.abs(vector.x), jnp.abs(vector.y)), jnp.abs(vector.z))
+        return Vector(size, size, size)
+
+    # A journal that rolls along the wall hardly moves along one axis. If its error were relative to
+    # that small component, runs would take a third more steps without being more accurate, and the
+    # number of steps would depend on the directions of the axes.
+    def of_body(node: PyTree) -> PyTree:
+        if not isinstance(node, BodyState):
+            return node
+        position, velocity = map(largest_component, (node.position, node.velocity))
+        return replace(node, position=position, velocity=velocity)
+
+    sizes = jax.tree.map(of_body, y, is_leaf=lambda node: isinstance(node, BodyState))
+
+    # An error of a deflection changes the friction force equally at all deflections. Its measure is
+    # therefore the deflection at full friction, which is 1 here, also where a deflection passes
+    # through zero.
+    bristles = jax.tree.map(lambda z: jnp.maximum(jnp.abs(z), 1.0), y.bristles)
+    return replace(sizes, bristles=bristles)
+
+
+def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
+    """Return the numbers to which the step-size controller relates the errors of tangents, with a
+    first axis of length p in each leaf.
+
+    They are the `magnitudes` of the tangents, `along`, plus a share of the speeds for those of the
+    speeds: a parameter that changes the positions by a hundredth per unit is expected to change the
+    speeds by about a hundredth too.
+
+    **Arguments:** `sizes`: the `magnitudes` of the variables.
+    """
+
+    # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
+    # rate of this rise has the relative error of the tiny depth, of which few digits are known far
+    # from the origin. The error relative to the derivative itself could therefore not become small
+    # enough, and steps shrank until the run failed.
+    def positions(motion: MotionVariables) -> MotionVariables:
+        return system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion))
+
+    change, size = (largest(positions(y.motion)) for y in (along, sizes))
+    ratio = SHARE_OF_SPEED * change / jnp.where(size > 0.0, size, jnp.inf)
+    speeds = jax.tree.map(
+        lambda derivative, speed: jnp.abs(derivative) + ratio * jnp.abs(speed),
+        along.motion,
+        sizes.motion,
+    )
+    return replace(along, motion=system.with_speeds(along.motion, speeds))
+
+
+def largest(tree: PyTree[Scalar]) -> Scalar:
+    """Return the largest magnitude of the leaves of a PyTree, element by element."""
+    return reduce(jnp.maximum, [jnp.abs(leaf) for leaf in jax.tree.leaves(tree)])
+
+
+def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
+    """Return variables, or errors of variables, with dimensionless bristle deflections.
+
+    Each deflection, m, is divided by the deflection of its contact at full friction, m, which
+    follows from the `scene`.
+    """
+    full = full_deflections(scene)
+    return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

@@ -1,0 +1,439 @@
+"""Body of a run's main loop: try one step, accept or reject it, carry the state to the next one.
+
+diffrax supplies the solver's `step` and the controller's `adapt_step_size`. This module calls them
+one step at a time (diffrax calls this "manual stepping") instead of through `diffeqsolve`, because
+between a trial step and its acceptance it ends steps at contact events, updates entry speeds and
+bristles, corrects the state where forces are discontinuous, and carries derivatives. In
+`diffeqsolve`, wrapped solvers and controllers would need hidden state for this. The body of the
+loop is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to one
+native function.
+
+Terms: rates are time derivatives of the integrated variables. The entry speed of a contact is its
+penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
+can stick. Tangents are derivatives of the variables with respect to p parameters. A breakpoint is a
+declared time at which a driver or load changes abruptly. The energy ledger consists of integrals of
+dissipated and supplied powers, J, which are computed with the motion. Times on the clock of a
+`System` are counted from its `origin`, s; without an origin they are the scene's times.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TypeAlias, TypeVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+
+from ..._dynamics.breakpoints import breakpoints, one_sided_time
+from ..._dynamics.bristles import initial_bristles, updated_bristles
+from ..._dynamics.contact_events import (
+    ContactGaps,
+    begins,
+    begins_at_start,
+    initial_entry_speeds,
+    updated_entry_speeds,
+    uses_entry_speed,
+)
+from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.energy import bristle_energy
+from ..._dynamics.system import System
+from ..._math.vectors import Condition, Scalar
+from ..._model.joints.base import ByLabel, each_label
+from ..._result_codes import RESULTS
+from .acceptance import decide_step
+from .breakpoint_events import across_breakpoints
+from .method import SystemFamily
+from .saltation import across_contacts, any_changes, contacts_jump, slopes_jump
+from .solvers import UnrolledExplicit
+from .step_length import end_of_step
+from .step_state import (
+    Attempt,
+    Method,
+    Proposal,
+    SolverState,
+    Step,
+    Tangents,
+    TangentsInside,
+    Variables,
+    choose,
+)
+from .trial_step import Trial, error_order, term_of, time_map_of, try_step
+
+Shapes = TypeVar("Shapes")
+
+MANY_OPERATIONS = 50_000
+"""Number of operations in the equations of motion above which `shapes_of` warns, because compiling
+takes half a minute or more.
+
+Compiling to native code, in which a large right-hand side is one function for all stages, took 2, 5
+and 23 s of processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes
+(2800, 11 000 and 55 000 operations). XLA, which repeats the right-hand side for each stage, took 53
+and 264 s for the first two chains, and more than 8 GB of memory for the last.
+"""
+
+
+def start(
+    method: Method,
+    system: System,
+    t0: Scalar,
+    t_end: Scalar,
+    first_step: Scalar | None,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    derivatives: bool = False,
+) -> Step:
+    """Return the `Step` from which a run begins, the complete state before the first step.
+
+    **Arguments:**
+
+    - `t0`, `t_end`: start and end of the run, s, on the clock of `system`.
+    - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
+    - `y`: the motion and, to continue an earlier run, integrals of the energy ledger and bristle
+      deflections; missing ones are initialised.
+    - `entry_speeds`: m/s, by joint and contact; missing ones are derived from the contacts at `t0`,
+      and those that no law uses are left out.
+    - `derivatives`: whether the caller will add tangents to the step.
+    """
+    contact_gaps = system.contact_gaps(y.motion)
+    entry_speeds = initial_entry_speeds(system.scene, contact_gaps, entry_speeds)
+    y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
+    term, args = term_of(method), (system, entry_speeds)
+    y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
+    # `wrap(1)` tells diffrax's controller that time runs forward.
+    t_next, controller_state = method.controller.wrap(1).init(
+        term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
+    )
+    t_next = jnp.asarray(t_next, dtype=float)
+    solver_state = method.solver.init(term, t0, t_next, y, args)
+    zero, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
+    # A contact that touches the wall at the start begins now. The onset of a contact that is deeper
+    # is unknown, and counts as long past.
+    since_onset = jnp.where(begins_contact, 0.0, jnp.inf)
+    # `entry_length` limits the first step after an onset to twice its value. No step has begun with
+    # an onset yet, so the length of the run's first step is taken. If that is too short,
+    # `entry_length` grows up to twofold with each onset.
+    step = Step(
+        t=t0,
+        y=y,
+        entry_speeds=entry_speeds,
+        contact_gaps=contact_gaps,
+        second_rates=_second_rates(method, system, y, solver_state, contact_gaps),
+        solver_state=solver_state,
+        proposal=Proposal(
+            t_next=t_next,
+            full_length=t_next - t0,
+            begins_contact=begins_contact,
+            time_since_onset=since_onset if derivatives else None,
+            entry_length=t_next - t0,
+            made_jump=False,
+            controller_state=controller_state,
+        ),
+        result=RESULTS.successful,
+        attempts=zero,
+        accepted=zero,
+    )
+    # Every leaf becomes an array, because a loop returns arrays and needs the same types as input.
+    return jax.tree.map(jnp.asarray, step)
+
+
+def _initial_ledger(
+    term: diffrax.ODETerm,
+    args: tuple[System, EntrySpeeds],
+    t: Scalar,
+    y: Variables,
+    derivatives: bool,
+) -> dict[str, Scalar]:
+    """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
+    ledger.
+
+    Integrals that `y.work` contains are kept. Of the others, "friction" starts at the energy stored
+    in the bristles, because the ledger counts under "friction" all energy that friction takes from
+    the motion, including the part that bristles will return. The rest start at zero.
+
+    **Arguments:** `term`: the differential equations; `args`: the system and the entry speeds at
+    the start; `t`: s, the start; `y`: variables there; `derivatives`: whether the run has tangents.
+    """
+    # Only the names of the powers are needed: the equations are traced and not computed. Without a
+    # ledger, the solver uses the same trace.
+    system, entry_speeds = args
+    powers = shapes_of(lambda: term.vector_field(t, replace(y, work={}), args), derivatives).work
+    work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
+    if y.bristles and "friction" in powers.keys() - y.work.keys():
+        forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
+        stored = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
+        # With bristles, `stored` is never ``None``; the condition is for the type checker.
+        work["friction"] = work["friction"] if stored is None else jnp.asarray(stored)
+    return work
+
+
+def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
+    """Trace the equations of motion without computing them, and warn if they are so large that
+    compiling takes long.
+
+    The function runs while a program is traced: once for each compiled program, before the compiler
+    starts. Its result is that of `jax.eval_shape`: the results of the equations with shapes and
+    types in place of numbers.
+
+    **Arguments:** `equations`: a function without arguments that evaluates the equations;
+    `derivatives`: whether steps carry tangents.
+    """
+    program, shapes = jax.make_jaxpr(equations, return_shape=True)()
+    # The equations are a function that JAX traces once (see `term_of`).
+    calls = [equation.params.get("jaxpr") for equation in program.jaxpr.eqns]
+    count = len(calls) + sum(len(call.jaxpr.eqns) for call in calls if call is not None)
+    # A step with derivatives has about three times as many operations as a step without.
+    operations = count * (3 if derivatives else 1)
+    if operations > MANY_OPERATIONS:
+        warnings.warn(
+            f"A step of this scene has some {operations} operations for each stage of the solver: "
+            f"above {MANY_OPERATIONS}, compiling takes half a minute or more, and in jax.jit, vmap "
+            "and grad, where XLA compiles, minutes and more than 8 GB of memory. Long chains of "
+            "ideal joints take fewer operations in AbsoluteCoordinates(), short closed loops in "
+            "JointCoordinates(); diffrax.Bosh3() has half the stages.",
+            stacklevel=2,
+        )
+    return shapes
+
+
+def attempt(
+    method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
+) -> Attempt:
+    """Try one step, and either accept it or propose a shorter one.
+
+    **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, s, on the clock of
+    `system`, beyond which no step goes; `family`: the system as a function of the parameters, if
+    the step carries tangents.
+
+    **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
+    the given state with a new proposal, result code and number of attempts.
+    """
+    trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
+    keep, proposal, result = decide_step(method, system, step, trial, t_end)
+    inside = None
+    accepted = _accepted_state(method, system, family, step, trial, keep)
+    if step.tangents is not None and trial.tangents is not None:
+        inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
+    # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
+    # reject independently, and an accepted step of one lane must not depend on another lane.
+    following = replace(
+        choose(keep, accepted, step),
+        proposal=proposal,
+        result=result,
+        attempts=step.attempts + 1,
+    )
+    return Attempt(
+        step=following,
+        kept=keep,
+        t_start=step.t,
+        entry_speeds_start=step.entry_speeds,
+        information=trial.outcome.information,
+        time_map=trial.time_map,
+        tangents=inside,
+    )
+
+
+def _accepted_state(
+    method: Method,
+    system: System,
+    family: SystemFamily | None,
+    step: Step,
+    trial: Trial,
+    keep: Condition,
+) -> Step:
+    """Return the state after a trial step, for the case that the trial is accepted, with the
+    `proposal`, `result` and `attempts` of the state before it.
+
+    Entry speeds are updated first, since they depend on the penetrations as the solver found them.
+    Then the variables are corrected for discontinuities of forces at the end of the step. If the
+    trial is rejected, the result is not used, and a run that is not in a batch skips parts of the
+    work.
+
+    **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
+    """
+    y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
+    second_rates = _second_rates(method, system, y1, solver_state, gaps)
+    # Second rates of a rejected trial may not be finite.
+    second_rates = choose(keep, second_rates, step.second_rates)
+    before, entry_speeds, tangents = step.contact_gaps, step.entry_speeds, None
+    if uses_entry_speed(system.scene):
+        at_onsets = second_rates
+        if not isinstance(method.solver, UnrolledExplicit):
+            # The solver's state does not contain the rates at the end of the step. One more
+            # evaluation is spent only where a contact begins, as nothing else uses them.
+            def end_second_rates() -> ByLabel[Scalar]:
+                args = system, step.entry_speeds
+                rates = term_of(method).vf(trial.t1, trial.outcome.y, args)
+                return system.second_rates(trial.outcome.y.motion, rates.motion)
+
+            begun = keep & begins(before, gaps)
+            at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
+        entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
+    y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
+    if any(name in system.scene.joints for name in breakpoints(system.scene)):
+        # A driver with a kink makes velocities jump, and with them the rates of the gaps.
+        gaps = system.contact_gaps(y1.motion)
+    if family is not None:
+        end, start = trial.tangents, step.tangents
+        assert end is not None and start is not None and y_tangents is not None
+
+        # The tangents of entry speeds neglect terms proportional to the penetration at the end of
+        # the step, because the second rates are treated as constants.
+        def entry_speeds_after(
+            system: System, y1: Variables, entry_speeds: EntrySpeeds
+        ) -> tuple[EntrySpeeds, None]:
+            after = system.contact_gaps(y1.motion)
+            scene = system.scene
+            return updated_entry_speeds(scene, entry_speeds, before, after, second_rates), None
+
+        # The derivatives are taken at the solver's result and not at the corrected one, because the
+        # entry speeds were computed from the solver's result.
+        _, _, entry_speed_tangents = family.with_derivatives(
+            entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
+        )
+        tangents = Tangents(y_tangents, entry_speed_tangents, end.solver_state)
+    return replace(
+        step,
+        t=trial.t1,
+        y=y1,
+        entry_speeds=entry_speeds,
+        contact_gaps=gaps,
+        second_rates=second_rates,
+        solver_state=solver_state,
+        accepted=step.accepted + 1,
+        tangents=tangents,
+    )
+
+
+Ends: TypeAlias = tuple[Variables, Variables | None]
+"""Variables at the end of a step, and their tangents; ``None`` in a run without tangents."""
+
+
+def _across_discontinuities(
+    method: Method,
+    system: System,
+    family: SystemFamily | None,
+    step: Step,
+    trial: Trial,
+    keep: Condition,
+) -> Ends:
+    """Return the variables at the end of a trial step and their tangents, corrected for
+    discontinuities of forces there. The tangents are ``None`` without a `family`.
+
+    See `.saltation` and `.breakpoint_events`. If steps end at onsets, bristles of contacts that
+    began in the step also get the displacement since the onset added. The corrections change the
+    variables by rounding errors, or by as little as a step ends past an onset, with two exceptions:
+    velocities jump where the angle or distance that a driver prescribes has a kink, and bristle
+    deflections become zero in open contacts. The corrections of the tangents are not small.
+
+    **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
+    """
+    y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
+    # Corrections that the scene cannot need are left out of the program. If only the slope of a
+    # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
+    slopes = family is not None and slopes_jump(system.scene)
+    lands = method.landing is not None
+    contacts = lands and (slopes or contacts_jump(system.scene))
+    has_breakpoints = bool(breakpoints(system.scene))
+    if not contacts and not has_breakpoints and not y1.bristles:
+        return y1, y_tangents
+    t1 = trial.t1
+
+    def corrected(correction: Callable[..., Variables], at: Ends) -> Ends:
+        """Return variables and tangents after a correction, which is a function of the system, the
+        variables and the entry speeds."""
+        y, along = at
+        if family is None:
+            return correction(system, y, step.entry_speeds), None
+        assert step.tangents is not None
+        tangents = along, step.tangents.entry_speeds
+        y, _, along = family.with_derivatives(
+            lambda *given: (correction(*given), None), (y, step.entry_speeds), tangents
+        )
+        return y, along
+
+    def contacts_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
+        # The forces are those before a breakpoint at the end; `across_breakpoints` needs those on
+        # both sides.
+        time = one_sided_time(system, step.t, t1)
+        return across_contacts(system, step.contact_gaps, y, entry_speeds, time)
+
+    # Bristles come last, because they depend on the corrected motion.
+    def others_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
+        if has_breakpoints:
+            y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
+        if y.bristles:
+            gaps = step.contact_gaps, system.contact_gaps(y.motion)
+            motions = system.motions(y.motion)
+            bristles = updated_bristles(system.scene, y.bristles, motions, *gaps, lands)
+            y = replace(y, bristles=bristles)
+        return y
+
+    ends = y1, y_tangents
+    if contacts:
+        changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
+        # JAX needs less time to trace derivatives inside of a branch than those of a branch.
+        ends = jax.lax.cond(
+            changes, partial(corrected, contacts_corrected), lambda ends: ends, ends
+        )
+    if has_breakpoints or y1.bristles:
+        ends = corrected(others_corrected, ends)
+    return ends
+
+
+def _second_rates(
+    method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
+) -> ByLabel[Scalar]:
+    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact.
+
+    They follow from the variables `y` and their rates. `UnrolledExplicit` keeps these rates as its
+    state; with other solvers the result is zero.
+
+    **Arguments:** `gaps`: penetration and its rate of each contact, of which only the structure is
+    used.
+    """
+    if gaps and isinstance(method.solver, UnrolledExplicit):
+        return system.second_rates(y.motion, solver_state.motion)
+    return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)
+
+
+def blank_attempt(
+    method: Method,
+    system: System,
+    step: Step,
+    t_end: Scalar,
+    family: SystemFamily | None = None,
+    attempt: Callable[..., Attempt] = attempt,
+) -> Attempt:
+    """Return an `Attempt` that contains `step` and is zero otherwise. It is the initial value in a
+    loop over attempts, which needs the structure and shapes of an attempt.
+
+    **Arguments:** `attempt`: the function that tries a step. The other arguments are those with
+    which the loop calls it.
+    """
+    if isinstance(method.solver, UnrolledExplicit):
+        # The structure is known. To trace an attempt only for its shapes would take as long as
+        # tracing the whole loop.
+        like, inside = method.solver.information_like, None
+        if step.tangents is not None:
+            inside = TangentsInside(step.tangents.entry_speeds, like(step.tangents.y))
+        example = Attempt(
+            step=step,
+            kept=False,
+            t_start=step.t,
+            entry_speeds_start=step.entry_speeds,
+            information=like(step.y),
+            time_map=time_map_of(method, step, step.t),
+            tangents=inside,
+        )
+    else:
+        example = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
+    zeros = jax.tree.map(lambda s: jnp.zeros(jnp.shape(s), jnp.result_type(s)), example)
+    return replace(zeros, step=step)
+
+
+def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
+    """Return whether a run goes on after `step`: its time is before `t_end`, s, it has not failed,
+    and it has made fewer than `attempts` trials."""
+    return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -1,0 +1,283 @@
+"""One trial step of the solver with its tangents, before it is accepted or rejected.
+
+Rates are time derivatives of the variables. Tangents are derivatives of the variables with respect
+to p parameters. A contact is closed if it has a force. The entry speed of a contact is its
+penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
+can stick. A breakpoint is a declared time at which a driver or load changes abruptly.
+"""
+
+from dataclasses import replace
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..._compilation import traced_once
+from ..._dynamics.breakpoints import breakpoints, one_sided_time
+from ..._dynamics.bristles import bristle_rates
+from ..._dynamics.contact_events import ContactGaps, closed, touches, uses_entry_speed
+from ..._dynamics.contact_forces import Closed, EntrySpeeds
+from ..._dynamics.system import System
+from ..._fields.types import Single
+from ..._math.stacked import Stacked, stacked, unstacked
+from ..._math.vectors import Condition, Scalar
+from ..._model.scene import Scene
+from .dense_output import stabilised
+from .method import SystemFamily
+from .saltation import contacts_jump, slopes_jump
+from .solvers import DenseInformation, UnrolledExplicit
+from .step_state import Method, SolverState, Step, Variables, choose
+from .time_map import AbstractTimeMap, FromOnset, WithinContact
+
+REJECTED_ERROR = 1e30
+"""Error assigned to a trial whose result is not finite; it is large enough for any controller that
+adapts the step to reject the trial."""
+
+
+def rates_of(
+    system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
+) -> Variables:
+    """Return the time derivatives of all integrated variables `y` at the time t, s, as arrays of
+    the dtype of `t`; stacked if the variables are.
+
+    **Arguments:** `entry_speeds`: m/s, by joint and contact; `closed`: whether each contact has a
+    force, by joint and contact; by default those that penetrate do.
+    """
+    are_stacked, y = isinstance(y, Stacked), unstacked(y)
+    dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
+    powers = system.powers(dynamics, t)
+    rates = Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
+    # diffrax requires arrays in place of Python numbers.
+    rates = jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
+    return stacked(rates) if are_stacked else rates
+
+
+def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
+    """Return the differential equations as a diffrax term, a function of time, variables and
+    `args`, the pair `(system, entry_speeds)`.
+
+    The rates are traced once per term and reused for all stages. Each term traces anew, because the
+    traced function uses values of the surrounding trace.
+
+    **Arguments:** `step`: the state at the start of the step for which the rates are evaluated;
+    ``None`` outside of steps. In a step, forces that depend on time have at a breakpoint the value
+    that holds inside of the step. If steps end at contact events, contacts stay open or closed as
+    they are at the start of the step, so that the rates are smooth within it.
+    """
+    traced_rates = traced_once(rates_of)
+    lands = step is not None and method.landing is not None
+    closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
+
+    def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
+        system, entry_speeds = args
+        # At a breakpoint at the end of the step, forces have the values just before it.
+        t = one_sided_time(system, t if step is None else step.t, t)
+        return traced_rates(system, y, entry_speeds, t, closed_contacts)
+
+    return diffrax.ODETerm(rates)
+
+
+def error_order(method: Method) -> Single:
+    """Return the order of the solver's error estimate, which the step-size controller needs to
+    choose step lengths."""
+    order = method.solver.error_order(term_of(method))
+    assert order is not None, "only solvers of stochastic equations have none"
+    return order
+
+
+class SolverStep(eqx.Module):
+    """Result of a solver's step: variables, their error estimate, data for dense output, and solver
+    state. Error estimate and data are `Stacked` if the variables are many.
+
+    The tangents of a `SolverStep` have the same type. They are its derivatives with respect to p
+    parameters, and each leaf has an additional first axis of length p.
+    """
+
+    y: Variables
+    error: PyTree[Scalar]
+    information: DenseInformation
+    solver_state: SolverState
+
+
+class Trial(eqx.Module):
+    """A trial step as the solver computed it.
+
+    - `t1`: end of the step, s.
+    - `time_map`: function that gives the elapsed part of the step's time at each of the solver's
+      stages (see `.time_map`); ``None`` if time is uniform in the step.
+    - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
+    - `gaps`: penetration, m, and its rate, m/s, of each contact at the end of the step.
+    - `finite`: whether the variables and errors of `outcome` and `tangents` are finite. If not, the
+      variables are those at the start of the step, and the errors are `REJECTED_ERROR`.
+    - `solver_result`: the solver's own result code.
+    """
+
+    t1: Scalar
+    time_map: AbstractTimeMap | None
+    outcome: SolverStep
+    tangents: SolverStep | None
+    gaps: ContactGaps
+    finite: Condition
+    solver_result: diffrax.RESULTS
+
+
+def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
+    """Return the time map of the step from `step` to `t1`, s, which places the solver's stages in
+    time (see `.time_map`); ``None`` if time is uniform in all steps of the run."""
+    if method.landing is None or not step.contact_gaps:
+        return None
+    if not isinstance(method.solver, UnrolledExplicit):
+        return None
+    begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
+    if since is None:
+        # A run without derivatives, which does not keep this time. In such runs, mapping the steps
+        # towards the end of a contact saved no steps, and a journal rolling along the wall took
+        # more.
+        return FromOnset(begins)
+    gaps, second_rates = step.contact_gaps, step.second_rates
+    until_end = method.landing.time_to_next_event(gaps, second_rates, ends_only=True)
+    return WithinContact.of(t1 - step.t, touches(step.contact_gaps), begins, since, until_end)
+
+
+def try_step(
+    method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
+) -> Trial:
+    """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
+    the constraints, and normalise the variables.
+
+    **Arguments:** `family`: the system as a function of the parameters; ``None`` in runs without
+    tangents.
+    """
+    # With the Python value False, the solver reuses the rates of the last step without a branch.
+    made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
+    time_map = time_map_of(method, step, t1)
+    options = {} if time_map is None else {"time_map": time_map}
+
+    # Stabilisation and normalisation are part of the function that `family` differentiates, so that
+    # the tangents belong to the variables as they are after both.
+    def advance(
+        system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
+    ) -> tuple[SolverStep, diffrax.RESULTS]:
+        """Return the result of the step, and the solver's result code, as a function of all that
+        depends on the parameters."""
+        if slopes_may_jump(method, system.scene):
+            # The solver has kept the rates at the end of the last step, computed with the contacts
+            # that were closed in that step. If a contact has begun or ended, the kept rates still
+            # hold, but their tangents do not, because the slope of a force jumps. The solver's
+            # state is then computed anew. In this function, `start` are the arguments of the
+            # solver's method `init` after the term.
+            kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
+            solver_state = jax.lax.cond(
+                step.proposal.made_jump,
+                lambda: method.solver.init(term_of(method, step), *start),
+                lambda: kept,
+            )
+        y1, error, information, solver_state, result = method.solver.step(
+            term_of(method, step),
+            step.t,
+            t1,
+            y,
+            (system, entry_speeds),
+            solver_state,
+            made_jump,
+            **options,
+        )
+        y1 = stabilised(system, y1, one_sided_time(system, step.t, t1))
+        y1, solver_state = _without_drift(system, y1, solver_state)
+        return SolverStep(y1, error, information, solver_state), result
+
+    # The arguments of `advance` after the system; not the tuple `start` inside of that function.
+    start = step.y, step.entry_speeds, step.solver_state
+    if family is None:
+        outcome, result = advance(system, *start)
+        finite, tangents = all_finite((outcome.y, outcome.error)), None
+    else:
+        # Runge-Kutta methods commute with differentiation: differentiating the step, error estimate
+        # included, is the same step of the variational equations.
+        assert step.tangents is not None
+        along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
+        outcome, result, tangents = family.with_derivatives(advance, start, along)
+        finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
+        tangents = _or_rejected(finite, tangents, step.tangents.y)
+    outcome = _or_rejected(finite, outcome, step.y)
+    gaps = system.contact_gaps(outcome.y.motion)
+    return Trial(t1, time_map, outcome, tangents, gaps, finite, result)
+
+
+def _without_drift(
+    system: System, y: Variables, solver_state: SolverState
+) -> tuple[Variables, SolverState]:
+    """Return variables normalised by `System.without_drift` (Euler parameters of unit norm, angles
+    between -2 pi and 2 pi), and the solver's state for them.
+
+    The solver keeps rates of the variables for its next step. Normalising is a change of variables,
+    so these rates are multiplied by its Jacobian.
+    """
+
+    def matching(node: PyTree) -> PyTree:
+        if not isinstance(node, Variables):
+            return node
+        motion = jax.jvp(system.without_drift, (y.motion,), (node.motion,))[1]
+        return replace(node, motion=motion)
+
+    state = jax.tree.map(matching, solver_state, is_leaf=lambda node: isinstance(node, Variables))
+    return replace(y, motion=system.without_drift(y.motion)), state
+
+
+def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
+    """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
+    the start of the step, and with the error `REJECTED_ERROR`.
+
+    The step-size controller thus receives no NaN, and rejects the trial unless its steps are fixed.
+    """
+    error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
+    return replace(outcome, y=choose(finite, outcome.y, y), error=error)
+
+
+def may_jump(method: Method, scene: Scene) -> bool:
+    """Return whether rates may be discontinuous from the end of one step to the start of the next,
+    so that the rates which the solver has kept must be computed anew.
+
+    Rates are discontinuous at breakpoints and where a contact begins to drag bristles. If steps end
+    at contact events, they are also discontinuous where a force jumps at the onset or end of a
+    contact; if the force does not jump, it is still zero at the onset, and a new entry speed does
+    not change the rates. If steps go across contact events, a new entry speed changes them.
+    """
+    if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
+        return True
+    return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
+
+
+def slopes_may_jump(method: Method, scene: Scene) -> bool:
+    """Return whether rates are continuous from step to step, but their slopes may jump where a
+    contact begins or ends. There the tangents of the rates that the solver has kept are not valid.
+
+    The result is ``False`` if steps go across the events of contacts. It is also ``False`` with
+    solvers other than `UnrolledExplicit`, since runs with tangents use no other.
+    """
+    lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
+    return lands and slopes_jump(scene) and not may_jump(method, scene)
+
+
+def all_finite(tree: PyTree[Scalar]) -> Condition:
+    """Return whether all numbers of a PyTree are finite.
+
+    0 times a NaN or an infinity is NaN, so the sum of all numbers times 0 is 0 only if all are
+    finite.
+    """
+    families: dict[tuple[int, ...], list[Scalar]] = {}
+    for leaf in jax.tree.leaves(tree):
+        # Leaves of one shape are added elementwise first, so that there is one reduction for each
+        # shape.
+        families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
+    sums = [_pairwise_sum(family) for family in families.values()]
+    return sum(one if jnp.ndim(one) == 0 else jnp.sum(one) for one in sums) == 0.0
+
+
+def _pairwise_sum(terms: list[Scalar]) -> Scalar:
+    """Return the sum of numbers, added by halves, so that a processor can do independent additions
+    at the same time."""
+    middle = len(terms) // 2
+    return _pairwise_sum(terms[:middle]) + _pairwise_sum(terms[middle:]) if middle else terms[0]

@@ -1,0 +1,473 @@
+"""Ensembles: runs from starts that differ by less than a measurement can resolve.
+
+A lane is one run of a sweep. In a zipped sweep, lane i takes the i-th value of every axis.
+"""
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+from typing_extensions import Unpack
+
+from .._dynamics.constraint_report import constraint_report
+from .._export.datasets import Labelled
+from .._fields.checks import require, require_count, require_positive, require_types
+from .._fields.objects import with_arrays
+from .._information import error_growth as growth
+from .._information.error_growth import radii_of_gyration
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.variations import SceneNumber
+from .._simulation.results.solution import SUCCESSFUL
+from .._simulation.run.sensitivities import sensitivities
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings
+from .._sweeps.axes import Axis
+from .._sweeps.outputs import Output
+from .._sweeps.sweep import SweepOptions, sweep
+
+PARTS = ("velocity", "spin")
+"""Fields of a body's initial state that are disturbed; positions are not."""
+RANK_TOLERANCE = 1e-8
+"""Share of the largest singular value of the constraints' Jacobian. Smaller singular values, such
+as those that redundant constraints cause, count as zero."""
+NEGLIGIBLE = 1e-9
+"""Share of the size that was asked for a disturbance. Components below it are rounding errors and
+are set to zero, so that velocities which the constraints fix get no axis."""
+
+
+def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "members v"]:
+    """Return a random direction in the space of all velocities for each member of an ensemble.
+
+    The v columns are the components of velocity and spin of each body, all standard normal, in the
+    scene's order of bodies.
+    `disturbed_velocities` projects a direction on the velocities that the constraints permit. The
+    first rows don't depend on the number of members, so that an ensemble can be extended.
+    """
+    return np.random.default_rng(seed).standard_normal((members, 6 * len(scene.bodies)))
+
+
+def disturbed_velocities(
+    bodies: Sequence[str],
+    scene: Scene,
+    state: State,
+    size: float,
+    along: Float[np.ndarray, "n v"],
+    start_time: float,
+) -> Float[np.ndarray, "n v"]:
+    """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts,
+    of each of the `bodies` in this order.
+
+    Positions stay as they are. The velocities and spins of `state` are changed by the parts of the
+    random directions `along` that the constraints permit, scaled to `size`.
+
+    **Arguments:** `bodies`: names of all bodies. They are passed because a scene that a function of
+    JAX or of a user has made may have its bodies in another order than the columns; `size`: m/s,
+    expected root mean square of the added speeds over starts and bodies, in which a spin counts by
+    the speed at its body's radius of gyration; `along`: from `directions`, a row for each start;
+    `start_time`: s, the start of the run, at which the constraints are evaluated (those of drivers
+    depend on time).
+
+    **Raises:** `ValueError` if the constraints leave no velocity free.
+    """
+    radii = radii_of_gyration(scene)
+    lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])
+    # In speeds at the radius of gyration, spins and velocities of all bodies are comparable. The
+    # constraints are linear in the velocities, so that directions in the null space of their
+    # Jacobian satisfy them exactly, whatever the size.
+    jacobian = constraint_report(scene, state, start_time).columns(bodies) / lengths
+    singular, rows = np.zeros(0), np.zeros((0, len(lengths)))
+    if jacobian.size:
+        _, singular, rows = np.linalg.svd(jacobian)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
+    free = rows[rank:] if jacobian.size else np.eye(len(lengths))
+    given, remedy = "no free velocity", "remove a joint or driver"
+    require(len(free) > 0, "scene", given, "one that can move", remedy)
+    # The rows of `free` are orthonormal, so that the expected squared length of a projected
+    # direction is their number. With the factor before it, the expected squared speed, averaged
+    # over the bodies, is the square of `size`.
+    added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
+    added[np.abs(added) < NEGLIGIBLE * size] = 0.0
+    return velocities_of(bodies, state) + added / lengths
+
+
+def disturbed_axes(
+    scene: Scene,
+    state: State,
+    axes: Mapping[str, Axis],
+    size: float,
+    along: Float[np.ndarray, "lanes v"],
+    start_time: float,
+    members: int = 1,
+) -> dict[str, Axis]:
+    """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
+
+    **Arguments:**
+
+    - `axes`: further axes of the sweep, of as many values as lanes, which may change the scene and
+      the initial state.
+    - `size`: m/s, and `along`: random directions, as in `disturbed_velocities`.
+    - `start_time`: s, of the runs.
+    - `members`: number of successive lanes with equal values of `axes`.
+
+    **Returns:** the given axes, and an axis, named such as "disturbed velocity x of arm", for each
+    component of a velocity or spin that differs in any lane from that of the undisturbed state.
+
+    The disturbances satisfy the constraints of the scene with the values of `axes`. The Jacobian of
+    the constraints is computed once for each block of `members` lanes. If `members` is 1 and `axes`
+    change only numbers of the scene, one Jacobian, of the given scene, serves all lanes instead,
+    because a Jacobian and its singular value decomposition for each lane would be slow. The caller
+    must then ensure that the values of `axes` differ little from the numbers in `scene`, as within
+    tolerances of manufacture: where a number differs by 1 %, the disturbance violates the
+    constraints by about 1 % of its size.
+
+    **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
+    that is also that of a disturbed velocity.
+    """
+    # Axes that change only numbers of the scene leave the initial state as it is. With one member
+    # for each value, every lane has its own numbers and would need its own Jacobian and singular
+    # value decomposition, which would be slow. The Jacobian of the given scene then serves all
+    # lanes, because such axes are parameters within tolerances: a number that differs by a small
+    # share makes the tiny disturbance violate the constraints only by about this share of itself.
+    # The axes of an ensemble may change numbers much, but need one Jacobian for many members.
+    shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
+    block = len(along) if shared else members
+    velocities, nominal = np.empty_like(along), np.empty_like(along)
+    bodies = tuple(scene.bodies)
+    for first in range(0, len(along), block):
+        rows = slice(first, first + block)
+        values = {} if shared else {name: axis.values[first] for name, axis in axes.items()}
+        at = with_values(scene, state, axes, values)
+        velocities[rows] = disturbed_velocities(bodies, *at, size, along[rows], start_time)
+        nominal[rows] = velocities_of(bodies, at[1])
+    # Components that no disturbance changes, such as all those out of a planar mechanism's plane,
+    # need no axis.
+    disturbed = dict(axes)
+    names = [(b, part, k) for b in bodies for part in PARTS for k in range(3)]
+    for column, (body, part, k) in enumerate(names):
+        if (velocities[:, column] != nominal[:, column]).any():
+            path = partial(_component, body=body, part=part, k=k)
+            name = f"disturbed {part} {'xyz'[k]} of {body}"
+            require(name not in axes, "axes", name, "names of no disturbed velocity", "rename it")
+            disturbed[name] = Axis.initial(path, velocities[:, column])
+    return disturbed
+
+
+def _component(state: State, body: str, part: str, k: int) -> float:
+    """Return component k of a body's velocity (m/s) or spin (rad/s), whichever `part` names. An
+    axis of a sweep uses this function to select the number that it changes."""
+    return getattr(state.bodies[body], part)[k]
+
+
+def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies` in a state,
+    (v,), in the order of their names."""
+    states = [state.bodies[name] for name in bodies]
+    return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
+
+
+def with_values(
+    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
+) -> tuple[Scene, State]:
+    """Return scene and initial state with one value of each of several axes.
+
+    **Arguments:** `scene`, `state`: before the change; `axes`: axes of a sweep by name; `values`:
+    the value to set for each axis that is to be changed, by the same names.
+    """
+    for name, value in values.items():
+        change = axes[name].setter(scene, state)
+        scene, state = change(scene, state, value)
+    return scene, state
+
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+DISTURBANCE = 1e-9
+"""Default size of the disturbance of the initial velocities, m/s: far below the resolution of
+measurements, and far above rounding errors."""
+TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
+"""Settings of the runs with a tangent, the derivative of the motion by the initial velocity. With
+so large a tolerance the tangent does not control the length of steps. A growth rate needs few
+correct digits of the tangent, and control by an ever larger tangent would make steps ever shorter,
+until runs reach their step limit."""
+TANGENT_TIMES = 256
+"""Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
+ROUNDING = 1e-12
+"""Rounding error of a level of a quantile."""
+MEMBER, QUANTILE = "member", "quantile"
+"""Names of the dimensions that results have besides the axes."""
+NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
+"""Variables that every sweep returns about each of its runs, besides the outputs asked for."""
+
+
+def ensemble(
+    scene: Scene,
+    state: State,
+    end_time: float | Callable[[Scene], float],
+    axes: Mapping[str, Axis] | None = None,
+    outputs: Mapping[str, Output] | None = None,
+    settings: Settings | None = None,
+    *,
+    members: int = 100,
+    disturbance: float = DISTURBANCE,
+    seed: int = 0,
+    quantiles: tuple[float, ...] = (0.05, 0.5, 0.95),
+    exponents: int = 0,
+    **options: Unpack[SweepOptions],
+) -> "xr.Dataset":
+    """Repeat each run of a sweep from slightly different starts, and return statistics of outputs.
+
+    A chaotic motion can be computed from a measured start only up to its predictability horizon,
+    but its statistics can be computed beyond. The starts differ in velocities and spins only, in
+    random directions that the constraints permit. All runs are lanes of one zipped `sweep`, in
+    which lane i takes the i-th value of every axis.
+
+    **Arguments:**
+
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
+      the outputs with one number in each run, such as `Peak`.
+    - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
+      point, the scene and state as they are.
+    - `members`: number of runs at each point, 2 or more. More members of the same seed extend a
+      stored ensemble.
+    - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
+      speed at its body's radius of gyration.
+    - `seed`: of the random directions. All points share the directions.
+    - `quantiles`: levels between 0 and 1.
+    - `exponents`: number of members from which the largest Lyapunov exponent is computed at each
+      point, from 2 to `members`; 0 for none. Each of them takes one more run, with derivatives;
+      these runs are made one after the other, not with `settings` but with `presets.derivatives`
+      and a larger `derivative_tolerance`.
+
+    **Returns:** an `xarray.Dataset` along the axes. For each output "force":
+
+    - ``force``: the values along "member", NaN for failed runs;
+    - ``force_mean``, ``force_standard_error`` (of the mean), and ``force_deviation`` (standard
+      deviation);
+    - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile". The standard error
+      is NaN for a level too near 0 or 1 for the number of members: for 0.05 with fewer than 19, for
+      0.01 with fewer than 99.
+
+    ``failed`` counts the failed runs, which are left out of the statistics. Statistics are NaN at a
+    point where all runs failed; so are ``force_deviation`` and all standard errors where only one
+    run succeeded.
+
+    Two further variables exist unless `exponents` is 0. ``lyapunov_exponent``, 1/s, is the growth
+    rate of a disturbance in the second half of the run, on average over the first `exponents`
+    members, and ``lyapunov_exponent_standard_error`` is the standard error of this average. At a
+    point where fewer than two of the runs with derivatives succeed, both are NaN. The
+    disturbance is a tangent: the derivative of the motion by the initial velocity, as by
+    `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no size,
+    and does not stop growing when it is as large as the motion.
+
+    **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
+    "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
+
+    **Warns:** as `sweep` does, for example of failed runs.
+
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> found = cj.ensemble(
+    ...     scene, state, 0.5, outputs={"speed": speed}, members=20, progress=False
+    ... )
+    >>> found["speed"].shape, int(found["failed"])
+    ((20,), 0)
+    >>> print(f"{float(found['speed_mean']):.6f}")
+    1.000000
+    """
+    axes = {} if axes is None else dict(axes)
+    require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
+    taken, expected = sorted({MEMBER, QUANTILE} & set(axes)), f"not named {MEMBER} or {QUANTILE}"
+    require(not taken, "axes", taken, expected, "rename the axis")
+    require_count("members", members, "give a number of runs at each point")
+    require(members > 1, "members", members, "2 or more", "statistics need several runs")
+    require_positive("disturbance", disturbance, "give it in m/s")
+    levels = np.asarray(quantiles, float)
+    inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
+    require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
+    fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
+    expected = f"0, or a whole number from 2 to members = {members}"
+    require(fine, "exponents", exponents, expected, "a standard error needs two runs")
+    scene, state = with_arrays((scene, state))
+    # The values of each axis at all combinations of values; those of the last axis change fastest.
+    grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
+    points = [grid.ravel() for grid in grids]
+    count = len(points[0]) if points else 1
+    # The members of a point are successive lanes; all points share the members' directions.
+    repeated = {
+        name: Axis(axis.variation, np.repeat(column, members))
+        for (name, axis), column in zip(axes.items(), points, strict=True)
+    }
+    along = np.tile(directions(scene, members, seed), (count, 1))
+    start_time = options.get("start_time", 0.0)
+    lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, members)
+    results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
+    shape = tuple(len(axis.values) for axis in axes.values())
+    labels = {
+        name: (name, axis.values, {"units": axis.unit_in(scene, state)})
+        for name, axis in axes.items()
+    }
+    notes = {"members": members, "disturbance": f"{disturbance:g} m/s", "seed": seed}
+    statistics = _statistics(results, labels, (*shape, members), levels)
+    if exponents:
+        rates = np.empty((count, 2))
+        for k in range(count):
+            values = {name: column[k] for name, column in zip(axes, points, strict=True)}
+            # Scene and initial state at this point, without disturbance.
+            changed, start = with_values(scene, state, axes, values)
+            end = end_time(changed) if callable(end_time) else end_time
+            span, progress = (start_time, end), options.get("progress", True)
+            rates[k] = _lyapunov_exponent(
+                changed, start, span, disturbance, along[:exponents], progress
+            )
+        for column, name in zip(rates.T, ("", "_standard_error"), strict=True):
+            variable = tuple(axes), column.reshape(shape), {"units": "1/s"}
+            statistics[f"lyapunov_exponent{name}"] = variable
+    return statistics.assign_attrs({**results.attrs, **notes})
+
+
+def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
+    """Return whether each lane of a zipped sweep failed, (lanes,).
+
+    A lane failed if its result code is not `successful`, whether its run ended early or was never
+    started, for example because of impossible parameters.
+    """
+    return results["result"].values != SUCCESSFUL
+
+
+def number_failed(results: "xr.Dataset") -> Labelled:
+    """Return the number of failed runs of a zipped sweep, as a variable of a dataset."""
+    return Labelled((), int(failed_runs(results).sum()), description="number of failed runs")
+
+
+def scalar_outputs(results: "xr.Dataset") -> dict[str, tuple[np.ndarray, str]]:
+    """Return the outputs with one number in each lane, by name, as pairs of values and unit. The
+    values, (lanes,), are NaN for failed lanes.
+
+    Other outputs, such as tables of impacts, are left out.
+
+    **Arguments:** `results`: of a zipped sweep.
+    """
+    failed = failed_runs(results)
+    return {
+        str(name): (
+            np.where(failed, np.nan, variable.values.astype(float)),
+            variable.attrs.get("units", "1"),
+        )
+        for name, variable in results.data_vars.items()
+        if variable.dims == ("lane",) and name not in NOT_OUTPUTS
+    }
+
+
+def _statistics(
+    results: "xr.Dataset",
+    labels: Mapping[str, tuple],
+    shape: tuple[int, ...],
+    levels: Float[np.ndarray, " q"],
+) -> "xr.Dataset":
+    """Return the statistics of all outputs over the members at each point.
+
+    **Arguments:**
+
+    - `results`: of the zipped sweep; the members of a point are successive lanes.
+    - `labels`: for each axis by name, the coordinate of the dataset: name, values and attributes.
+    - `shape`: number of values of each axis, then the number of members.
+    - `levels`: of the quantiles, between 0 and 1.
+    """
+    import xarray as xr
+
+    found = xr.Dataset(coords={**labels, QUANTILE: levels})
+    failed = failed_runs(results).reshape(shape).sum(axis=-1)
+    found["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    for name, (values, unit) in scalar_outputs(results).items():
+        runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
+        deviation = runs.std(MEMBER, ddof=1)
+        with warnings.catch_warnings():
+            # The quantiles of a point whose runs all failed are NaN.
+            warnings.simplefilter("ignore", RuntimeWarning)
+            quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
+            errors = _quantile_errors(runs.values, levels)
+        variables = {
+            "": runs,
+            "_mean": runs.mean(MEMBER),
+            "_deviation": deviation,
+            "_standard_error": deviation / np.sqrt(runs.count(MEMBER)),
+            "_quantile": quantile,
+            "_quantile_standard_error": quantile.copy(data=errors),
+        }
+        for part, variable in variables.items():
+            found[f"{name}{part}"] = variable.assign_attrs(units=unit)
+    return found
+
+
+def _quantile_errors(
+    runs: Float[np.ndarray, "... members"], levels: Float[np.ndarray, " q"]
+) -> Float[np.ndarray, "... q"]:
+    """Return the standard errors (..., q) of quantiles of `runs` (..., members) at q levels.
+
+    Failed runs, which are NaN, are left out. The errors are NaN where fewer than two runs
+    succeeded, and for a level less than one deviation of the share of runs below it from 0 or 1.
+    """
+    # The share of n members below the true quantile has a binomial distribution with the standard
+    # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
+    # deviation below and above is therefore the standard error of a quantile.
+    errors = np.full((*runs.shape[:-1], len(levels)), np.nan)
+    for point in np.ndindex(*runs.shape[:-1]):
+        usable = runs[point][np.isfinite(runs[point])]
+        if len(usable) > 1:
+            aside = np.sqrt(levels * (1.0 - levels) / len(usable))
+            ends = np.array([levels - aside, levels + aside])
+            # No run shows how far the quantile is from a level outside 0 to 1. Half the distance to
+            # the smallest or largest value was 0.06 to 0.6 of the standard error.
+            within = (ends[0] > -ROUNDING) & (ends[1] < 1.0 + ROUNDING)
+            quantiles = np.quantile(usable, np.clip(ends[:, within], 0.0, 1.0))
+            errors[point][within] = 0.5 * (quantiles[1] - quantiles[0])
+    return errors
+
+
+def _lyapunov_exponent(
+    scene: Scene,
+    state: State,
+    span: tuple[float, float],
+    size: float,
+    along: Float[np.ndarray, "members v"],
+    progress: bool,
+) -> tuple[float, float]:
+    """Return the largest Lyapunov exponent, 1/s, averaged over several starts, and the standard
+    error of this average.
+
+    Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
+    initial velocity. The size of a tangent is the root mean square displacement of points of the
+    bodies. The exponent of a start is the slope of the logarithm of this size over the second half
+    of the run; in the first half the tangent turns to the direction of fastest growth. Runs that
+    fail before the end are left out. If fewer than two remain, both numbers are NaN.
+
+    **Arguments:**
+
+    - `span`: start and end of the runs, s.
+    - `size`, m/s, and `along`: disturbances of the starts, as in `disturbed_velocities`.
+    - `progress`: whether to show a bar for each run.
+    """
+    start_time, end_time = span
+    axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
+    times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
+    points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
+    given = end_time, tangent, points, times, TANGENT_SETTINGS
+    options = {"start_time": start_time, "throw": False, "progress": progress}
+    rates = []
+    for k in range(len(along)):
+        # The initial state of this member, with its disturbed velocities.
+        start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
+        found = sensitivities(scene, start, *given, **options)
+        # The result of a failed run contains only the times before its failure.
+        if len(found.times) == len(times):
+            sizes = growth.sizes(found.derivatives, points)[:, 0]
+            rates.append(growth.rate(times, sizes, 0.5 * (start_time + end_time)))
+    if len(rates) < 2:
+        return float("nan"), float("nan")
+    return float(np.mean(rates)), float(np.std(rates, ddof=1) / np.sqrt(len(rates)))

@@ -1,0 +1,179 @@
+"""Sobol indices: the shares of the variance of an output that its parameters cause."""
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from typing_extensions import Unpack
+
+from .._export.datasets import Labelled, labelled_dataset, texts
+from .._fields.cautions import level_of_the_user
+from .._fields.checks import require, require_count
+from .._fields.objects import with_arrays
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._simulation.step.settings import Settings
+from .._sweeps.outputs import Output
+from .._sweeps.sweep import SweepOptions, sweep
+from .ensemble import number_failed, scalar_outputs
+from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ORDERS = ("first_order", "total_order")
+"""Names of the two indices, in SciPy's order."""
+RANDOMISATIONS = 4
+"""Number of independent randomisations of the Sobol points. More of them reduce the quantile of
+Student's distribution, by which intervals are wider than twice the standard error, but have fewer
+points each, which fill the distributions less evenly: with 8, errors and intervals for smooth
+outputs are up to 5 and 3 times larger."""
+
+
+def sobol_indices(
+    scene: Scene,
+    state: State,
+    end_time: float | Callable[[Scene], float],
+    uncertain: Mapping[str, Uncertain],
+    outputs: Mapping[str, Output],
+    settings: Settings | None = None,
+    *,
+    count: int = 256,
+    seed: int = 0,
+    confidence: float = 0.95,
+    **options: Unpack[SweepOptions],
+) -> "xr.Dataset":
+    """Compute which parameters cause the variance of outputs, by a sweep over their distributions.
+
+    The first-order index of a parameter is the share of the variance that it causes alone, and its
+    total index is the share that it causes alone and together with other parameters. The estimator
+    is that of `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181,
+    2010). It takes groups of p + 2 runs: two at random points, and one for each parameter, at the
+    first point with this parameter's value from the second. The random points are Sobol points in
+    four independent randomisations (two for two groups), whose differences give the standard errors
+    of the indices. Intervals are by Student's distribution with three degrees of freedom.
+
+    **Arguments:**
+
+    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
+    - `uncertain`: p parameters, two or more, `Uncertain` by name.
+    - `count`: n, a power of two, 2 or more; n (p + 2) runs are made.
+    - `seed`: of the scrambled Sobol points.
+    - `confidence`: level of the intervals, between 0 and 1.
+
+    **Returns:** an `xarray.Dataset` along "parameter". An output with one number in each run, for
+    example one named "force", gives the indices ``force_first_order`` and ``force_total_order``,
+    each with the ends of its interval in variables whose names end in ``_low`` and ``_high``. Its
+    mean and standard deviation over the distributions are the scalars ``force_mean`` and
+    ``force_deviation``, from all successful runs at the two random points of the groups. Other
+    outputs are left out. For the indices, groups with a failed run, or with a value that is not
+    finite, are left out. ``failed`` counts the failed runs.
+
+    **Raises:** `ValueError` for unsupported arguments, and if groups of fewer than two
+    randomisations are left.
+
+    **Warns:** `UserWarning` if groups are left out; also as `sweep` does, such as of failed runs.
+
+    >>> stiffness = lambda scene: scene.forces["spring"].stiffness
+    >>> mass = lambda scene: scene.bodies["ball"].mass
+    >>> uncertain = {
+    ...     "stiffness": cj.Uncertain(stiffness, half_width=10.0),
+    ...     "mass": cj.Uncertain(mass, half_width=0.01),
+    ... }
+    >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+    >>> found = cj.sobol_indices(scene, state, 0.5, uncertain, speed, count=64, progress=False)
+    >>> bool(found["speed_total_order"].sel(parameter="stiffness") > 0.9)
+    True
+    """
+    check_uncertain(uncertain)
+    p = len(uncertain)
+    require(p > 1, "uncertain", list(uncertain), "two parameters or more", "add a parameter")
+    require_count("count", count, "give a power of two")
+    require(count & (count - 1) == 0 and count > 1, "count", count, "a power of two", "round it up")
+    check_confidence(confidence)
+    scene, state = with_arrays((scene, state))
+    axes = axes_at(scene, state, uncertain, _groups(p, count, seed))
+    results = sweep(scene, state, end_time, axes, outputs, settings, zipped=True, **options)
+    variables = {"failed": number_failed(results)}
+    for name, (values, unit) in scalar_outputs(results).items():
+        groups = values.reshape(count, p + 2)
+        # Only the first two points of a group are independent draws from the distributions.
+        sample = groups[:, :2][np.isfinite(groups[:, :2])]
+        variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
+        variables[f"{name}_deviation"] = Labelled((), sample.std(ddof=1), unit)
+        for order, numbers in _indices(groups, confidence).items():
+            variables[f"{name}_{order}"] = Labelled(("parameter",), numbers, "1")
+    labels = {"parameter": Labelled(("parameter",), texts(list(uncertain)))}
+    notes = {"runs": count * (p + 2), "seed": seed, "confidence": confidence}
+    return labelled_dataset("Sobol indices", variables, labels, tuple(notes.items()))
+
+
+def _groups(p: int, count: int, seed: int) -> np.ndarray:
+    """Return the points of all runs in the unit cube, (count (p + 2), p), in groups of p + 2.
+
+    A group has two independent points A and B, and for each parameter the point A with this
+    parameter's coordinate from B. Groups come one after the other, so that a larger `count` appends
+    to the runs of a stored sweep. Group i belongs to the randomisation i modulo their number.
+    """
+    randomisations = min(RANDOMISATIONS, count)
+    seeds = np.random.SeedSequence(seed).generate_state(randomisations)
+    each = [unit_cube(2 * p, count // randomisations, "sobol", int(one)) for one in seeds]
+    first, second = np.split(np.stack(each, axis=1).reshape(count, 2 * p), 2, axis=1)
+    groups = np.repeat(first[:, None], p + 2, axis=1)
+    groups[:, 1] = second
+    groups[:, 2 + np.arange(p), np.arange(p)] = second
+    return groups.reshape(-1, p)
+
+
+def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
+    """Return first-order and total indices of an output, and the ends of their intervals.
+
+    Groups with a value that is not finite are left out.
+
+    **Arguments:** `groups`: (n, p + 2) the output in each run, NaN for failed runs; `confidence`:
+    level of the intervals.
+
+    **Returns:** arrays (p,) by name: the indices by the names in `ORDERS`, and the ends of their
+    intervals by these names with "_low" and "_high" appended.
+
+    **Raises:** `ValueError` if groups of fewer than two randomisations are left.
+
+    **Warns:** `UserWarning` if fewer than n groups are used.
+    """
+    from scipy.special import stdtrit
+
+    usable = np.isfinite(groups).all(axis=1)
+    used, randomisation = groups[usable], (np.arange(len(groups)) % RANDOMISATIONS)[usable]
+    left = np.unique(randomisation)
+    expected = "2 groups without failures or more, of different randomisations"
+    require(len(left) > 1, "count", len(used), expected, "run more")
+    if len(used) < len(groups):
+        text = f"{len(used)} of {len(groups)} groups of runs are used."
+        warnings.warn(text, stacklevel=level_of_the_user())
+    # An error of the mean of the output would change the indices; without it they vary less.
+    a, b, *others = (used - used[:, :2].mean()).T
+    moments = [np.ones(len(used)), 0.5 * (a + b), 0.5 * (a**2 + b**2)]
+    terms = [*moments, *(b * (c - a) for c in others), *(0.5 * (a - c) ** 2 for c in others)]
+    sums = np.array([[term[randomisation == k].sum() for term in terms] for k in left])
+
+    def both_orders(row: np.ndarray) -> np.ndarray:
+        """Return the indices (2, p) by the sums of the terms over groups."""
+        number, mean, square = row[0], row[1] / row[0], row[2] / row[0]
+        variance = square - mean**2
+        # An output that does not vary has the indices zero, as in SciPy.
+        return (row[3:] / number / variance if variance > 0.0 else 0.0 * row[3:]).reshape(2, -1)
+
+    # Standard error by the jackknife over the randomisations. The groups of one of them are not
+    # independent: the spread of single groups, such as in a bootstrap, is that of random points,
+    # which is up to 200 times the error of Sobol points.
+    total, freedom = sums.sum(axis=0), len(left) - 1
+    value, without = both_orders(total), np.array([both_orders(total - row) for row in sums])
+    half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * np.sqrt(freedom * without.var(axis=0))
+    parts = {"": value, "_low": value - half, "_high": value + half}
+    return {
+        f"{order}{suffix}": numbers[k]
+        for k, order in enumerate(ORDERS)
+        for suffix, numbers in parts.items()
+    }

@@ -1,0 +1,234 @@
+"""Uncertain numbers of a scene, with their distributions, and designs that draw them jointly."""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .._fields.cautions import level_of_the_user
+from .._fields.checks import require, require_count, require_positive, require_types
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter
+from .._parametrisation.paths import NumberPath
+from .._sweeps.axes import Axis
+
+PASS_UNCERTAIN = (
+    'pass {"clearance": cj.Uncertain(lambda s: s.joints["pin"].clearance, deviation=5e-6)}'
+)
+METHODS = ("sobol", "halton", "latin hypercube", "random")
+"""Names of the designs that `design` accepts."""
+
+
+@dataclass(frozen=True, init=False)
+class Uncertain:
+    """A number of the scene that differs between specimens, and its distribution.
+
+    A `Parameter` has a scale, which maps the number's value to a coordinate, and the coordinate has
+    the distribution. With the default scale, `Linear()`, the coordinate is the value itself; with
+    `Log()` it is the natural logarithm of the value, so that a deviation of 0.02 is one of 2 %.
+
+    **Arguments:**
+
+    - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``.
+      Its `value`, by default the number in the scene, is the nominal value. A path has the scale
+      `Linear()`.
+    - `deviation`: standard deviation of a normal distribution about the nominal value, in the
+      coordinate.
+    - `half_width`: half the width of a uniform distribution about the nominal value, in the
+      coordinate.
+    - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
+      nominal value is then the middle of the bounds' coordinates.
+
+    Exactly one of the last three must be given.
+
+    **Raises:** `ValueError` for none or several of these three, for a size that is not positive,
+    for bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
+
+    >>> path = lambda scene: scene.joints["shoulder"].clearance
+    >>> cj.Uncertain(path, deviation=5e-6).deviation
+    5e-06
+    """
+
+    parameter: Parameter
+    deviation: float | None
+    half_width: float | None
+    between: tuple[float, float] | None
+
+    def __init__(
+        self,
+        parameter: Parameter | NumberPath,
+        *,
+        deviation: float | None = None,
+        half_width: float | None = None,
+        between: tuple[float, float] | None = None,
+    ):
+        known = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
+        sizes = {"deviation": deviation, "half_width": half_width, "between": between}
+        given = [name for name, size in sizes.items() if size is not None]
+        expected = "one of deviation, half_width and between"
+        require(len(given) == 1, "deviation", given, expected, "give exactly one of them")
+        for name in ("deviation", "half_width"):
+            if sizes[name] is not None:
+                require_positive(name, sizes[name], "give the size of the variation")
+        if between is not None:
+            bounds = np.asarray(between, float)
+            rising = bounds.shape == (2,) and bool(bounds[0] < bounds[1])
+            require(rising, "between", between, "two rising bounds", "pass (low, high)")
+            between = float(bounds[0]), float(bounds[1])
+        # The class is frozen, so its fields are set by `object`.
+        object.__setattr__(self, "parameter", known)
+        object.__setattr__(self, "deviation", deviation)
+        object.__setattr__(self, "half_width", half_width)
+        object.__setattr__(self, "between", between)
+
+    @property
+    def is_normal(self) -> bool:
+        """Whether the distribution is normal; otherwise it is uniform."""
+        return self.deviation is not None
+
+    def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
+        """Return the middle of the distribution, and its standard deviation or half width.
+
+        Both are in the coordinate of the parameter's scale.
+
+        **Raises:** `ValueError` for a nominal value or bound that the scale doesn't allow.
+        """
+        if self.between is None:
+            size = self.deviation if self.half_width is None else self.half_width
+            assert size is not None
+            return self.parameter.coordinate_in(scene, state), float(size)
+        low, high = (self.parameter.scale.coordinate(bound) for bound in self.between)
+        return 0.5 * (low + high), 0.5 * (high - low)
+
+    def standardised(self, probabilities: np.ndarray) -> np.ndarray:
+        """Return (coordinate - centre)/size at given cumulative probabilities, of the same shape.
+
+        For probabilities drawn uniformly between 0 and 1, the result is standard normal, or uniform
+        between -1 and 1. `centre_and_size` returns centre and size.
+        """
+        from scipy.special import ndtri
+
+        return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0
+
+    def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
+        """Return the axis of a sweep whose n values have the given standardised coordinates.
+
+        **Arguments:** `scene`, `state`: with the nominal value; `standardised`: (n,), as the method
+        of this name returns them.
+        """
+        centre, size = self.centre_and_size(scene, state)
+        scale = self.parameter.scale
+        # One at a time: a user-defined scale need not accept arrays.
+        values = [float(scale.value(u)) for u in (centre + size * standardised).tolist()]
+        return Axis(self.parameter.variation, np.array(values))
+
+
+def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
+    """Check that the argument is a dictionary of `Uncertain` by name, with one at least.
+
+    **Raises:** `ValueError` that names the wrong entry; also for an empty dictionary.
+    """
+    require_types("uncertain", uncertain, Uncertain, "an Uncertain", PASS_UNCERTAIN)
+    require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)
+
+
+def check_confidence(confidence: float) -> None:
+    """Check the level of intervals.
+
+    **Raises:** `ValueError` unless it is between 0 and 1.
+    """
+    inside = 0.0 < float(confidence) < 1.0
+    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+
+
+def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
+    """Return points (count, dimensions) in the unit cube, from `scipy.stats.qmc` unless `method` is
+    "random".
+
+    **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
+    of the random numbers, which scramble the points or, for "random", are their coordinates.
+
+    **Raises:** `ValueError` for an unknown method, and for a count below 1.
+
+    **Warns:** `UserWarning` for "sobol" and a count that is not a power of two.
+    """
+    from scipy.stats import qmc
+
+    require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
+    require_count("count", count, "give a number of points")
+    rng = np.random.default_rng(seed)
+    if method == "random":
+        return rng.random((count, dimensions))
+    if method == "sobol":
+        # A full power of two is drawn and cut to `count`, so that SciPy does not issue its own
+        # warning, which has no advice.
+        exponent = (int(count) - 1).bit_length()
+        if count != 2**exponent:
+            warnings.warn(
+                f"Argument `count` is {count}, but Sobol points fill the distributions evenly only "
+                f"if it is a power of two: pass {2 ** (exponent - 1)} or {2**exponent}, or "
+                'method="halton".',
+                stacklevel=level_of_the_user(),
+            )
+        return qmc.Sobol(dimensions, rng=rng).random_base2(exponent)[:count]
+    sampler = qmc.Halton if method == "halton" else qmc.LatinHypercube
+    return sampler(dimensions, rng=rng).random(count)
+
+
+def design(
+    scene: Scene,
+    state: State,
+    uncertain: Mapping[str, Uncertain],
+    count: int,
+    method: str = "sobol",
+    seed: int = 0,
+) -> dict[str, Axis]:
+    """Draw several numbers of a scene jointly from their distributions, as axes of a zipped sweep.
+
+    Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", the
+    points of a larger `count` begin with those of a smaller one, so that a stored sweep can be
+    extended. Except for "random", the points are those of `scipy.stats.qmc`, randomised by the
+    seed.
+
+    **Arguments:**
+
+    - `scene`, `state`: with the nominal values.
+    - `uncertain`: the numbers to draw, `Uncertain` by name.
+    - `count`: number of points; for "sobol" preferably a power of two, for which the points fill
+      the distributions evenly.
+    - `method`: "sobol", "halton", "latin hypercube", or "random" for independent draws.
+    - `seed`: of the generator; equal seeds give equal designs.
+
+    **Returns:** an `Axis` of `count` values by name.
+
+    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`,
+    entries that are not `Uncertain`, and a nominal value or bound that the parameter's scale does
+    not allow.
+
+    **Warns:** `UserWarning` for "sobol" and a `count` that is not a power of two.
+
+    >>> tolerance = cj.Uncertain(lambda s: s.forces["spring"].stiffness, half_width=5.0)
+    >>> axes = cj.design(scene, state, {"stiffness": tolerance}, 4, "latin hypercube")
+    >>> bool((abs(axes["stiffness"].values - 100.0) <= 5.0).all())
+    True
+    """
+    check_uncertain(uncertain)
+    points = unit_cube(len(uncertain), count, method, seed)
+    return axes_at(scene, state, uncertain, points)
+
+
+def axes_at(
+    scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
+) -> dict[str, Axis]:
+    """Return an axis of n values for each uncertain number, by name.
+
+    **Arguments:** `points`: (n, p) cumulative probabilities of the values, from `unit_cube`; the
+    columns are in the order of `uncertain`.
+    """
+    return {
+        name: one.axis(scene, state, one.standardised(points[:, k]))
+        for k, (name, one) in enumerate(uncertain.items())
+    }

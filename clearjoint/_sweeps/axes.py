@@ -1,0 +1,398 @@
+"""Axes of a sweep, and the scenes and initial states of its lanes. A lane is one run of the sweep,
+with one value of each axis."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import reduce
+from operator import and_
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from .._dynamics.assembly import check_names
+from .._export.datasets import describe
+from .._fields.cautions import quiet
+from .._fields.checks import (
+    as_number,
+    conditions_of,
+    conditions_of_changes,
+    recheck_changes,
+    require,
+    require_finite,
+)
+from .._fields.leaves import ordered_like
+from .._fields.types import ArrayLike
+from .._math.vectors import Condition, unpack
+from .._model.bodies import State
+from .._model.joints.base import AbstractContactJoint
+from .._model.scene import Scene
+from .._native import NativeFunction, UnsupportedPrimitiveError
+from .._parametrisation.paths import NumberPath
+from .._parametrisation.variations import (
+    AbstractVariation,
+    Change,
+    MadeByFunction,
+    NumberSetter,
+    SceneNumber,
+    StateNumber,
+)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Axis:
+    """A number of the scene or of the initial state, and the values that a sweep gives it.
+
+    `Axis.initial` makes an axis of a number of the initial state. `Axis.change` makes one for a
+    parameter on which several numbers depend, such as a length, from a function that returns scene
+    and state for a value.
+
+    **Arguments:**
+
+    - `path`: function that selects the number in a scene, such as
+      ``lambda scene: scene.joints["pin"].clearance``; or a variation, an object that says how a
+      value changes scene and state (`clearjoint._parametrisation.variations`). If the function
+      returns several numbers, all of them get the same value.
+    - `values`: (n,), in the SI unit of the number.
+    - `unit`: text that labels the values in the results; by default the unit of the number in the
+      scene. It does not convert the values. A variation has its own unit.
+
+    **Raises:** `ValueError` for values that are not a row of one or more finite numbers, for a
+    `path` that is neither a function nor a variation, and for a `unit` with a variation.
+
+    >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
+    >>> axis.values.shape
+    (64,)
+    """
+
+    variation: AbstractVariation
+    values: Float[np.ndarray, " n"]
+
+    def __init__(
+        self, path: NumberPath | AbstractVariation, values: ArrayLike, unit: str | None = None
+    ):
+        is_variation = isinstance(path, AbstractVariation)
+        remedy = "leave it out, since the variation has its own unit"
+        has_one_unit = unit is None or not is_variation
+        require(has_one_unit, "unit", repr(unit), "None for a variation", remedy)
+        variation = path if is_variation else SceneNumber(path, unit)
+        row = np.asarray(as_number(values, "values"))
+        is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
+        require(is_row, "values", row, "a row of numbers", remedy)
+        require_finite("values", row)
+        # The class is frozen, so its fields are set by `object`.
+        object.__setattr__(self, "variation", variation)
+        object.__setattr__(self, "values", row)
+
+    @staticmethod
+    def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
+        """Return an axis of a number of the initial state.
+
+        **Arguments:** `path`: function that selects the number in a `State`, such as
+        ``lambda state: state.bodies["arm"].spin[2]``. `values` (n,), `unit` and errors: as in
+        `Axis`.
+        """
+        return Axis(StateNumber(path, unit), values)
+
+    @staticmethod
+    def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
+        """Return an axis whose values change the scene and the initial state by a function.
+
+        **Arguments:**
+
+        - `make`: function that receives the scene, the initial state and one value, and returns the
+          changed pair (scene, state). Scene and state already have the values of the axes that come
+          before this one in the sweep. The function may change numbers only, not names or shapes of
+          arrays. A lane for which it changes more, or raises a `ValueError`, is not run.
+        - `values`: (n,), in `unit`.
+        - `unit`: text that labels the values in the results.
+
+        **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and
+        for a `make` that is not a function.
+        """
+        return Axis(MadeByFunction(make, unit), values)
+
+    def unit_in(self, scene: Scene, state: State) -> str:
+        """Return the unit of the values as text: the given one or, if none was given, that of the
+        number in the scene or state.
+
+        **Raises:** `ValueError` if no unit was given, and the path selects no number.
+        """
+        return self.variation.unit_in(scene, state)
+
+    def setter(self, scene: Scene, state: State) -> Change:
+        """Return a function of a scene, a state and a value, which returns scene and state with the
+        value set.
+
+        The function takes scenes and states of the same structure as `scene` and `state`.
+
+        **Raises:** `ValueError` for a path that selects no number or a whole array. Also for a
+        variation that is the delay of a measured series, because only a fit can use it.
+        """
+        return self.variation.setter(scene, state, self.values[0])
+
+    def described(self) -> str:
+        """Return a text about the axis for the notes of a sweep: the class of its variation and the
+        name of its function, such as "StateNumber <lambda>" for a number of the initial state."""
+        return f"{type(self.variation).__name__} {describe(self.variation.function)}"
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """The scenes and initial states of all lanes of a sweep.
+
+    - `scene`, `state`: the scene and initial state that the user passed.
+    - `varied`: PyTree like `scene`; a leaf is ``True`` if any lane has other numbers there than
+      `scene`.
+    - `scenes`: PyTree like `scene`; a leaf that is ``True`` in `varied` is an array (lanes, ...),
+      any other is ``None``.
+    - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
+    - `bad`: error messages by number of the lane, for lanes that don't run because of their values.
+      Lanes with invalid values have the numbers of `scene` and `state`. Lanes with nearly redundant
+      constraints keep their own numbers; `clearjoint._sweeps.sweep.checked_starts` adds them.
+    """
+
+    scene: Scene
+    state: State
+    varied: PyTree[bool]
+    scenes: PyTree
+    states: PyTree
+    bad: dict[int, str]
+
+    def contact_joints(self) -> dict[str, AbstractContactJoint]:
+        """Return, by name, the joints that have contacts, each with its numbers in all lanes.
+
+        Each number of a joint becomes an array (lanes,), and vectors are split into their
+        components, so that one call of a method of the joint computes all lanes.
+        """
+        joints = self.scene.contact_joints()
+        varied = {name: self.scenes.joints[name] for name in joints}
+        return unpack(self.expanded(joints, varied), leading=1)
+
+    def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
+        """Return a part of `scene` with arrays (lanes, ...) in place of its numbers.
+
+        **Arguments:** `tree`: the part of `scene`; `varied`: the same part of `scenes`.
+        """
+        count = len(jax.tree.leaves(self.states)[0])
+
+        def in_all(leaf: PyTree) -> PyTree:
+            is_number = eqx.is_array_like(leaf)
+            return np.broadcast_to(leaf, (count, *np.shape(leaf))) if is_number else leaf
+
+        return eqx.combine(varied, jax.tree.map(in_all, tree))
+
+    def of(self, lane: int) -> tuple[Scene, State]:
+        """Return the scene and the initial state of the lane with the given number."""
+        varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
+        return ordered_like((self.scene, self.state), (eqx.combine(varied, self.scene), state))
+
+
+def lanes_of(
+    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
+) -> Lanes:
+    """Return the scenes and initial states of all lanes.
+
+    Values may be refused by the constructor of a part of the scene, such as a body or a joint, or
+    by a function of `Axis.change`. That raises no error: lanes with such values are added to
+    `Lanes.bad`.
+
+    **Arguments:**
+
+    - `scene`, `state`: the scene and initial state that the axes change.
+    - `axes`: `Axis` by name.
+    - `values`: by name of the axis, its values in every lane, (lanes,).
+
+    **Raises:** `ValueError` for an axis that `Axis.setter` refuses, such as one whose path selects
+    no number.
+    """
+    changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
+    base, structure = jax.tree.flatten((scene, state))
+    bad: dict[int, str] = {}
+    # Axes that only set numbers, which is the usual case, need no loop over the lanes in Python.
+    if all(isinstance(change, NumberSetter) for change in changes.values()):
+        columns = _columns_by_setters(scene, base, changes, values)
+    else:
+        columns = _columns_by_functions(scene, state, changes, values, bad)
+    changed = tuple(k in columns for k in range(len(base)))
+    scene_leaves = len(jax.tree.leaves(scene))
+    # The constructors' checks run in Python, lane by lane, because their messages go to the user.
+    # Lanes that native code has found to be valid are skipped.
+    for lane in np.flatnonzero(~_known_valid(scene, state, columns)).tolist():
+        leaves = [
+            np.asarray(columns[k][lane]) if k in columns else leaf for k, leaf in enumerate(base)
+        ]
+        scene_and_state = jax.tree.unflatten(structure, leaves)
+        try:
+            recheck_changes(scene_and_state, structure, changed)
+            # A changed state must still be finite, with Euler parameters of about unit norm.
+            if any(changed[scene_leaves:]):
+                check_names(*scene_and_state)
+        except ValueError as error:
+            bad.setdefault(lane, str(error))
+    # Bad lanes don't run. They get the base values, so that NaN doesn't reach computations for all
+    # lanes, and a number that only bad lanes change counts as constant.
+    for k, column in columns.items():
+        column[list(bad)] = base[k]
+    differs = [k in columns and bool((columns[k] != leaf).any()) for k, leaf in enumerate(base)]
+    varied = differs[:scene_leaves]
+    scenes = [columns[k] if differs[k] else None for k in range(scene_leaves)]
+    count = len(next(iter(values.values())))
+    states = [
+        columns.get(k, np.broadcast_to(base[k], (count, *np.shape(base[k]))))
+        for k in range(scene_leaves, len(base))
+    ]
+    scene_structure, state_structure = map(jax.tree.structure, (scene, state))
+    varied, scenes = (jax.tree.unflatten(scene_structure, leaves) for leaves in (varied, scenes))
+    states = jax.tree.unflatten(state_structure, states)
+    return Lanes(scene, state, varied, scenes, states, dict(sorted(bad.items())))
+
+
+Columns = dict[int, np.ndarray]
+"""Values in all lanes, (lanes, ...), of each leaf of (scene, state) that an axis changes, by the
+index of the leaf in the order of `jax.tree.leaves`."""
+
+
+def _columns_by_setters(
+    scene: Scene,
+    base: list[PyTree],
+    changes: Mapping[str, Change],
+    values: Mapping[str, np.ndarray],
+) -> Columns:
+    """Return the columns without a loop over lanes, for axes that only set numbers.
+
+    **Arguments:**
+
+    - `scene`: the scene that the axes change.
+    - `base`: leaves of (scene, state).
+    - `changes`: by name of the axis, its `NumberSetter`. It lists the numbers that the axis sets,
+      each as a leaf and a component of the leaf's array.
+    - `values`: by name of the axis, its values in every lane, (lanes,).
+    """
+    columns: Columns = {}
+    scene_leaves = len(jax.tree.leaves(scene))
+    for name, setter in changes.items():
+        assert isinstance(setter, NumberSetter)
+        for number in setter.numbers:
+            # `base` has the leaves of the scene first, then those of the state.
+            k = number.leaf if setter.in_scene else scene_leaves + number.leaf
+            # All lanes begin with the base numbers, since the axis may set only one component of an
+            # array.
+            if k not in columns:
+                columns[k] = np.repeat(np.asarray(base[k], float)[None], len(values[name]), axis=0)
+            columns[k][(slice(None), *number.component)] = values[name]
+    return columns
+
+
+def _columns_by_functions(
+    scene: Scene,
+    state: State,
+    changes: Mapping[str, Change],
+    values: Mapping[str, np.ndarray],
+    bad: dict[int, str],
+) -> Columns:
+    """Return the columns by calling the axes' functions for every lane.
+
+    The arguments are those of `lanes_of`, with the functions `changes` in place of the axes; `bad`
+    is extended. A lane gets the unchanged leaves and an entry in `bad` if a function raises a
+    `ValueError` for it, or changes more than numbers, such as a name or the shape of an array.
+    """
+    base, structure = jax.tree.flatten((scene, state))
+    rows: list[list[PyTree]] = []
+    for lane in range(len(next(iter(values.values())))):
+        changed = scene, state
+        try:
+            # The functions make elements again for each lane, so that a warning of an unusual value
+            # would be repeated in every lane.
+            for name, change in changes.items():
+                with quiet():
+                    changed = change(*changed, values[name][lane])
+            leaves, changed_structure = jax.tree.flatten(changed)
+            # The numbers of leaves may differ here; then the structures differ too.
+            pairs = zip(leaves, base, strict=False)
+            # All lanes run in one compiled program, which needs equal structure and shapes.
+            alike = changed_structure == structure and all(
+                a is b or np.shape(a) == np.shape(b) for a, b in pairs
+            )
+            given, expected = "a change of the structure", "functions that change numbers only"
+            remedy = "keep the names, kinds and shapes of arrays of scene and state in all lanes"
+            require(alike, "axes", given, expected, remedy)
+            rows.append(leaves)
+        except ValueError as error:
+            bad[lane] = str(error)
+            rows.append(base)
+    # A leaf that no function changes in any lane gets no column. Most leaves are still the same
+    # objects, so that their numbers need not be compared.
+    by_leaf = enumerate(zip(zip(*rows, strict=True), base, strict=True))
+    return {
+        k: np.stack(column)
+        for k, (column, leaf) in by_leaf
+        if not all(value is leaf or np.array_equal(value, leaf) for value in column)
+    }
+
+
+FEW = 16
+"""Largest number of lanes whose values are checked in Python only. For these, compiling the checks
+would take longer than the checks themselves."""
+
+
+def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
+    """Return for each lane, (lanes,), whether compiled checks accept the lane's values.
+
+    ``False`` means that the lane must be checked in Python; its values may be valid. The array is
+    empty if no leaf changes, so that no lane is checked.
+    """
+    if not columns:
+        return np.ones(0, bool)
+    unknown = np.zeros(len(next(iter(columns.values()))), bool)
+    if len(unknown) <= FEW:
+        return unknown
+    changed = tuple(k in columns for k in range(len(jax.tree.leaves((scene, state)))))
+    # User-defined elements may have checks that can't be compiled, and a check may raise an error
+    # about something other than numbers. All lanes are then checked in Python.
+    with suppress(UnsupportedPrimitiveError, ValueError):
+        # ``None`` stands for an argument that is equal in all lanes, such as the flags `changed`.
+        per_leaf = [columns.get(k) for k in range(len(changed))]
+        valid = _checks.rows((scene, state, changed), [*per_leaf, *[None] * len(changed)])
+        return unknown if valid is None else valid
+    return unknown
+
+
+def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
+    """Return whether bodies, joints and other parts of scene and state with changed leaves pass the
+    checks of their constructors.
+
+    **Arguments:** `changed`: for each leaf of (scene, state), whether it changes.
+
+    **Returns:** a traced boolean (); ``None`` if a check may need the values of numbers, which are
+    unknown while JAX traces this function.
+    """
+    tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
+    conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
+    if conditions is not None and any(changed[scene_leaves:]):
+        conditions += conditions_of(lambda: check_names(scene, state))
+    return None if conditions is None else reduce(and_, conditions, jnp.asarray(True))
+
+
+_checks = NativeFunction(_all_hold, few_runs=True)
+
+
+def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
+    """Return a PyTree like the scene with ``True`` for each number that an axis can change.
+
+    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. A
+    store recognises its sweep by digests of the compiled programs. These numbers must be arguments
+    of the programs, not constants, so that further values of an axis don't change the digests.
+    """
+    scene, state = lanes.scene, lanes.state
+    for axis in axes.values():
+        # A user's function may refuse the value; the leaves that it varies are in `lanes.varied`.
+        with suppress(ValueError):
+            scene, state = axis.setter(scene, state)(scene, state, axis.values[0])
+    # A leaf that an axis sets is another object than before, even if the numbers are equal.
+    return jax.tree.map(
+        lambda varies, new, base: varies or new is not base, lanes.varied, scene, lanes.scene
+    )

@@ -1,0 +1,256 @@
+"""Computation of the lanes that are missing in a store, with progress bars.
+
+A lane is one run of a sweep. A chunk is a group of lanes whose results a store keeps together.
+"""
+
+import logging
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
+
+import numpy as np
+from tqdm import tqdm
+
+from .._simulation.lanes.scheduler import Running
+from .._simulation.run.terminal import ProgressBar, telling_of_compiling
+from .executors import AbstractSubmitter, run_chunks
+from .outputs import PENDING, RESULT, LaneArrays
+from .store.store import SweepMemory, SweepStore
+from .work import Chunks, Work, concatenated
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Tracer = Callable[[], Mapping[str, str]]
+"""Function that returns digests, by name, of the programs that the calling process would run."""
+_LOG = logging.getLogger(__name__)
+LONG_START = 20.0
+"""Time, s, without a result after which a warning is logged if no progress bar is shown, because
+the workers may be unable to start."""
+ROUNDS = 3
+"""Largest number of attempts to compute the lanes that are missing in the store. More than one is
+needed only if another process writes to the store at the same time."""
+WRITE_SHARE = 0.05
+"""Largest share of the sweep's time that writing incomplete chunks may take. Each of these writes
+replaces whole files, so lanes wait for further lanes of their chunks if writing takes long."""
+WRITTEN_TOGETHER = 16
+"""Largest number of chunks that are written together. With more, lanes would count as pending for
+longer, and little time would be saved."""
+STORED = "stored"
+"""Description of the progress bar, which counts the lanes in the store."""
+
+
+def compute_missing(
+    work: Work,
+    store: SweepMemory | SweepStore,
+    trace: Tracer | None,
+    executor: AbstractSubmitter | None,
+    threads: int | None,
+    progress: bool,
+) -> "xr.Dataset":
+    """Run the lanes that are missing in a store, and return the results of all lanes.
+
+    Lanes that are still missing after `ROUNDS` attempts have the `result` -1 (pending).
+
+    **Arguments:**
+
+    - `work`: the lanes of the sweep.
+    - `store`: store of the results, on disk or in memory, which may have some of them already.
+    - `trace`: function with which worker processes check that they have the same code as this one;
+      ``None`` for no check.
+    - `executor`: executor that computes the chunks; ``None`` to compute the lanes in threads of
+      this process.
+    - `threads`: number of these threads; ``None`` for the number given to `clearjoint.configure`,
+      or one for each core.
+    - `progress`: whether to show a progress bar.
+
+    **Raises:** `ValueError` for an unsuitable executor; `ChunkError` for chunks that the executor
+    could not compute; `PermissionError` if lanes are missing in a store that can't be written to.
+
+    **Warns:** `UserWarning` that names damaged files of a store on disk.
+    """
+    try:
+        # Another process that writes to the same chunks may discard lanes that were written here.
+        # So the store is read again, and lanes that are missing are run again.
+        for _ in range(ROUNDS):
+            missing = store.missing()
+            done = len(work) - sum(map(len, missing.values()))
+            with lane_progress(len(work), done, progress) as bar:
+                if executor is not None:
+                    # Called without missing lanes too, since it refuses an unsuitable executor.
+                    _by_executor(Chunks(work, missing, trace), store, executor, bar)
+                elif missing:
+                    _by_threads(work, missing, store, threads, bar)
+            results = store.dataset()
+            if not (results[RESULT] == PENDING).any():
+                break
+        return results
+    finally:
+        # Also after an error or an interrupt, so that other programs find all stored lanes.
+        store.write_grid()
+
+
+def _by_executor(
+    chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
+) -> None:
+    """Compute chunks on an executor and write them to the store.
+
+    **Arguments:** `chunks`: function that computes the missing lanes of a chunk; its attribute
+    `lanes` has their numbers, by number of the chunk; `bar`: progress bar of lanes.
+    """
+    missing = chunks.lanes
+
+    # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
+    def on_done(chunk: int, results: LaneArrays) -> None:
+        store.write({chunk: (missing[chunk], results)})
+        bar.set_description_str(STORED, refresh=False)
+        bar.update(len(missing[chunk]))
+
+    def on_start(seconds: float) -> None:
+        nonlocal warned
+        bar.set_description_str(f"workers start and compile, {seconds:.0f} s")
+        if bar.disable and seconds > LONG_START and not warned:
+            warned = True
+            _LOG.warning(
+                "the workers of a sweep have been starting and compiling for %.0f s", seconds
+            )
+
+    warned = False
+    run_chunks(chunks, missing, executor, on_done, on_start)
+
+
+def _by_threads(
+    work: Work,
+    missing: Mapping[int, Sequence[int]],
+    store: SweepMemory | SweepStore,
+    threads: int | None,
+    bar: tqdm,
+) -> None:
+    """Compute lanes in threads of this process and write them to the store.
+
+    **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk; `threads`:
+    number of threads, ``None`` for the configured number; `bar`: progress bar of lanes.
+    """
+    # The writer decides when lanes are written. Lanes that are not written yet are written at the
+    # end, also after an error or an interrupt.
+    writer = _Writer(missing, store, bar)
+
+    def on_progress(running: Running) -> None:
+        writer.write_if_due()
+        show_running(bar, running)
+
+    try:
+        lanes = [lane for lanes in missing.values() for lane in lanes]
+        work.run(lanes, writer.add, threads=threads, on_progress=on_progress)
+    finally:
+        writer.write_all()
+
+
+class _Writer:
+    """Collects the results of lanes that have ended, and writes them to the store.
+
+    Lanes whose chunk is complete are written at once, all such chunks together. So are those of
+    incomplete chunks, as long as writing them takes at most the share `WRITE_SHARE` of the time.
+    Lanes that end while others are written are added in the next call of `add`; `Batch.run` begins
+    no further lanes if that lasts long.
+
+    **Arguments:** `missing`: numbers of the lanes to compute in each chunk, by number of the chunk;
+    `store`: where results are written; `bar`: progress bar that counts written lanes.
+    """
+
+    def __init__(
+        self, missing: Mapping[int, Sequence[int]], store: SweepMemory | SweepStore, bar: tqdm
+    ):
+        self._store, self._bar = store, bar
+        self._chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
+        self._unwritten = {chunk: len(lanes) for chunk, lanes in missing.items()}
+        self._waiting: dict[int, list[tuple[np.ndarray, LaneArrays]]] = {}
+        self._last_write = time.monotonic()
+        self._write_seconds = 0.0
+
+    def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
+        """Add lanes that have ended, and write those that are due.
+
+        **Arguments:** `lanes`: (n,) numbers of the lanes; `results`: arrays (n, ...) by name.
+        """
+        chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
+        for chunk in np.unique(chunks).tolist():
+            rows = chunks == chunk
+            part = lanes[rows], {name: values[rows] for name, values in results.items()}
+            self._waiting.setdefault(chunk, []).append(part)
+        self.write_if_due()
+
+    def write_if_due(self) -> None:
+        """Write the lanes of complete chunks, and also those of incomplete chunks unless such
+        writes would take more than `WRITE_SHARE` of the time."""
+        since = time.monotonic() - self._last_write
+        if since * WRITE_SHARE >= self._write_seconds:
+            self.write_all()
+        else:
+            self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
+
+    def write_all(self) -> None:
+        """Write all lanes that have ended and are not yet written."""
+        self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
+        start = time.monotonic()
+        self._write(list(self._waiting))
+        self._last_write = time.monotonic()
+        self._write_seconds = self._last_write - start
+
+    def _is_complete(self, chunk: int) -> bool:
+        """Return whether all lanes of a chunk that are not written yet have ended."""
+        return sum(len(lanes) for lanes, _ in self._waiting[chunk]) == self._unwritten[chunk]
+
+    def _write(self, chunks: Sequence[int]) -> None:
+        """Write the lanes of some chunks that have ended."""
+        for first in range(0, len(chunks), WRITTEN_TOGETHER):
+            parts = {}
+            for chunk in chunks[first : first + WRITTEN_TOGETHER]:
+                lanes, results = concatenated(self._waiting[chunk])
+                parts[chunk] = lanes.tolist(), results
+            self._store.write(parts)
+            # Only now: if an error interrupts the writing, it is repeated at the end of the sweep.
+            for chunk, (lanes, _) in parts.items():
+                del self._waiting[chunk]
+                self._unwritten[chunk] -= len(lanes)
+                self._bar.update(len(lanes))
+
+
+def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
+    """Return a progress bar of the stored lanes as a context manager.
+
+    The bar appears after two seconds and shows the time left. Its method `update(n)` counts n more
+    lanes. If lanes were stored before, a line on the terminal says so.
+
+    **Arguments:** `lanes`: number of lanes of the sweep; `done`: number of lanes that were stored
+    before; `show`: whether to show anything.
+    """
+    if show and done:
+        rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
+        print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
+    # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
+    # that still run. The delay keeps short sweeps from showing a bar.
+    bar = ProgressBar(
+        total=lanes,
+        initial=done,
+        desc=STORED,
+        bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]",
+        delay=2.0,
+        leave=False,
+        disable=not show,
+    )
+    return telling_of_compiling(bar)
+
+
+def show_running(bar: tqdm, running: Running) -> None:
+    """Show in a progress bar the time left, and the simulated times that lanes have reached.
+
+    **Arguments:** `bar`: a bar of `lane_progress`; `running`: progress of the lanes that have begun
+    and not ended.
+    """
+    assert isinstance(bar, ProgressBar)
+    bar.seconds_left = running.seconds_left
+    reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"
+    bar.set_postfix_str(f"{running.lanes} running lanes have reached {reached}")

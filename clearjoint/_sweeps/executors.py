@@ -1,0 +1,338 @@
+"""Computation of the chunks of a sweep on an executor.
+
+A chunk is a group of lanes, the runs of the sweep. Chunks are independent and may be computed more
+than once. Any executor with the interface of `concurrent.futures.Executor` is accepted, and so is a
+client of Dask's distributed scheduler. If a worker dies, Dask gives its chunks to another one. For
+the cores of one machine, a script makes an executor below ``if __name__ == "__main__":`` by ::
+
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
+
+and for a cluster, it makes a client by ::
+
+    with dask.distributed.Client("tcp://scheduler:8786") as client: ...
+
+The function that computes a chunk is sent to workers by cloudpickle, which supports closures and
+functions from notebooks. The runtime settings of this process (`clearjoint.configure`) are sent
+too, and worker processes use them.
+"""
+
+import inspect
+import io
+import multiprocessing
+import os
+import pickle
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from dataclasses import fields
+from functools import cache, lru_cache, partial
+from threading import Lock
+from typing import Protocol
+
+import cloudpickle
+import equinox as eqx
+
+from .._fields.checks import require
+from .._runtime import adopt, in_force
+from .outputs import LaneArrays
+
+
+class _Pickler(cloudpickle.Pickler):
+    """Pickler for functions and classes that are defined in scripts and notebooks, among them
+    equinox modules, which cloudpickle alone does not restore."""
+
+    def reducer_override(self, value: object) -> object:
+        # To restore a class from a script or notebook, cloudpickle first makes it without
+        # attributes, and sets these afterwards. An equinox module needs its fields when it is made,
+        # because its metaclass turns it into a dataclass at that time.
+        reduced = super().reducer_override(value)
+        if reduced is NotImplemented or not isinstance(value, type):
+            return reduced
+        if not issubclass(value, eqx.Module):
+            return reduced
+        make, arguments, *state = reduced
+        annotated = inspect.get_annotations(value)
+        statics = {
+            f.name: f.metadata.get("static", False) for f in fields(value) if f.name in annotated
+        }
+        return (_with_fields, (make, arguments, statics, "__init__" in vars(value)), *state)
+
+
+def _with_fields(
+    make: Callable[..., type],
+    arguments: tuple[object, ...],
+    statics: Mapping[str, bool],
+    initialises: bool,
+) -> type:
+    """Make an equinox class that has its fields from the start. A worker calls this function when
+    it unpickles the class.
+
+    **Arguments:** `make`, `arguments`: cloudpickle's function that makes the class, and its
+    arguments; `statics`: by name of a field, whether it is static; `initialises`: whether the class
+    defines `__init__`.
+    """
+    # The fields defined here are provisional: cloudpickle sets the class's own attributes
+    # afterwards. The defaults allow the fields to follow inherited ones that have defaults. With
+    # the placeholder, equinox does not generate an `__init__`.
+    constructor, name, bases, namespace, *rest = arguments
+    assert isinstance(namespace, dict)
+    declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
+    annotations = dict.fromkeys(statics, object)
+    placeholder = {"__init__": _placeholder} if initialises else {}
+    namespace = {**namespace, **placeholder, "__annotations__": annotations, **declared}
+    return make(constructor, name, bases, namespace, *rest)
+
+
+def _placeholder(self: object) -> None:
+    pass
+
+
+ChunkFunction = Callable[[int], LaneArrays]
+"""Function of the number of a chunk that returns the results of its lanes."""
+RETRIES = 3
+"""How many times Dask repeats a chunk that raises an error. If the last repetition raises one too,
+the sweep fails."""
+TICK = 1.0
+"""Time, s, between two calls of `on_start`, the callback of `run_chunks` that reports that workers
+are still starting."""
+QUEUED = 2
+"""Number of chunks submitted for each worker: one that it computes, and another one that it can
+begin at once when the first is done."""
+
+
+class AbstractSubmitter(Protocol):
+    """Interface of executors: a `concurrent.futures.Executor` or a `dask.distributed.Client`."""
+
+    def submit(self, function: Callable[..., object], /, *arguments: object) -> Future:
+        """Call `function(*arguments)` on a worker, and return a future of its result."""
+        ...
+
+
+class ChunkError(RuntimeError):
+    """Raised for chunks of a sweep that an executor could not compute.
+
+    - `chunks`: numbers of the chunks.
+    - `__cause__`: the first error.
+
+    >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
+    >>> error.chunks
+    (3,)
+    """
+
+    def __init__(self, message: str, chunks: tuple[int, ...] = ()):
+        super().__init__(message)
+        self.chunks = chunks
+
+
+def run_chunks(
+    task: ChunkFunction,
+    chunks: Iterable[int],
+    executor: AbstractSubmitter,
+    on_done: Callable[[int, LaneArrays], None],
+    on_start: Callable[[float], None] = lambda seconds: None,
+) -> None:
+    """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
+
+    `on_done` is called in this thread, for one chunk at a time, in the order in which chunks end.
+    Only a few chunks at a time are submitted, and none after an error. An interrupt (Ctrl-C) or an
+    error of `on_done` cancels the chunks that have not begun.
+
+    **Arguments:**
+
+    - `task`: function that computes the results of a chunk from its number. Each process decodes
+      the function once.
+    - `chunks`: numbers of the chunks.
+    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
+    - `on_done`: function of the number of a chunk and its results.
+    - `on_start`: function that is called every second until the first result, with the time in
+      seconds since `run_chunks` was called.
+
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
+    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it.
+    This error is raised after the chunks already submitted have ended, and `on_done` has received
+    the results of those that succeeded.
+    """
+    pool, waiting = _Pool(executor, task), deque(chunks)
+    running: dict[Future, int] = {}
+    failed: dict[int, BaseException] = {}
+    done, started = 0, time.monotonic()
+    try:
+        while running or (waiting and not failed):
+            room = 0 if failed else pool.room() - len(running)
+            for _ in range(min(room, len(waiting))):
+                chunk = waiting.popleft()
+                running[pool.submit(chunk)] = chunk
+            # Until the first result, while workers start and compile, `on_start` is called every
+            # second.
+            ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
+            if not done and not ended:
+                on_start(time.monotonic() - started)
+            for future in ended:
+                chunk = running.pop(future)
+                if future.cancelled():
+                    text = "the executor cancelled it; has it been shut down?"
+                    failed[chunk] = CancelledError(text)
+                elif (error := future.exception()) is not None:
+                    failed[chunk] = error
+                else:
+                    on_done(chunk, future.result())
+                    done += 1
+    finally:
+        # Chunks are left here only after an interrupt or an error of `on_done`.
+        for future in running:
+            future.cancel()
+    if failed:
+        _fail(failed, done)
+
+
+class _Pool:
+    """An executor or a Dask client, with the function that its workers call for each chunk.
+
+    **Arguments:** `executor`: the executor or client; `task`: the function of a chunk's number.
+
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes.
+    """
+
+    def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
+        # A forked process has copies of the locks that JAX's threads hold, but not the threads, so
+        # it would wait forever.
+        remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
+        expected = "a concurrent.futures.Executor or a dask.distributed.Client"
+        require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
+        context = getattr(executor, "_mp_context", None)  # only pools of processes have one
+        survives = context is None or context.get_start_method() != "fork"
+        expected = "a pool of processes that are not forked, since JAX's threads don't survive that"
+        require(survives, "executor", executor, expected, remedy)
+        # A Dask client keeps the result of a task and returns it for an equal task, unless the task
+        # is declared impure.
+        make = getattr(executor, "get_executor", None)
+        self._threads = getattr(executor, "nthreads", None)
+        self._executor = executor if make is None else make(pure=False, retries=RETRIES)
+        # Threads call the function itself; processes get its pickled form.
+        in_process = isinstance(executor, ThreadPoolExecutor)
+        self._call = task if in_process else partial(_call, _payload(task))
+
+    def room(self) -> int:
+        """Return the largest number of submitted chunks that may be unfinished at present: `QUEUED`
+        for each worker or, with Dask, for each thread of the workers."""
+        if self._threads is not None:  # of Dask; the number of workers of a cluster may change
+            workers = sum(self._threads().values())
+        else:
+            workers = getattr(self._executor, "_max_workers", None) or os.cpu_count() or 1
+        return QUEUED * max(workers, 1)
+
+    def submit(self, chunk: int) -> Future:
+        """Submit a chunk and return its future.
+
+        If the executor is broken or has been shut down, the future has the error, as for a chunk
+        that fails.
+        """
+        try:
+            return self._executor.submit(self._call, chunk)
+        except RuntimeError as error:  # also a `BrokenExecutor`
+            failed = Future()
+            failed.set_exception(error)
+            return failed
+
+
+def _payload(task: ChunkFunction) -> bytes:
+    """Return the runtime settings of this process and the encoded function as bytes.
+
+    The function is encoded separately, because a worker adopts the settings before it decodes the
+    function.
+    """
+    file = io.BytesIO()
+    _Pickler(file).dump(task)
+    return pickle.dumps((in_force(), file.getvalue()))
+
+
+_decoding = Lock()
+
+
+@lru_cache(maxsize=1)
+def _decoded(payload: bytes) -> ChunkFunction:
+    """Adopt the runtime settings in the bytes of `_payload`, and return the function.
+
+    A worker process does so once for a sweep, and keeps the function for further chunks.
+    """
+    _end_with_parent()
+    values, task = pickle.loads(payload)
+    adopt(values)
+    return pickle.loads(task)
+
+
+@cache
+def _end_with_parent() -> None:
+    """Let this process end when its parent process dies.
+
+    A parent that is killed can't stop its workers, and they would wait forever.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _call(payload: bytes, chunk: int) -> LaneArrays:
+    """Compute a chunk in a worker, from the bytes of `_payload`.
+
+    **Raises:** the error of the function or, if that error can't be pickled and unpickled, a
+    `RuntimeError` with its type and text.
+    """
+    with _decoding:  # One thread decodes the task, and the others take it from the cache.
+        task = _decoded(payload)
+    try:
+        return task(chunk)
+    except Exception as error:
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            # An error that can't be unpickled, for example one whose constructor takes several
+            # arguments, would break the pool of processes in the parent.
+            raise RuntimeError(f"{type(error).__name__}: {error}") from error
+        raise
+
+
+def _fail(failed: dict[int, BaseException], done: int) -> None:
+    """Raise a `ChunkError` that names the failed chunks and the first error.
+
+    **Arguments:** `failed`: errors by number of the chunk; `done`: number of computed chunks.
+    """
+    chunks = tuple(sorted(failed))
+    cause = next(iter(failed.values()))
+    numbers = ", ".join(map(str, chunks))
+    guard = (
+        'a script must call the sweep below `if __name__ == "__main__":`, because each worker '
+        "process imports the script"
+    )
+    if isinstance(cause, BrokenExecutor):
+        why = "killed, or out of memory"
+        # If workers die before the first result, the usual cause is a script without that line.
+        if not done:
+            why = f"no chunk was computed: {guard}; or the process was {why}"
+        problem = f"A worker process died while chunks {numbers} were submitted ({why})"
+    elif getattr(multiprocessing.current_process(), "_inheriting", False):
+        # This process is a worker that imports the script, and can't start workers of its own.
+        problem = f"A worker process called the sweep again: {guard}"
+    else:
+        problem = f"Chunk {numbers} failed" if len(chunks) == 1 else f"Chunks {numbers} failed"
+    raise ChunkError(
+        f"{problem}: {type(cause).__name__}: {cause}\nChunks completed in this call: {done}. A "
+        "sweep with a `path` has stored them, and resumes when it is called again.",
+        chunks,
+    ) from cause

@@ -1,0 +1,619 @@
+"""Search for the largest value of a parameter for which quantities stay within their limits.
+
+Sweeps over many values of the parameter compute the margins of the quantities to their limits,
+log(limit / peak). The values of one sweep are called a row. Its runs, one for each value, are
+computed side by side, as lanes. Each value may be combined with random draws of other numbers, such
+as the phase at the start. Then a value has a lane for each draw, and a given quantile of the peaks
+over the draws must stay within the limits.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.lib.stride_tricks import sliding_window_view
+
+from .._fields.checks import (
+    as_number,
+    as_shown,
+    require,
+    require_count,
+    require_positive,
+    require_range,
+    require_type,
+)
+from .._fields.objects import as_numbers
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import PASS_PARAMETERS, Parameter
+from .._simulation.reductions.base import AbstractReduction
+from .._simulation.reductions.quantities import Peak
+from .._simulation.results.solution import SUCCESSFUL
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings, settings_or
+from ..quantities.base import Quantity, check_quantity, require_quantity
+from .axes import Axis
+from .sweep import sweep
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+QUANTITY = "quantity"
+"""Name of a single quantity that the user passes without a name."""
+CLOSE = 2.0
+"""The second row begins below the last value before the first violation, at this distance in
+spacings of the first row."""
+INSPECTIONS = 12
+"""Maximum number of rows that search for violations between computed values. It limits the number
+of runs where the margin is a rough function of the parameter."""
+VALUE = "largest_value"
+"""Name of the axis of the parameter's values in the sweeps."""
+NEIGHBOURS = 2
+"""The change of the margin inside an interval between two computed values is estimated: it is the
+largest of the changes over the interval itself and over this many intervals on each side of it."""
+CONFIDENCE = 0.95
+"""Confidence level of the quantiles' intervals."""
+
+Watched = Quantity | AbstractReduction
+"""A quantity, whose peak is limited, or a reduction, whose result is limited."""
+
+
+@dataclass(frozen=True)
+class LargestFeasible:
+    """Result of `largest_feasible`: the largest value of a parameter up to which no limit is
+    violated at any computed value.
+
+    A margin is log(limit / peak), the smallest of all limited quantities: it is negative where a
+    limit is violated. The peak is the largest value of a quantity, or the result of a reduction;
+    with draws, it is the quantile of these numbers over the draws.
+
+    - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
+      exceeded.
+    - `interval`: interval in which the first violation begins: `value`, and the next computed
+      value, which violates a limit. With several draws and a quantile below 1, it is instead a 95 %
+      confidence interval of the value at which the first violation begins. Both ends are `value` if
+      no limit is exceeded.
+    - `met`: whether a computed value violates a limit.
+    - `monotone`: whether the margins only fall: no computed margin exceeds one at a smaller value
+      by more than `tolerance`; with draws, the nearest ends of their confidence intervals are
+      compared. If false, larger values may satisfy the limits again, and a violation narrower than
+      `spacing` may have been missed.
+    - `alternating`: the first value that violates a limit, and the largest computed value above it
+      that satisfies all limits; ``None`` if no value above it does.
+    - `spacing`: largest distance between neighbouring values up to the first violation, relative to
+      the neighbour of larger magnitude. In a range that contains zero, it is relative to
+      `tolerance` times the range where that is larger.
+    - `values`: (n,) all computed values, in `unit`.
+    - `margins`: (n,) margin of each value. It is +inf for a peak of zero or less, and -inf for a
+      peak that is NaN or infinite; a failed run counts as an infinite peak.
+
+    >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
+    >>> largest = cj.largest_feasible(
+    ...     scene, state, 0.5, stiffness, speed, 2.0, between=between, lanes=8, progress=False
+    ... )
+    >>> largest.met, round(largest.value)
+    (True, 400)
+    """
+
+    value: float
+    unit: str
+    interval: tuple[float, float]
+    met: bool
+    monotone: bool
+    alternating: tuple[float, float] | None
+    spacing: float
+    values: Float[np.ndarray, " n"]
+    margins: Float[np.ndarray, " n"]
+
+    def __str__(self) -> str:
+        """Return sentences on the value, its uncertainty, and the trend of the margins."""
+        low, high = self.interval
+        trend = (
+            "All computed margins fall with the parameter."
+            if self.monotone
+            else "Margins rise and fall: a violation between two computed values, which are up to "
+            f"{self.spacing:.1%} apart, may have been missed."
+        )
+        if not self.met:
+            return (
+                f"No limit is reached up to {self.value:.6g} {self.unit}, the end of the range. "
+                f"{trend}"
+            )
+        # One digit more than the ends of the interval have in common, from 2 to 12 digits.
+        width = abs(high - low) / max(abs(low), abs(high), np.finfo(float).tiny)
+        form = f".{int(np.clip(np.ceil(-np.log10(max(width, 1e-12))) + 1, 2, 12))}g"
+        result = (
+            f"The limits are satisfied up to {self.value:{form}} {self.unit} (the first violation "
+            f"begins between {low:{form}} and {high:{form}}), by runs at {len(self.values)} "
+            "values."
+        )
+        if self.alternating is not None:
+            first, last = (f"{value:{form}}" for value in self.alternating)
+            result += f" From {first} to {last} passes and violations alternate."
+        return f"{result} {trend}"
+
+
+def largest_feasible(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    parameter: Parameter,
+    quantity: Watched | Mapping[str, Watched],
+    limit: float | Mapping[str, float],
+    settings: Settings | None = None,
+    *,
+    between: tuple[float, float],
+    after: float | None = None,
+    draws: Mapping[str, Axis] | None = None,
+    quantile: float = 1.0,
+    lanes: int = 32,
+    tolerance: float = 1e-3,
+    start_time: float = 0.0,
+    progress: bool = True,
+) -> LargestFeasible:
+    """Find the largest value of a parameter for which quantities stay within their limits.
+
+    No computed value up to this one violates a limit. One sweep runs a row of values side by side,
+    as lanes. A first row over the range finds the first violation, and a second row examines the
+    values just below it. If margins, log(limit / peak), rise and fall, more
+    rows search for violations between values with small margins. Then each row divides the interval
+    in which the first violation begins, down to the tolerance.
+
+    ```python
+    import clearjoint as cj
+
+    scene, state = cj.mechanisms.slider_crank(0.1e-3)
+    largest = cj.largest_feasible(
+        scene,
+        state,
+        2e-3,
+        cj.Parameter(lambda scene: scene.joints["slider pin"].clearance, cj.Log()),
+        cj.quantities.ContactForce("slider pin", "V"),
+        1e4,
+        between=(1e-6, 1e-4),
+        lanes=8,
+    )
+    print(largest)
+    ```
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`.
+    - `parameter`: the parameter, for example a clearance; values in a row are evenly spaced on its
+      scale.
+    - `quantity`: a scalar function of an `Instant` (the scene and its motion at one time), whose
+      peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
+      limited; or several functions and reductions by name.
+    - `limit`: largest allowed value, positive, in SI; for several quantities by name, one for each.
+    - `settings`: settings of the integration. By default the search uses
+      `clearjoint.presets.derivatives`, with which margins are smoother, and the values just below
+      the first violation must also satisfy the limits in runs with the default settings of
+      `simulate`.
+    - `between`: smallest and largest value considered; the smallest must satisfy the limits.
+    - `after`: s, time after which peaks of quantities count, to exclude a transient. Reductions
+      have times of their own.
+    - `draws`: for each random number of the scene or its initial state, such as the phase at the
+      start, an `Axis` with its draws, by name. All have equal length, and their i-th values form
+      the i-th draw.
+    - `quantile`: share of the draws that must satisfy each limit, from 0 to 1.
+    - `lanes`: number of values in a row, at least 3. With draws, a row has this many runs for each
+      draw.
+    - `tolerance`: relative tolerance of the value, positive. The search also ends where rounding
+      errors leave no values in between. If the range contains zero, the absolute tolerance is at
+      least `tolerance` squared times the range.
+    - `progress`: whether to show a progress bar during the runs.
+
+    **Returns:** a `LargestFeasible`.
+
+    **Raises:** `ValueError` for unsupported arguments, and if the smallest value violates a limit;
+    the message then has the peak of the quantity, or says that it is NaN or that the run fails.
+    """
+    quantities = dict(quantity) if isinstance(quantity, Mapping) else {QUANTITY: quantity}
+    limits = dict(limit) if isinstance(limit, Mapping) else {QUANTITY: limit}
+    draws = {} if draws is None else dict(draws)
+    require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
+    ends = np.asarray(as_numbers(between), dtype=float)
+    rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])
+    remedy = "pass (smallest, largest), in the unit of the parameter"
+    require(rising, "between", between, "two rising values", remedy)
+    low, high = (float(parameter.scale.coordinate(value)) for value in ends)
+    _check_quantities(scene, quantities, limits)
+    sizes = {name: len(axis.values) for name, axis in draws.items()}
+    expected = "axes of equal length"
+    require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
+    require_range("quantile", quantile, 0.0, 1.0, "pass a share of the draws, for example 0.95")
+    require_count("lanes", lanes, "give a number of values in a row")
+    require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
+    require_positive("tolerance", tolerance, "1e-3 suffices")
+    # A quantity without reduction is limited by its peak.
+    outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
+
+    def margins_with(settings: Settings) -> Callable[[np.ndarray], LaneMargins]:
+        given = {"settings": settings, "start_time": start_time, "progress": progress}
+        run = partial(sweep, scene, state, end_time, **given)
+        return partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
+
+    # Near a limit, integration errors decide: the answer must hold in the run that a user makes.
+    plain = margins_with(presets.default) if settings is None else None
+    margins = margins_with(settings_or(settings, presets.derivatives))
+    search = _Search(margins, lanes, tolerance, parameter, plain)
+    return search.run(low, high, parameter.variation.unit_in(scene, state))
+
+
+@dataclass(frozen=True)
+class LaneMargins:
+    """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
+
+    - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
+    - `margins`: (n,) the smallest margin of all outputs. Its peak is the largest value of a
+      quantity or the result of a reduction; with draws, the quantile of these over the draws. A
+      failed run counts as an infinite peak. The margin is -inf for an infinite peak, +inf for a
+      peak of zero or less, and NaN, which counts as a violation, for a peak that is NaN.
+    - `low`, `high`: (n,) ends of the margins' 95 % confidence intervals; equal to `margins` without
+      draws, for a single draw, and for the quantile 1.
+    - `peak`: text, part of an error message: it gives the peak of the output with the smallest
+      margin at the first coordinate, or says that the run fails there.
+    """
+
+    coordinates: Float[np.ndarray, " n"]
+    margins: Float[np.ndarray, " n"]
+    low: Float[np.ndarray, " n"]
+    high: Float[np.ndarray, " n"]
+    peak: str = ""
+
+    def with_others(self, others: "LaneMargins") -> "LaneMargins":
+        """Return these margins merged with those at other coordinates, in the order of coordinates.
+
+        If both have a margin at a coordinate, that of this object is kept.
+        """
+        both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
+        kept = np.unique(both[0], return_index=True)[1]
+        return LaneMargins(*(row[kept] for row in both), peak=self.peak)
+
+    def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
+        """Return these margins, with the smaller one where `others` has a margin at a coordinate.
+
+        A margin that is NaN, of these or of the others, counts as smaller.
+        """
+        at = np.searchsorted(self.coordinates, others.coordinates)
+        rows = [row.copy() for row in self._rows]
+        for row, other in zip(rows, others._rows, strict=True):
+            row[at] = np.minimum(row[at], other)
+        return LaneMargins(*rows, peak=others.peak if 0 in at else self.peak)
+
+    @property
+    def _rows(self) -> tuple[np.ndarray, ...]:
+        return self.coordinates, self.margins, self.low, self.high
+
+    def doubtful(self) -> Bool[np.ndarray, " m"]:
+        """Return for each interval between neighbouring values, (n - 1,), whether it may hide a
+        violation.
+
+        An interval up to the first violation is doubtful if the smaller margin at its ends is below
+        the largest change of the margin over it or one of the `NEIGHBOURS` intervals on each side.
+        Intervals after the first violation are not doubtful.
+        """
+        count = min(first_violation(self.margins), len(self.margins) - 1)
+        ends = self.margins[: count + 1]
+        # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
+        # which the margin changes. The difference of two infinite margins is NaN.
+        with np.errstate(invalid="ignore"):
+            changes = np.nan_to_num(np.abs(np.diff(ends)), posinf=0.0)
+        # With zeros at both ends, the first and the last interval have neighbours, too.
+        around = np.pad(changes, NEIGHBOURS)
+        largest_change = sliding_window_view(around, 2 * NEIGHBOURS + 1).max(axis=1)
+        # Inside the interval, the margin may fall below its smaller end by the largest change.
+        doubtful = np.zeros(len(self.coordinates) - 1, bool)
+        doubtful[:count] = np.minimum(ends[:-1], ends[1:]) < largest_change
+        return doubtful
+
+    def falls(self, tolerance: float) -> bool:
+        """Return whether the margins only fall as the coordinate rises.
+
+        A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
+        of that at a smaller coordinate by more than `tolerance`. As a difference of logarithms,
+        `tolerance` is a relative change of the peak. Margins that are NaN are left out. If the
+        margins only fall, no violation is hidden between two values that satisfy the limits.
+        """
+        known = ~np.isnan(self.margins)
+        least = np.minimum.accumulate(np.where(known, self.high, np.inf))
+        return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
+
+
+def first_violation(margins: Float[np.ndarray, " n"]) -> int:
+    """Return the index of the first margin that is negative or NaN; n if there is none."""
+    # The appended entry is found if no other is.
+    return int(np.argmin(np.append(margins >= 0.0, False)))
+
+
+def lane_margins(
+    run: Callable[..., "xr.Dataset"],
+    parameter: Parameter,
+    outputs: Mapping[str, AbstractReduction],
+    limits: Mapping[str, float],
+    draws: Mapping[str, Axis],
+    quantile: float,
+    coordinates: Float[np.ndarray, " n"],
+) -> LaneMargins:
+    """Compute the margins at n values of a parameter, each with all draws, by one sweep.
+
+    **Arguments:**
+
+    - `run`: function that sweeps over axes by name, such as `sweep` with its other arguments set.
+    - `parameter`: the parameter, and `coordinates`: (n,) its rising coordinates.
+    - `outputs`: limited reductions by name, and `limits`: their limits by the same names, SI.
+    - `draws`: axes of random numbers by name, of equal length; empty for none.
+    - `quantile`: share of the draws that must satisfy each limit.
+    """
+    values = np.array([float(parameter.scale.value(u)) for u in coordinates])
+    count = len(next(iter(draws.values())).values) if draws else 1
+    # A lane for each pair of a value and a draw; the lanes of a value follow each other.
+    axes = {VALUE: Axis(parameter.variation, np.repeat(values, count))}
+    for name, axis in draws.items():
+        axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
+    results = run(axes=axes, outputs=outputs, zipped=True)
+    successful = results["result"].values == SUCCESSFUL
+    rows = {}
+    for name, limit in limits.items():
+        # A failed run counts as a violation.
+        peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
+        rows[name] = limit_margins(peaks, limit, quantile)
+    # The margins, and both ends of their intervals, are each the smallest of all outputs.
+    margins, low, high = np.min(np.array([*rows.values()]), axis=0)
+    # For the message about a limit that is violated from the first value on.
+    firsts = {name: float(row[0][0]) for name, row in rows.items()}
+    # A NaN is a violation too, but is not less than other margins.
+    smallest = min(firsts, key=lambda name: -np.inf if np.isnan(firsts[name]) else firsts[name])
+    first = firsts[smallest]
+    peak = "the run with this value fails"
+    if np.isnan(first):
+        peak = f"`{smallest}` has no peak with this value, but NaN"
+    elif np.isfinite(first) or successful[:count].all():
+        # The margin is -inf if a run has failed, but also if successful runs have an infinite peak.
+        # The empty name is that of a reduction's main result, which is limited.
+        unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
+        peak = (
+            f"`{smallest}` reaches {limit * np.exp(-first):.6g} {unit} with this value, and its "
+            f"limit is {limit:.6g} {unit}"
+        )
+    return LaneMargins(coordinates, margins, low, high, peak)
+
+
+def limit_margins(
+    peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return margins log(limit / quantile of the peaks over the draws), with 95 % intervals.
+
+    The quantile is an order statistic of the draws: the smallest peak that the given share of the
+    draws does not exceed. Its 95 % confidence interval is between two other order statistics and
+    holds for any distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
+
+    **Arguments:** `peaks`: (n, draws); `limit`: in the unit of the peaks; `quantile`: share of the
+    draws, 0 to 1.
+
+    **Returns:** margins, lower ends and upper ends, (n,) each. The lower end is -inf if there are
+    too few draws for it. Both ends equal the margin for a single draw, and for the quantile 1.
+    """
+    from scipy.stats import binom
+
+    ordered, count = np.sort(peaks, axis=1), peaks.shape[1]
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    # Numbers of order statistics, from 1. A product such as 0.55 * 100 exceeds 55 by rounding,
+    # which must not raise the number to 56.
+    middle = max(math.ceil(quantile * count - 1e-9), 1)
+    below = above = middle
+    # The quantile 1 means that all these draws must satisfy the limit: their largest peak is exact.
+    if count > 1 and quantile < 1.0:
+        below = max(int(binom.ppf(tail, count, quantile)), 1)
+        above = int(binom.ppf(1.0 - tail, count, quantile)) + 1
+    # A larger peak has a smaller margin, so that `above` gives the lower end.
+    columns = [ordered[:, k - 1] if k <= count else ordered[:, -1] for k in (middle, above, below)]
+    with np.errstate(divide="ignore"):  # The margin of a peak of zero or less is +inf.
+        margin, low, high = (np.log(limit) - np.log(np.maximum(column, 0.0)) for column in columns)
+    if above > count:  # Too few draws to bound the quantile from above.
+        low = np.full(len(peaks), -np.inf)
+    return margin, low, high
+
+
+def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) -> AbstractReduction:
+    """Return a reduction unchanged; for a quantity, the reduction to its peak from the time
+    `after`, s, on, or over the whole run for ``None``."""
+    if isinstance(quantity, AbstractReduction):
+        return quantity
+    unit = getattr(quantity, "unit", None) or "1"
+    return Peak(quantity, unit, after=after)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Search for the first violation by sweeps, each over a row of values of the parameter.
+
+    The argument `lanes` of methods, unlike the field, has the margins of all values that have been
+    computed so far.
+
+    - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
+    - `lanes`: number of values in a row.
+    - `tolerance`: relative tolerance of the value.
+    - `parameter`: the parameter, whose scale converts between values and coordinates.
+    - `plain`: the same function as `margins` with the settings of plain runs, which must satisfy
+      the limits too; ``None`` if these are the settings of `margins`.
+    """
+
+    margins: Callable[[np.ndarray], LaneMargins]
+    lanes: int
+    tolerance: float
+    parameter: Parameter
+    plain: Callable[[np.ndarray], LaneMargins] | None = None
+
+    def run(self, low: float, high: float, unit: str) -> LargestFeasible:
+        """Search between the coordinates `low` and `high` of the parameter, and return the result.
+
+        **Arguments:** `unit`: of the parameter's value, as text for the result.
+
+        **Raises:** `ValueError` if the value at `low` violates a limit.
+        """
+        lanes = self.margins(np.linspace(low, high, self.lanes))
+        self._require_smallest(lanes)
+        # The first row is coarse: just below its first violation another one may lie between two
+        # values.
+        if first_violation(lanes.margins) < len(lanes.margins):
+            lanes = self._refined(lanes, below=True)
+        lanes = self._narrowed(self._inspected(lanes))
+        return self._result(self._confirmed(lanes), unit)
+
+    def _require_smallest(self, lanes: LaneMargins) -> None:
+        """Check that the smallest value satisfies the limits.
+
+        **Raises:** `ValueError` with the peak otherwise.
+        """
+        smallest, expected = self._values(lanes)[0], "a value that satisfies the limits"
+        remedy = f"{lanes.peak}; decrease it, or raise the limit"
+        require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
+
+    def _narrowed(self, lanes: LaneMargins) -> LaneMargins:
+        """Return the margins with rows added until the interval in which the first violation
+        begins is as narrow as the tolerance."""
+        computed = 0
+        # A row adds no value if there are no floats between the last value and the violation.
+        while (
+            first_violation(lanes.margins) < len(lanes.margins)
+            and len(lanes.coordinates) > computed
+            and self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance
+        ):
+            computed, lanes = len(lanes.coordinates), self._refined(lanes)
+        return lanes
+
+    def _confirmed(self, lanes: LaneMargins) -> LaneMargins:
+        """Return the margins after those just below the first violation, and thus the largest
+        feasible value, have been confirmed by plain runs.
+
+        **Raises:** `ValueError` if the smallest value violates a limit in a plain run.
+        """
+        if self.plain is None:
+            return lanes
+        checked, rounds = np.empty(0), 0
+        first = first_violation(lanes.margins)
+        while lanes.coordinates[first - 1] not in checked:
+            last = lanes.coordinates[max(first - self.lanes, 0) : first]
+            lanes = lanes.lowered_by(self.plain(last))
+            checked = np.append(checked, last)
+            self._require_smallest(lanes)
+            # Rows added between a confirmed value and a violation need confirmation again.
+            if (rounds := rounds + 1) <= INSPECTIONS:
+                lanes = self._narrowed(lanes)
+            first = first_violation(lanes.margins)
+        return lanes
+
+    def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
+        """Return the margins with a row of values added just below the first violation.
+
+        The row is between the last value before the first violation and the violation. With
+        `below`, it begins `CLOSE` times their distance lower, but not below the smallest value.
+        There must be a violation, but not at the smallest value.
+        """
+        first = first_violation(lanes.margins)
+        last, violation = lanes.coordinates[first - 1 : first + 1]
+        start = max(lanes.coordinates[0], last - CLOSE * (violation - last)) if below else last
+        return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
+
+    def _inspected(self, lanes: LaneMargins) -> LaneMargins:
+        """Return the margins with values added in intervals that may hide a violation.
+
+        Rows are added until these intervals are as narrow as the tolerance, at most `INSPECTIONS`
+        rows. None is added if the margins only fall.
+        """
+        for _ in range(INSPECTIONS):
+            doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
+            if lanes.falls(self.tolerance) or not doubtful.any():
+                break
+            # Only doubtful intervals are divided.
+            widths = np.where(doubtful, np.diff(lanes.coordinates), 0.0)
+            parts = np.ones(len(widths), int)
+            for _ in range(self.lanes):  # Each lane divides the interval with the widest parts.
+                parts[np.argmax(widths / parts)] += 1
+            rows = [
+                start + width * np.arange(1, count) / count
+                for start, width, count in zip(lanes.coordinates, widths, parts, strict=False)
+            ]
+            lanes = lanes.with_others(self.margins(np.concatenate(rows)))
+        return lanes
+
+    def _result(self, lanes: LaneMargins, unit: str) -> LargestFeasible:
+        """Return the result of the search from the margins of all computed values.
+
+        **Arguments:** `unit`: of the parameter's value, as text for the result.
+        """
+        first, values = first_violation(lanes.margins), self._values(lanes)
+        met, value = first < len(values), values[first - 1]
+        last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
+        return LargestFeasible(
+            value=value,
+            unit=unit,
+            interval=self._interval(lanes) if met else (value, value),
+            met=met,
+            monotone=lanes.falls(self.tolerance),
+            alternating=(values[first], values[last_pass]) if last_pass > first else None,
+            spacing=float(self._widths(lanes)[:first].max()),
+            values=np.array(values),
+            margins=np.nan_to_num(lanes.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
+        )
+
+    def _interval(self, lanes: LaneMargins) -> tuple[float, float]:
+        """Return the two values between which the first violation begins.
+
+        With several draws and a quantile below 1, these are the ends of a 95 % confidence interval:
+        the last value before any violation is possible by the margins' intervals, and the first at
+        which it is certain. If a violation is possible from the smallest value on, the interval
+        begins there; if it is certain nowhere, the interval ends at the largest computed value.
+
+        Without draws, with a single draw or with the quantile 1, the margins are exact. The two
+        values are then the last one before the first violation, and that of the first violation.
+        """
+        possible, certain = first_violation(lanes.low), first_violation(lanes.high)
+        values = self._values(lanes)
+        return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
+
+    def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
+        """Return the distances (n - 1,) of neighbouring values, relative to the neighbour of larger
+        magnitude. If the range contains zero, they are relative to `tolerance` times the range
+        where that is larger."""
+        values = np.array(self._values(lanes))
+        low, high = values[0], values[-1]
+        # The distance from zero to its neighbour is as large as the neighbour, however small.
+        least = self.tolerance * (high - low) if low <= 0.0 <= high else np.finfo(float).tiny
+        sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), least)
+        return np.abs(np.diff(values)) / sizes
+
+    def _values(self, lanes: LaneMargins) -> list[float]:
+        """Return the value at each coordinate, without the rounding errors of scales, (n,)."""
+        return [as_shown(float(self.parameter.scale.value(u))) for u in lanes.coordinates]
+
+
+def _check_quantities(
+    scene: Scene, quantities: Mapping[str, Watched], limits: Mapping[str, float]
+) -> None:
+    """Check the limited quantities, and that each has one positive, finite limit.
+
+    **Raises:** `ValueError` otherwise.
+    """
+    require(len(quantities) > 0, "quantity", quantities, "one or more quantities", "name one")
+    remedy = "give each quantity one limit, under the same name"
+    same = set(quantities) == set(limits)
+    require(same, "limit", sorted(limits), f"one for each of {sorted(quantities)}", remedy)
+    for name, limit in limits.items():
+        argument, remedy = f"limit[{name!r}]", "pass the largest allowed magnitude or distance"
+        require_positive(argument, as_number(limit, argument), remedy)
+    for name, one in quantities.items():
+        if isinstance(one, AbstractReduction):
+            # The main result of a reduction, which is limited, has the empty name.
+            units, expected = list(one.units()), 'a reduction with a main result, named ""'
+            remedy = "subclass AbstractReduction to report one, or pass the quantity for its peak"
+            require("" in units, f"quantity[{name!r}]", units, expected, remedy)
+            one.check(scene)
+        else:
+            require_quantity(f"quantity[{name!r}]", one)
+            check_quantity(f"quantity[{name!r}]", one, scene)

@@ -1,0 +1,194 @@
+"""Files of a store's Zarr arrays, one for each chunk of lanes and each array, with checksums.
+
+A store holds the results of a sweep on disk. A lane is one run of the sweep, and a chunk a group of
+lanes that are stored together.
+
+A file ends with a checksum of its content and of its path in the store. So a damaged file, or one
+that was moved to the place of another, is detected. Intact files can still be read.
+
+Files are encoded, written and read here, as Zarr would do it, because Zarr hands each file to
+several threads. Under the load of a sweep, that took 4 ms a file, and a chunk has a file for each
+variable.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..._compilation.digests import DIGITS, digest
+from ..._compilation.program_store import system_errors_suppressed
+
+if TYPE_CHECKING:
+    import zarr
+    from numcodecs.abc import Codec
+    from zarr.abc.codec import BytesBytesCodec
+
+MISSING, DAMAGED = "missing", "damaged"
+"""Faults that the file of a chunk may have. A file is damaged if its checksum does not agree."""
+_LOCK = ".lock"
+"""File in a store's folder by which processes lock the folder."""
+
+
+def opened_group(path: Path) -> "zarr.Group":
+    """Open the Zarr group that has a store's arrays, to read its metadata.
+
+    **Arguments:** `path`: folder of the group, `by_lane` in the store.
+    """
+    import zarr
+
+    return zarr.open_group(path, mode="r", zarr_format=3, use_consolidated=True)
+
+
+def opened(group: "zarr.Group", name: str) -> "zarr.Array":
+    """Open the array with the given name in a group, to read its metadata."""
+    import zarr
+
+    array = group[name]
+    assert isinstance(array, zarr.Array)
+    return array
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Context in which this process holds the lock of a folder, so that it can change the store.
+
+    Before the context begins, wait until no other process holds the lock. The lock of a process
+    that dies is released. If the system has no locks, or the folder can't be written to, the
+    context begins at once and without a lock.
+    """
+    with ExitStack() as stack:
+        # Windows has no such locks, a folder may be read only, and some file systems lack locks.
+        with suppress(ImportError), system_errors_suppressed():
+            import fcntl
+
+            file = stack.enter_context((folder / _LOCK).open("w"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
+    """Return the path of the file with one chunk of an array.
+
+    **Arguments:** `path`: folder of the group; `chunk`: number of the chunk along the first
+    dimension.
+    """
+    return path / _key(array, chunk)
+
+
+def _key(array: "zarr.Array", chunk: int) -> str:
+    """Return the path of a chunk's file in the folder of the group."""
+    indices = (chunk,) + (0,) * (array.ndim - 1)
+    return f"{array.path}/{array.metadata.encode_chunk_key(indices)}"
+
+
+def compressors() -> "tuple[BytesBytesCodec, ...]":
+    """Return the compressors of arrays of results, which `read_chunk` and `write_chunk` apply. They
+    were Zarr's default ones when the first stores were written."""
+    from zarr.codecs import ZstdCodec
+
+    return (ZstdCodec(level=0, checksum=False),)
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it, unless they exist."""
+    # With `exist_ok`, Python takes any error for that of an existing folder, also a `TimeoutError`
+    # of a signal handler.
+    with suppress(FileExistsError):
+        os.makedirs(folder)
+
+
+def _codec(array: "zarr.Array") -> "Codec | None":
+    """Return what encodes the entries of an array of texts; ``None`` for numbers, which are stored
+    as they are in memory, in little-endian order."""
+    from numcodecs.vlen import VLenUTF8
+
+    return None if array.dtype.kind in "biuf" else VLenUTF8()
+
+
+def _dtype(array: "zarr.Array") -> np.dtype:
+    """Return the dtype of an array's entries before they are encoded."""
+    return np.dtype(object) if _codec(array) else array.dtype.newbyteorder("<")
+
+
+def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray) -> Path:
+    """Write one chunk of an array, so that a reader finds either the earlier file or the new one.
+
+    **Arguments:** `path`: folder of the group; `values`: (n, ...) rows of the chunk; fewer than the
+    chunk has if it is the last one.
+
+    **Returns:** the path of the file.
+
+    **Raises:** `OSError`, for example if the disk is full; the earlier file is left then.
+    """
+    from numcodecs.zstd import Zstd
+
+    file, codec = chunk_file(path, array, chunk), _codec(array)
+    # Zarr stores chunks in full size.
+    rows = np.full(array.chunks, array.fill_value, _dtype(array))
+    rows[tuple(map(slice, values.shape))] = values
+    content = bytes(Zstd(level=0).encode(codec.encode(rows) if codec else rows.tobytes()))
+    make_folder(file.parent)
+    # The lock of the store allows one process at a time to write, so that the name can be the same
+    # each time, and the file that a killed process leaves is written over.
+    new = file.with_name(f"{file.name}.partial")
+    try:
+        new.write_bytes(content + digest(_key(array, chunk), content).encode())
+        new.replace(file)
+    except BaseException:
+        with suppress(OSError):
+            new.unlink()
+        raise
+    return file
+
+
+def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
+    """Read one chunk of an array.
+
+    **Arguments:** `path`: folder of the group.
+
+    **Returns:** (n, ...), as many rows as the array has in the chunk; the fault, `MISSING` or
+    `DAMAGED`, if the file has one.
+    """
+    from numcodecs.zstd import Zstd
+
+    file, codec = chunk_file(path, array, chunk), _codec(array)
+    try:
+        whole = file.read_bytes()
+    except FileNotFoundError:
+        return MISSING
+    content = whole[:-DIGITS]
+    if whole[-DIGITS:] != digest(_key(array, chunk), content).encode():
+        return DAMAGED
+    decoded = bytes(Zstd().decode(content))
+    entries = codec.decode(decoded) if codec else np.frombuffer(decoded, _dtype(array))
+    rows = np.asarray(entries).reshape(array.chunks)
+    rows_left = array.shape[0] - chunk * array.chunks[0]
+    return rows[tuple(map(slice, (min(rows_left, len(rows)), *array.shape[1:])))]
+
+
+def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
+    """Write all entries of an array, (n, ...). `path`: folder of the group."""
+    for chunk, first in enumerate(range(0, len(values), array.chunks[0])):
+        write_chunk(path, array, chunk, values[first : first + array.chunks[0]])
+
+
+def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
+    """Read an array of a group as far as its files are intact.
+
+    **Arguments:** `path`: folder of the group; `array`: the opened array.
+
+    **Returns:** the values, and for each faulty file the fault, `MISSING` or `DAMAGED`, by number
+    of its chunk. The values of these chunks are the fill value.
+    """
+    values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
+    for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
+        rows = read_chunk(path, array, chunk)
+        if isinstance(rows, str):
+            faults[chunk] = rows
+        else:
+            values[first : first + len(rows)] = rows
+    return values, faults

@@ -1,0 +1,397 @@
+"""Metadata and labels of a sweep's Zarr store, which are written before any result.
+
+They tell which sweep the store holds, and which lanes. A lane is one run of the sweep. Labels are
+the values of the axes and of other dimensions, the digests by which lanes are recognised, and the
+order of the lanes. In the arrays of the store's folder `by_lane`, each lane has a row. The number
+of the row may differ from that of the lane, because lanes that are added later get rows at the end.
+Beside this folder the store has a grid, a copy of the results along the axes for other programs.
+
+The result code of a lane is an integer that says how its run ended, or that it is pending, which
+means not yet computed.
+"""
+
+import glob
+import json
+import shutil
+import time
+import uuid
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..._compilation.digests import digest
+from ..._compilation.program_store import system_errors_suppressed
+from ..._fields.checks import require
+from ..outputs import BY_LANE, LANE, RESULT, Coordinate, Layout, Variable, dataset
+from .chunks import chunk_file, compressors, make_folder, opened, opened_group, read, write
+from .program import Identity
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ROOT = "zarr.json"
+"""File with the metadata of a Zarr group, which lists its arrays."""
+
+
+@contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Yield a new path beside that of a store, for a store or grid that is being written.
+
+    Within the context the caller writes a folder at this path, and moves the complete folder, or
+    its files, to the final place. When the context ends, also by an error, whatever is left at the
+    new path is removed.
+    """
+    new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    try:
+        yield new
+    except BaseException:
+        # Zarr writes several files at the same time. After the error of one, as on a full disk, it
+        # still makes others, and their folders, so that what was removed would come back.
+        for _ in range(_REMOVALS):
+            shutil.rmtree(new, ignore_errors=True)
+            time.sleep(_REMOVAL_PERIOD)
+        raise
+    finally:
+        with system_errors_suppressed():
+            shutil.rmtree(new)
+
+
+_REMOVALS, _REMOVAL_PERIOD = 10, 0.05
+"""How often, and with which time in between, s, an incomplete store is removed after an error."""
+
+
+def move(file: Path, to: Path) -> None:
+    """Move a file to the path `to`: an earlier file there is replaced, and missing folders are
+    made."""
+    make_folder(to.parent)
+    file.replace(to)
+
+
+def write_dataset(path: Path, results: "xr.Dataset") -> None:
+    """Write a dataset as a Zarr store to a new folder."""
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+
+    # The files have no checksum of `.chunks`, because other programs read them too. With a CRC,
+    # these programs refuse a damaged file.
+    codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
+    with warnings.catch_warnings():
+        # Zarr warns that version 3 of its format doesn't specify texts and consolidated metadata
+        # yet.
+        warnings.simplefilter("ignore")
+        results.to_zarr(
+            path,
+            mode="w",
+            zarr_format=3,
+            consolidated=True,
+            encoding={str(name): codecs for name in results.variables},
+            # Zarr would omit the file of an empty chunk, and that of an older grid would stay.
+            write_empty_chunks=True,
+        )
+
+
+def write_grid(path: Path, results: "xr.Dataset") -> None:
+    """Write results as the grid of the store at a path, in place of an earlier grid.
+
+    If the arrays differ in names, shapes or attributes from those of the earlier grid, that grid is
+    removed first, and a program that opens the grid before the new one is complete finds none. If
+    they don't differ, files with other content are replaced one by one, with the result codes last,
+    so that a lane whose code says that it is done has all its numbers.
+
+    **Arguments:** `path`: folder of the store; `results`: results along the axes of the sweep.
+    """
+    with unfinished(path) as new:
+        write_dataset(new, results)
+        # The file `ROOT` lists the arrays. If it changes, it is removed first and written last, so
+        # that a reader finds either all arrays or none.
+        if not _same(new / ROOT, path / ROOT):
+            remove_grid(path)
+        _move_all(new, path)
+
+
+def _move_all(new: Path, path: Path) -> None:
+    """Move those files of a group whose content is new to another folder.
+
+    The file `ROOT` lists the arrays and is moved last: until then the group reads as before.
+    Result codes are moved after all other arrays, so that no lane counts as done before its numbers
+    exist.
+    """
+    files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
+    for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
+        if not _same(new / file, path / file):
+            move(new / file, path / file)
+
+
+def _same(file: Path, other: Path) -> bool:
+    return other.exists() and file.read_bytes() == other.read_bytes()
+
+
+def remove_grid(path: Path) -> None:
+    """Remove the grid from the store at a path: the file `ROOT`, and every folder but `by_lane`,
+    which has the results by lane."""
+    (path / ROOT).unlink(missing_ok=True)
+    for entry in path.iterdir():
+        if entry.name != BY_LANE and entry.is_dir():
+            shutil.rmtree(entry)
+
+
+if TYPE_CHECKING:
+    import zarr
+
+_OWN = "sweep_"
+"""Prefix of the store's own attributes, which are neither settings nor notes of the sweep."""
+_FORMAT, _VERSION = "sweep_format", 3
+_DIGEST = "sweep_digest"
+"""Name of the attribute with a digest of all other metadata of the group `by_lane`."""
+ADDED = "sweep_added"
+"""Name of the attribute that lists the variables added after the store was made. They may lack the
+files of lanes that were done before."""
+ABANDONED_AFTER = 3600.0
+"""Age, s, above which an incomplete store counts as left behind by a killed process and is removed.
+Writing one takes about a second."""
+
+
+class Contents(NamedTuple):
+    """Contents of a store without the results.
+
+    - `layout`: axes, variables and settings of the sweep.
+    - `identity`: digests by which the sweep and its lanes are recognised.
+    - `order`: (lanes,) number of the lane in each row of the store.
+    - `added`: names of the variables that were added after the store was made.
+    """
+
+    layout: Layout
+    identity: Identity
+    order: np.ndarray
+    added: frozenset[str] = frozenset()
+
+
+def create(path: Path, contents: Contents) -> None:
+    """Make a store without results at a path; do nothing if another process makes it at the same
+    time.
+
+    The store is written under another name and then renamed, so that at any time it is either
+    complete or absent.
+
+    **Arguments:** `contents`: contents of the new store.
+
+    **Raises:** `OSError` if the store can't be renamed although nothing exists at the path.
+    """
+    with unfinished(path) as store:
+        _write(store / BY_LANE, contents)
+        write_grid(store, dataset(contents.layout, contents.layout.pending()))
+        try:
+            store.rename(path)
+        except OSError:
+            if not path.exists():
+                raise
+
+
+def extend(path: Path, contents: Contents) -> None:
+    """Add lanes or variables to the store at a path, or give it other axes. Added lanes get rows
+    after the existing ones.
+
+    Existing chunks of results are not changed. The grid (the copy of the results along the axes),
+    whose labels are outdated, is removed.
+
+    **Arguments:** `contents`: contents of the extended store.
+    """
+    with unfinished(path) as group:
+        _write(group, contents)
+        _move_all(group, path / BY_LANE)
+    remove_grid(path)
+
+
+def remove_abandoned(path: Path) -> None:
+    """Remove incomplete stores and grids that killed processes have left beside a store's path.
+
+    Those younger than `ABANDONED_AFTER` are kept, since another process may still write them.
+    """
+    for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
+        with suppress(FileNotFoundError):
+            if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:
+                shutil.rmtree(partial)
+
+
+def contents_of(path: Path) -> Contents:
+    """Read the contents, without the results, of the store at a path.
+
+    **Raises:** `ValueError` if there is no sweep's store, if it is of another version, or if its
+    metadata or labels are damaged.
+    """
+    # Attributes are settings and notes of the sweep, and the store's own, which begin with `_OWN`.
+    group, attrs = _opened(path)
+    own = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}
+    notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
+    path = path / BY_LANE
+    # `order` is the lane in each row, and `row_of` its inverse, the row of each lane.
+    order = _values(path, group, own["sweep_order"])
+    row_of = np.argsort(order)
+    names, further, digests = (own[_OWN + part] for part in ("axes", "coordinates", "digests"))
+    axes, zipped = [], own["sweep_zipped"]
+    for dim, name in enumerate(names):
+        axis = _labels(path, group, name)
+        values = axis.values[row_of]
+        if not zipped:
+            # The store has the axis's value in every lane; `Layout` needs each value once.
+            shape = own["sweep_shape"]
+            values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
+        axes.append(axis._replace(values=values))
+    # All arrays that are not labels are variables.
+    labels = {*names, *further, *digests.values(), own["sweep_order"]}
+    variables = {name: _variable(array) for name, array in group.arrays() if name not in labels}
+    chunk, coordinates = own["sweep_chunk"], tuple(_labels(path, group, n) for n in further)
+    layout = Layout(tuple(axes), chunk, variables, coordinates, attrs, zipped, notes)
+    lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
+    return Contents(layout, Identity(own["sweep_programs"], lanes), order, frozenset(own[ADDED]))
+
+
+def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
+    """Open a store, and return its group `by_lane` and the attributes of this group.
+
+    The attribute with the digest of the metadata is checked and left out.
+
+    **Raises:** `ValueError` if there is no store at the path, if its format has another version, or
+    if its metadata are damaged.
+    """
+    file = path / BY_LANE / ROOT
+    try:
+        # Older versions stored the lanes where the grid is now.
+        root = json.loads((file if file.exists() else path / ROOT).read_text())
+        attrs: dict[str, Any] = root["attributes"]
+        version = attrs[_FORMAT]
+    except (FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(
+            f"Argument `path` must name the store of a sweep, but {path} is not a store, or {file} "
+            "is missing or damaged: pass another path, or delete this one."
+        ) from error
+    other = f"not {version} as written by other versions of clearjoint"
+    expected = f"a store of format {_VERSION}, {other}"
+    remedy = "read it with xarray.open_zarr, and sweep into another path"
+    require(version == _VERSION, "path", str(path), expected, remedy)
+    # The digest covers all metadata but itself, so it is taken out of `root` before the comparison.
+    if attrs.pop(_DIGEST, None) != _digest(root):
+        raise ValueError(
+            f"The store {path} can't be read, because {file} is damaged: restore that file from a "
+            "copy, or delete the store to compute it again."
+        )
+    return opened_group(path / BY_LANE), attrs
+
+
+def _digest(root: Mapping[str, Any]) -> str:
+    return digest(json.dumps(root, sort_keys=True))
+
+
+def _write(path: Path, contents: Contents) -> None:
+    """Write the group `by_lane` of a new or extended store, without results.
+
+    **Arguments:** `path`: folder of the group, not that of the store; `contents`: contents of the
+    store.
+    """
+    import zarr
+
+    layout, identity, order, added = contents
+    # The array with the order has a digest of the order in its name. An extended store has another
+    # order, in an array of another name, so that a concurrent reader still finds the earlier one.
+    order_name = f"sweep_order_{digest(order.tobytes())}"
+    # The digests of the runs themselves have an empty name.
+    digests = {name: f"sweep_lanes_{name}" if name else "sweep_lanes" for name in identity.lanes}
+    own = {
+        "sweep_axes": [axis.name for axis in layout.axes],
+        "sweep_shape": list(layout.shape),
+        "sweep_zipped": layout.zipped,
+        "sweep_chunk": layout.chunk,
+        "sweep_coordinates": [c.name for c in layout.coordinates],
+        "sweep_notes": list(layout.notes),
+        "sweep_programs": dict(identity.programs),
+        "sweep_digests": digests,
+        "sweep_order": order_name,
+        ADDED: sorted(added),
+        _FORMAT: _VERSION,
+    }
+    attributes = {**layout.settings, **layout.notes, **own}
+    group = zarr.create_group(path, zarr_format=3, attributes=attributes)
+    # Labels along the lanes: values of the axes, digests of the lanes, and the order.
+    columns = layout.values()
+    along_lanes = [
+        *(axis._replace(values=columns[axis.name][order]) for axis in layout.axes),
+        *(Coordinate(digests[name], values[order]) for name, values in identity.lanes.items()),
+        Coordinate(order_name, order),
+    ]
+    labels = [(coordinate, LANE, layout.chunk) for coordinate in along_lanes]
+    labels += [(c, c.name, max(len(c.values), 1)) for c in layout.coordinates]
+    for coordinate, dim, chunk in labels:
+        name, values, _ = coordinate
+        attributes: dict[str, Any] = coordinate.attributes
+        array = group.create_array(
+            name,
+            shape=values.shape,
+            chunks=(chunk,),
+            dtype=str if values.dtype.kind == "U" else values.dtype,
+            compressors=compressors(),
+            dimension_names=(dim,),
+            attributes=attributes,
+        )
+        write(path, array, values)
+    for name, variable in layout.variables.items():
+        group.create_array(
+            name,
+            shape=(layout.lanes, *variable.shape),
+            # A file has a chunk of lanes, with all other dimensions. A dimension may be empty, but
+            # a chunk must not be.
+            chunks=(layout.chunk, *(max(size, 1) for size in variable.shape)),
+            dtype=variable.dtype,
+            fill_value=variable.fill,
+            compressors=compressors(),
+            dimension_names=(LANE, *variable.dims),
+            attributes=variable.attributes,
+        )
+    with warnings.catch_warnings():
+        # Consolidated metadata are a draft in format 3. Without them, opening the store reads a
+        # file for every array.
+        warnings.filterwarnings("ignore", "Consolidated metadata")
+        zarr.consolidate_metadata(group.store)
+    # The digest covers all metadata but itself.
+    root = json.loads((path / ROOT).read_text())
+    root["attributes"][_DIGEST] = _digest(root)
+    (path / ROOT).write_text(json.dumps(root, indent=2))
+
+
+def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
+    """Read an array of labels: values of an axis, labels of another dimension, digests of the
+    lanes, or their order.
+
+    A store can't be opened without all its labels, so a missing or damaged file is an error here.
+
+    **Arguments:** `path`: folder of the group `by_lane`; `group`: this group, opened; `name`: name
+    of the array.
+
+    **Returns:** (n,).
+
+    **Raises:** `ValueError` that names the missing or damaged file.
+    """
+    array = opened(group, name)
+    values, faults = read(path, array)
+    for chunk, fault in faults.items():
+        file = chunk_file(path, array, chunk)
+        raise ValueError(
+            f"The store {path.parent} can't be read, because its file {file} is {fault}: "
+            "restore that file from a copy, or delete the store to compute it again."
+        )
+    return values
+
+
+def _labels(path: Path, group: "zarr.Group", name: str) -> Coordinate:
+    unit = str(group[name].attrs.get("units", "1"))
+    return Coordinate(name, _values(path, group, name), unit)
+
+
+def _variable(array: "zarr.Array") -> Variable:
+    attrs: dict[str, Any] = dict(array.attrs)
+    unit, description = attrs.pop("units"), attrs.pop("long_name")
+    metadata: Any = array.metadata
+    dims, shape = tuple(metadata.dimension_names[1:]), array.shape[1:]
+    return Variable(dims, shape, str(array.dtype), unit, description, attrs)

@@ -1,0 +1,441 @@
+"""Fingerprints (digests of the traced code) of functions, and the digests by which a store
+recognises its sweep.
+
+A lane is one run of a sweep. A run is determined by its program and by the numbers from which it
+starts. A store therefore compares digests of both instead of source texts or names of functions. A
+sweep with further axes finds the stored lanes that start from the same numbers as some of its own.
+
+Programs are traced in the form in which the lanes run them: the numbers of scene and state are
+arguments of a program, and the numbers of solver, controller and outputs are constants in it.
+Exact zeros and ones in the scene's vectors and matrices are constants too, unless an axis can
+change the vector or matrix.
+
+A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
+combines the operation that computes the value, the operation's parameters and the digests of its
+operands. The digest of a constant is computed from its numbers and their type, and that of an
+argument from its place among the arguments and its type. The digest of a result therefore doesn't
+depend on names of variables and functions, on the order of independent operations, on unused
+operations, on `jax.jit` around parts of the function, or on the process. It does depend on the code
+of globals, helpers, base classes and properties, as far as this code is in the traced program.
+"""
+
+import dataclasses
+import enum
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import ShapedArray
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, Var
+from jaxtyping import Int, PyTree
+
+from ..._compilation.digests import digest, number
+from ..._compilation.xla import CALLS, program_of
+from ..._fields.types import ArrayLike
+from ..._math.vectors import ConstantFolded, Scalar, unpack
+from ..._model.bodies import State
+from ..._model.scene import Scene
+from ..._simulation.lanes.lane import (
+    WINDOW,
+    Lane,
+    LaneRequest,
+    Plan,
+    Task,
+    begin_lane,
+    outcome,
+    step_lane,
+)
+from ..._simulation.results.impact_table import IMPACT_UNITS
+from ..._simulation.run.host_run import IMPACTS
+from ..._simulation.step.dense_output import Snapshot
+from ...quantities.base import Instant, Quantity
+from ..axes import Lanes
+from ..work import variable_name
+
+_ADDRESS = " at 0x"
+"""Text that marks an address in the `repr` of a Python function; it differs between processes."""
+_WITHOUT_RESULT = {"debug_callback", "debug_print"}
+"""Names of primitives that print or call a Python function, but return nothing. Digests don't
+depend on them, since they change no result."""
+
+
+class Fingerprints(NamedTuple):
+    """Digests and shapes of the entries of the dictionary that a function returns, by key.
+
+    - `digests`: digest of each entry; it changes if the code that computes the entry changes.
+    - `shapes`: each entry with `jax.ShapeDtypeStruct` in place of its arrays.
+    """
+
+    digests: dict[str, str]
+    shapes: dict[str, PyTree]
+
+
+def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
+    """Return the digests and shapes of the entries of the dictionary that a function returns.
+
+    Digests depend on structure, shapes and types of the arguments, but not on their numbers.
+
+    **Arguments:** `function`: function of PyTrees that JAX can trace; `arguments`: example
+    arguments.
+
+    **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
+    """
+    program, shapes = program_of(function, *arguments)
+    named = jax.tree_util.tree_flatten_with_path(arguments)[0]
+    inputs = [
+        digest("argument", jax.tree_util.keystr(path), _kind(variable))
+        for (path, _), variable in zip(named, program.jaxpr.invars, strict=True)
+    ]
+    results = _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
+    # The digest of an entry combines the digests of its leaves with their paths inside the entry.
+    parts: dict[str, list[str]] = {name: [] for name in shapes}
+    for (path, _), result in zip(
+        jax.tree_util.tree_flatten_with_path(shapes)[0], results, strict=True
+    ):
+        parts[path[0].key] += [jax.tree_util.keystr(path[1:]), result]
+    return Fingerprints({name: digest(*texts) for name, texts in parts.items()}, shapes)
+
+
+def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    """Return the digests of a program's results.
+
+    **Arguments:** `jaxpr`: the program; `constants`, `inputs`: digests of its constants and inputs.
+
+    **Raises:** `ValueError` for a call of a Python function that JAX does not trace.
+    """
+    known = dict(zip(jaxpr.invars, inputs, strict=True))
+    known |= zip(jaxpr.constvars, constants, strict=True)
+
+    def of(atom: Var | Literal) -> str:
+        if isinstance(atom, Literal):
+            return _constant(np.asarray(atom.val, _shape(atom).dtype))
+        return known[atom]
+
+    # An equation's digest combines those of its operands, so names and order have no effect.
+    for line in jaxpr.eqns:
+        operands = [of(atom) for atom in line.invars]
+        name = line.primitive.name
+        if name in CALLS:
+            # A call counts as the program that it calls: a jitted helper computes the same numbers
+            # as one that is not jitted.
+            results = _inner(line.params[CALLS[name]], operands)
+        elif name in _WITHOUT_RESULT:
+            results = []
+        elif "callback" in line.params:
+            raise _untraced(name, line.params["callback"])
+        else:
+            operation = digest(name, _setting(name, line.params), *operands)
+            results = [digest(operation, str(k)) for k in range(len(line.outvars))]
+        known |= zip(line.outvars, results, strict=True)
+    return [of(atom) for atom in jaxpr.outvars]
+
+
+def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
+    """Return the digests of the results of a program that is a parameter of an operation, such as
+    the body of a loop.
+
+    **Arguments:** `inputs`: digests of the program's inputs.
+    """
+    if isinstance(program, ClosedJaxpr):
+        return _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
+    return _results(program, _numbered("constant", program.constvars), inputs)
+
+
+def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
+    """Return the digests of variables that are known only by their `kind` ("input" or "constant"),
+    position and type."""
+    return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
+
+
+def _setting(operation: str, value: object) -> str:
+    """Return the digest of a parameter of an operation, or of a collection of its parameters.
+
+    **Arguments:** `operation`: name of the operation, for error messages; `value`: the parameter
+    or the collection.
+
+    **Raises:** `ValueError` for a Python function, since a change of its code would not be noticed.
+    """
+    # The body of a loop or a branch is a program, too. Its inputs are known by position only.
+    if isinstance(value, ClosedJaxpr | Jaxpr):
+        variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars
+        return digest(*_inner(value, _numbered("input", variables)))
+    if isinstance(value, np.ndarray | np.generic | jax.Array):
+        return _constant(value)
+    if isinstance(value, Mapping):
+        entries = sorted((str(name), _setting(operation, v)) for name, v in value.items())
+        return digest(*(part for entry in entries for part in entry))
+    if isinstance(value, list | tuple):
+        return digest(type(value).__name__, *(_setting(operation, part) for part in value))
+    if isinstance(value, enum.Enum | type):
+        return digest(str(value))
+    if dataclasses.is_dataclass(value):
+        parts = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+        return digest(type(value).__qualname__, _setting(operation, parts))
+    # The default repr contains an address: class and attributes identify the object instead.
+    if type(value).__repr__ is object.__repr__:
+        return digest(type(value).__qualname__, _setting(operation, getattr(value, "__dict__", {})))
+    shown = repr(value)
+    if _ADDRESS in shown:
+        raise _untraced(operation, shown)
+    return digest(shown)
+
+
+def _untraced(operation: str, function: object) -> ValueError:
+    return ValueError(
+        "Argument `path` must be None if the scene or an output calls a Python function that JAX "
+        f"does not trace ({operation}: {function}), because a store can't detect whether it has "
+        "changed: write the function with jax.numpy, or sweep without a store."
+    )
+
+
+def _constant(value: ArrayLike) -> str:
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key):
+        value = jax.random.key_data(value)
+    array = np.asarray(value)
+    return digest("constant", f"{array.dtype}{array.shape}", array.tobytes())
+
+
+def _kind(variable: Var) -> str:
+    shape = _shape(variable)
+    return f"{shape.dtype}{shape.shape}"
+
+
+def _shape(atom: Var | Literal) -> ShapedArray:
+    assert isinstance(atom.aval, ShapedArray)
+    return atom.aval
+
+
+RUN = ""
+"""Key of the digests of the run itself in dictionaries whose other keys are names of variables or
+outputs."""
+_BLOCK = 4096
+"""Number of lanes whose numbers `row_digests` copies at a time, to limit its use of memory."""
+
+
+class Identity(NamedTuple):
+    """Digests that identify a sweep of n lanes.
+
+    - `programs`: digests of the traced programs by name, from the function `programs`.
+    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; if
+      there is an output at given times, under its name, digests (n,) of its times in each lane.
+    """
+
+    programs: Mapping[str, str]
+    lanes: Mapping[str, Int[np.ndarray, " n"]]
+
+
+def programs(
+    plan: Plan,
+    folded_scene: ConstantFolded,
+    state: State,
+    start_time: float,
+    channels: dict[str, dict[str, Quantity]],
+) -> dict[str, str]:
+    """Return digests of the program of the run, under `RUN`, and of the programs that compute the
+    variables of the outputs, each under the variable's name.
+
+    Since each variable has its own digest, an output can be added to a store without making the
+    stored lanes invalid.
+
+    **Arguments:**
+
+    - `plan`: integration method and outputs of the sweep.
+    - `folded_scene`, `state`: scene and initial state of a lane. Numbers that are marked as
+      constants in the scene become part of the programs.
+    - `start_time`: s, start of all runs.
+    - `channels[name][key]`: quantities that the output `name` records, each as the variable
+      `variable_name(name, key)`.
+
+    **Raises:** `ValueError` for a scene or an output that calls a Python function that JAX doesn't
+    trace.
+    """
+    numbers, structure = eqx.partition(folded_scene, eqx.is_array_like)
+    traced, time = _Traced(plan, channels, structure), jnp.asarray(start_time, dtype=float)
+    # The run itself is traced without outputs, so that its digest does not depend on them. A run
+    # begins a lane and then repeats one step: these two programs determine it. The lengths and end
+    # times of 1.0 s are arbitrary, since digests do not depend on the arguments' numbers.
+    start = numbers, state, time, 1.0
+    begun = fingerprints(lambda *start: {RUN: traced.begin(traced.run_plan, *start)}, *start)
+    lane: Lane = begun.shapes[RUN]
+    stepped = fingerprints(traced.step, numbers, lane, 1.0)
+    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
+    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
+    # another part of the step does.
+    row = Snapshot(lane.run.step.t, lane.run.step.y, lane.run.step.entry_speeds)
+    tallies = jax.eval_shape(traced.tallies, numbers, row)
+    outputs = fingerprints(traced.outputs, numbers, row, row, tallies)
+    if not plan.impacts:
+        return run | outputs.digests
+    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
+    # that is added must not change the digest of the run.
+    with_impacts = jax.eval_shape(partial(traced.begin, traced.impacts_plan), *start)
+    tables = fingerprints(traced.impact_tables, numbers, with_impacts, 1.0)
+    return run | outputs.digests | tables.digests
+
+
+@dataclass(frozen=True)
+class _Traced:
+    """Parts of a lane's computation (start, steps, outputs and tables of impacts) as functions that
+    JAX can trace. The fingerprints of their jaxprs identify the program of a stored sweep.
+
+    Their argument `numbers` has the numbers of the scene, and times are in s.
+
+    - `plan`, `channels`: as in `programs`.
+    - `structure`: the scene without its numbers, except for those components of vectors and
+      matrices that are marked as constants of the program, because they are exactly 0 or 1.
+    """
+
+    plan: Plan
+    channels: dict[str, dict[str, Quantity]]
+    structure: ConstantFolded
+
+    def scene(self, numbers: PyTree) -> Scene:
+        """Return the scene with these numbers."""
+        return unpack(eqx.combine(numbers, self.structure))
+
+    @property
+    def run_plan(self) -> Plan:
+        """The plan without outputs."""
+        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
+
+    @property
+    def impacts_plan(self) -> Plan:
+        """The plan whose only outputs are the tables of impacts."""
+        return replace(self.run_plan, impacts=self.plan.impacts)
+
+    def begin(
+        self, plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar
+    ) -> Lane:
+        """Return the lane before its first step, which has the given length."""
+        request = _request(time + length, length)
+        return begin_lane(plan, self.scene(numbers), state, time, request)
+
+    def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+        """Return, under the key `RUN`, the lane after one step, and the outcome of a run that ends
+        before this step."""
+        plan, scene = self.run_plan, self.scene(numbers)
+        after = step_lane(plan, scene, lane, _request(end_time, end_time))
+        return {RUN: (after, outcome(plan, scene, lane, end_time))}
+
+    def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+        """Return the impacts recorded after one step, by variable of the impact tables."""
+        # A row is still wanted in each log, so that the code that records an impact is traced.
+        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
+        after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
+        return {
+            variable_name(name, key): record
+            for name, record in after.run.records[IMPACTS].items()
+            for key in (*IMPACT_UNITS, "count")
+        }
+
+    def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
+        """Return the instant of the snapshot `row`, from which quantities are computed. A snapshot
+        has the time, the variables and the entry speeds.
+
+        A quantity may evaluate the dense output at a fraction of the step. Here the values at this
+        fraction are replaced by the fraction times the snapshot `inside`, so that the fraction
+        appears in the traced program.
+        """
+        system = self.plan.scheme.system(self.scene(numbers))
+
+        def at(fraction: Scalar) -> Instant:
+            return jax.tree.map(lambda leaf: fraction * leaf, inside).instant(system)
+
+        return row.instant(system, at)
+
+    def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
+        """Return, by name, the values that the reductions accumulate, at the start of the run."""
+        now = self.instant(numbers, row, row)
+        starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
+        return jax.tree.map(jnp.asarray, starts)
+
+    def outputs(
+        self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
+    ) -> dict[str, PyTree]:
+        """Return, by variable of the sweep's results, all values that are computed for the variable
+        at the end of a step. A variable's digest is made from these values, so that it depends on
+        all of their code.
+
+        **Arguments:** `row`, `inside`: as in `instant`; `tallies`: the data that the reductions
+        carry, structured as the method `tallies` returns them.
+        """
+        now, computed = self.instant(numbers, row, inside), {}
+        for name, reduction in self.plan.reductions.items():
+            start, tally = reduction.start(now), tallies[name]
+            parts = start, reduction.update(tally, now), reduction.results(tally, now)
+            computed |= {variable_name(name, key): parts for key in reduction.units()}
+        for name, quantities in self.channels.items():
+            section = self.plan.sections.get(name)
+            # The times of a section's crossings depend on the crossing condition, so that every
+            # variable of the section includes it.
+            crossing = () if section is None else (section.quantity(now), section.after)
+            computed |= {variable_name(name, key): crossing for key in ("time", "count")}
+            computed |= {
+                variable_name(name, key): (*crossing, quantity(now))
+                for key, quantity in quantities.items()
+            }
+        return computed
+
+
+def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
+    """Return the data with which the loop runs a lane to `end_time`, s, with a first step of the
+    length `first_step`, s, without times to save at and without rows to record."""
+    return LaneRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
+
+
+def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: str) -> Identity:
+    """Return the identity of a sweep, by which a store recognises it and its lanes.
+
+    A lane starts from its scene, its initial state, its end time and the length of its first step.
+    A lane in `lanes.bad`, which is not run, is identified by its error message instead.
+
+    **Arguments:** `digests`: digests of the programs by name; `lanes`: scenes and initial states;
+    `tasks`: end time, length of the first step and times to save at of each lane; `saved`: name of
+    the output that is recorded at the times `tasks.save_at`, if these are not ``None``.
+    """
+    scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
+    states = jax.tree.leaves(lanes.states)
+    arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
+    starts = row_digests([*arrays, *states, tasks.end_time, tasks.first_step])
+    for lane, message in lanes.bad.items():
+        starts[lane] = number(message.encode())
+    times = {} if tasks.save_at is None else {saved: row_digests([tasks.save_at])}
+    return Identity(digests, {RUN: starts, **times})
+
+
+def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
+    """Return a digest for each of n lanes, as int64 (n,), of the lane's rows in several arrays
+    (n, ...)."""
+    arrays = [np.asarray(column) for column in columns]
+    count = len(arrays[0])
+    digests = np.empty(count, np.int64)
+    for first in range(0, count, _BLOCK):
+        block = slice(first, min(first + _BLOCK, count))
+        # The bytes of a lane's rows stand one after the other in a row of `table`.
+        rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
+        table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
+        digests[block] = [number(row.tobytes()) for row in table]
+    return digests
+
+
+def matching_lanes(
+    stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
+) -> Int[np.ndarray, " s"]:
+    """Return for each stored digest the number of a wanted lane with the same digest, (s,).
+
+    If several wanted lanes have the same digest, each is taken at most once. The number is -1 where
+    no lane with the digest is left.
+    """
+    # Equal digests are usual: an axis may repeat a value.
+    unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
+    for lane, wanted_digest in enumerate(wanted.tolist()):
+        unmatched[wanted_digest].append(lane)
+    return np.array(
+        [unmatched[one].popleft() if unmatched[one] else -1 for one in stored.tolist()], dtype=int
+    )

@@ -1,0 +1,547 @@
+"""Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
+
+A lane is one run of the sweep, and a chunk a group of lanes that are stored together. In the folder
+`by_lane`, each variable is an array whose first dimension is `lane` and whose chunks are those of
+the sweep, so writing a chunk changes no file of another chunk. The result codes of a chunk are
+written last. Without them its lanes count as pending (not yet computed), whatever else a killed
+process has written. Writing a chunk again is harmless, and two processes that write to the same
+store wait for each other if the system can lock files. The grid, a copy of the results along the
+axes, is stored for other programs (see `.metadata`).
+
+Every file has a checksum of its content and path. The lanes of a chunk with a damaged, missing or
+exchanged file count as pending too. A warning names the file, and the lanes are computed again.
+
+A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
+lanes by the numbers from which they start, and variables by the programs that compute them
+(`.program`). It has the axes of the sweep that opened it last. Apart from these changes and the
+results, a store doesn't change after its creation.
+"""
+
+import errno
+import os
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from os.path import commonprefix
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..._fields.cautions import level_of_the_user
+from ..outputs import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
+from .chunks import (
+    DAMAGED,
+    MISSING,
+    chunk_file,
+    locked,
+    opened,
+    opened_group,
+    read,
+    read_chunk,
+    write_chunk,
+)
+from .metadata import (
+    ADDED,
+    Contents,
+    contents_of,
+    create,
+    extend,
+    remove_abandoned,
+    write_grid,
+)
+from .program import RUN, Identity, matching_lanes
+
+_SHOWN = 60
+"""Largest number of characters of a text that a message shows."""
+Part = str | int | np.ndarray
+"""Part of a layout in which two sweeps may differ: a text, such as a setting or a unit; the number
+of lanes in a chunk; or an array of labels."""
+
+
+def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
+    """Return one line for each difference that prevents the store from taking the wanted sweep.
+
+    Lanes, axes and variables that only the wanted sweep has are not differences, because the store
+    can be extended by them. Notes are texts for readers, such as the numbers that all lanes share.
+    Notes that differ are listed only beside other differences, which they may explain.
+
+    **Arguments:** `stored`: contents of the store; `wanted`: contents that a store of the wanted
+    sweep would have; `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1
+    if the wanted sweep lacks the row's lane.
+
+    **Returns:** the lines; an empty list if the store can take the wanted sweep.
+    """
+    parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
+    lines = [
+        *_compared(_settings(stored.layout), _settings(wanted.layout)),
+        # A part that only the wanted sweep has is no difference: the store is extended by it.
+        *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
+        *_lost(stored, wanted.layout, kept),
+    ]
+    # A difference that already has a line, such as that of a setting, may change the program of the
+    # run too. A second line about this program would mislead.
+    lines += _programs(stored, wanted, without_run=bool(lines))
+    lines += _save_times(stored, wanted, kept)
+    notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
+    old, new = ({name: one.layout.notes[name] for name in notes} for one in (stored, wanted))
+    return lines and [*lines, *_compared(old, new)]
+
+
+def _settings(layout: Layout) -> dict[str, Part]:
+    """Return the settings of a sweep, and the size of its chunks, by the names that messages
+    show."""
+    settings: dict[str, Part] = {f"setting {name}": text for name, text in layout.settings.items()}
+    return {"lanes in a chunk": layout.chunk, **settings}
+
+
+def _parts(layout: Layout) -> dict[str, Part]:
+    """Return the units, labels and variables of a layout, by the names that messages show. Those of
+    a store must be the same in a sweep that uses it; the sweep may have more of them."""
+    parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
+    parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
+    parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
+    return parts | {f"variable {name}": _outline(v) for name, v in layout.variables.items()}
+
+
+def _outline(variable: Variable) -> str:
+    """Return the dtype, dimensions and attributes of a variable as text, such as "float64 (lane,
+    body 2), long_name ..., units m"."""
+    sizes = zip(variable.dims, variable.shape, strict=True)
+    shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
+    attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
+    return f"{np.dtype(variable.dtype)} ({shape}), {attrs}"
+
+
+def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
+    """Yield a line for each part that differs or that only one of the two sweeps has."""
+    for name in {**stored, **wanted}:
+        in_both = name in stored and name in wanted
+        if not (in_both and np.array_equal(stored[name], wanted[name])):
+            yield f"{name}: {_difference(stored.get(name), wanted.get(name))}"
+
+
+def _difference(stored: Part | None, wanted: Part | None) -> str:
+    """Return the end of a line, which says how the stored part differs from the wanted one.
+    ``None`` stands for a part that is absent."""
+    if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
+        if stored.size != wanted.size:
+            return f"stored {stored.size} values, now {wanted.size}"
+        differ = np.flatnonzero(stored != wanted)
+        first = differ[0]
+        return (
+            f"{differ.size} of {stored.size} values differ, first number {first}: "
+            f"stored {_shown(stored[first])}, now {_shown(wanted[first])}"
+        )
+    start = 0
+    if isinstance(stored, str) and isinstance(wanted, str):
+        # If the first difference would not be shown otherwise, the text begins shortly before it.
+        same = len(commonprefix((stored, wanted)))
+        start = max(same - _SHOWN // 4, 0) if same >= _SHOWN // 2 else 0
+    return f"stored {_shown(stored, start)}, now {_shown(wanted, start)}"
+
+
+def _shown(value: object, start: int = 0) -> str:
+    """Return a text that shows a value: at most `_SHOWN` characters from the character `start` on,
+    with "…" in place of omitted characters. An array is shown by its number of values, and ``None``
+    as "nothing"."""
+    if value is None:
+        return "nothing"
+    text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
+    rest = text[start:]
+    head, tail = "…" if start else "", "…" if len(rest) > _SHOWN else ""
+    return f"{head}{rest[:_SHOWN]}{tail}"
+
+
+def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
+    """Yield a line for each axis with stored values that the wanted sweep lacks, and one line if
+    the wanted sweep lacks any stored lanes.
+
+    **Arguments:** `kept`: as in `differences`.
+    """
+    values = {axis.name: axis.values for axis in wanted.axes}
+    # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
+    # compared parts, already has one.
+    for name, old, _ in stored.layout.axes:
+        gone = old[~np.isin(old, values.get(name, old))]
+        if gone.size:
+            yield (
+                f"axis {name}: {gone.size} of {old.size} stored values are not among the "
+                f"{values[name].size} present values, first {_shown(gone[0])}"
+            )
+    lost = kept < 0
+    if lost.any():
+        yield (
+            f"lanes: {lost.sum()} of {lost.size} stored lanes are not among the {wanted.lanes} "
+            "present lanes, because the numbers at their start differ, first lane "
+            f"{stored.order[lost].min()}"
+        )
+
+
+def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
+    """Yield a line for each traced program that both sweeps have, but with different digests.
+
+    **Arguments:** `without_run`: whether to leave out the program of the run, and thus to compare
+    only those of the variables.
+    """
+    new = wanted.identity.programs
+    for name, program in stored.identity.programs.items():
+        if program != new.get(name, program) and not (without_run and name == RUN):
+            subject = f"variable {name}" if name else "program of a step"
+            yield f"{subject}: the code that JAX traces differs from the stored one"
+
+
+def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
+    """Yield a line for each output whose times to save at differ in any lane that both sweeps have.
+
+    **Arguments:** `kept`: as in `differences`.
+    """
+    old, new = stored.identity.lanes, wanted.identity.lanes
+    # `kept` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
+    for name in (old.keys() & new.keys()) - {RUN}:
+        others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
+        if others:
+            yield f"times of {name}: they differ in {others} of {kept.size} stored lanes"
+
+
+if TYPE_CHECKING:
+    import xarray as xr
+    import zarr
+
+Parts = Mapping[int, tuple[Sequence[int], LaneArrays]]
+"""Results of some lanes by number of the chunk: numbers of n lanes of this chunk, in any order, and
+an array (n, ...) of these lanes, in the same order, for every variable by name."""
+_NAMED = 5
+"""Number of damaged files that a warning names."""
+GRID_PERIOD, GRID_SHARE = 60.0, 0.02
+"""Shortest time, s, between two writes of the grid during a sweep, and largest share of the sweep's
+time that these writes may take. The grid is a copy of all results, so writing it often would be
+slow."""
+_FLUSHED_TOGETHER = 16
+"""Number of files that are flushed to disk at the same time."""
+
+
+class SweepMemory:
+    """Results of a sweep in memory, with the methods of a `SweepStore`; used for sweeps without a
+    path.
+
+    **Arguments:** `layout`: shapes and labels of the results.
+    """
+
+    def __init__(self, layout: Layout):
+        self.layout = layout
+        self._arrays = layout.pending()
+
+    def missing(self) -> dict[int, list[int]]:
+        """Return the numbers of the lanes that have no results yet, by number of their chunk."""
+        return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
+
+    def write(self, parts: Parts) -> None:
+        """Keep the results of some lanes; the argument is that of `SweepStore.write`."""
+        for lanes, results in parts.values():
+            for name, values in results.items():
+                self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
+
+    def write_grid(self) -> None:
+        """Do nothing, because other programs can't read this memory."""
+
+    def dataset(self) -> "xr.Dataset":
+        """Return the results of all lanes along the axes; pending lanes have the `result` -1."""
+        return dataset(self.layout, self._arrays)
+
+
+class SweepStore:
+    """Results of a sweep in a folder on disk. `SweepStore.open` opens or creates one.
+
+    **Arguments:** `path`: the folder; `contents`: layout and identity of the sweep, and the order
+    of the lanes in the store.
+    """
+
+    def __init__(self, path: Path, contents: Contents):
+        self.path, self._contents = path, contents
+        self.layout = contents.layout
+        self._folder = path / BY_LANE
+        self._row_of = np.argsort(contents.order)
+        self._grid_written, self._grid_seconds = time.monotonic(), 0.0
+
+    @classmethod
+    def open(cls, path: str | os.PathLike, layout: Layout, identity: Identity) -> "SweepStore":
+        """Open the store of a sweep at a path, or create it if there is nothing at the path.
+
+        A store with fewer lanes or variables than the requested sweep is extended, and one with the
+        same lanes along other axes gets the axes of the requested sweep, unless it is read only.
+
+        **Arguments:** `layout`: axes, variables and settings of the requested sweep; `identity`:
+        digests of its programs and lanes.
+
+        **Raises:** `ValueError` if there is something other than a store at the path; if the store
+        is of another version, or its metadata are damaged; if the stored sweep has lanes or
+        variables that the requested sweep lacks; or if the two sweeps differ in another way that
+        `differences` lists, such as in a setting, a program, or the number of lanes in a chunk.
+        `OSError` if the store can't be created or extended, for example without permission.
+        """
+        path = Path(path)
+        # Processes that were killed may have left partly written stores beside the path.
+        remove_abandoned(path)
+        if not path.exists():
+            create(path, Contents(layout, identity, np.arange(layout.lanes)))
+        # Raises an error if the path has no store, before the lock writes a file there.
+        contents_of(path)
+        with locked(path / BY_LANE):
+            # Read again, because another process may have extended the store before the lock.
+            stored = contents_of(path)
+            # The order of the rows is a placeholder: `_joined` computes it.
+            extended = _joined(path, stored, Contents(layout, identity, stored.order))
+            # The same lanes may lie along other axes. A store that is read only keeps its axes.
+            relabelled = not _same_axes(stored.layout, layout) and os.access(path, os.W_OK)
+            if len(stored.order) < layout.lanes or extended.added - stored.added or relabelled:
+                extend(path, extended)
+                write_grid(path, _labelled(path, extended))
+        return cls(path, extended)
+
+    def missing(self) -> dict[int, list[int]]:
+        """Return the numbers of the lanes whose results are missing or damaged, by number of their
+        chunk.
+
+        **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
+
+        **Warns:** `UserWarning` that names damaged files.
+        """
+        group = opened_group(self._folder)
+        codes = _arrays(self.path, group, self._contents)[RESULT]
+        missing = _missing(codes, self._contents.order, self.layout.chunk)
+        if missing and not os.access(self._folder, os.W_OK):
+            text = "Lanes are missing in this store, which can't be written to"
+            raise PermissionError(errno.EACCES, text, str(self._folder))
+        return missing
+
+    def write(self, parts: Parts) -> None:
+        """Write results of some lanes of one or more chunks to disk.
+
+        When this method returns, the lanes count as done, even if the process is killed afterwards.
+        The grid is written too if its last writing is long enough ago (`GRID_PERIOD`,
+        `GRID_SHARE`).
+        """
+        with locked(self._folder):
+            # Another process may have extended the store since it was opened.
+            group = opened_group(self._folder)
+            arrays = {name: opened(group, name) for name in self.layout.variables}
+            added = group.attrs[ADDED]
+            assert isinstance(added, list)
+            for name in set(map(str, added)) - set(arrays):
+                # Another process added this variable, and these results lack it: without its file,
+                # the chunk counts as pending for sweeps with the variable.
+                for chunk in parts:
+                    chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
+            whole = {chunk: self._whole(arrays, chunk, *part) for chunk, part in parts.items()}
+            # The result codes mark the lanes as done: they are written last, when the other
+            # variables are safely on disk.
+            others = [name for name in arrays if name != RESULT]
+            for names in (others, [RESULT]):
+                _flush_all(
+                    write_chunk(self._folder, arrays[name], chunk, results[name])
+                    for chunk, results in whole.items()
+                    for name in names
+                )
+        self._write_grid_if_due()
+
+    def _whole(
+        self,
+        arrays: "Mapping[str, zarr.Array]",
+        chunk: int,
+        lanes: Sequence[int],
+        results: LaneArrays,
+    ) -> LaneArrays:
+        """Return all rows of a chunk: given results and, in the other rows, the stored ones.
+
+        If a file of the chunk is missing or damaged, the other rows are pending. If all stored rows
+        are pending, the chunk's file of result codes is deleted, so that its lanes count as pending
+        until the caller has written the new results.
+
+        **Arguments:** `arrays`: arrays of the store by name; `chunk`: number of the chunk; `lanes`,
+        `results`: as in `Parts`.
+        """
+        # The last chunk may have fewer rows than the others.
+        first, size = chunk * self.layout.chunk, self.layout.chunk
+        count = min(size, arrays[RESULT].shape[0] - first)
+        rows = self._row_of[list(lanes)] - first
+        whole = {name: variable.pending(count) for name, variable in self.layout.variables.items()}
+        if len(lanes) < count:
+            stored = {name: read_chunk(self._folder, arrays[name], chunk) for name in results}
+            if not any(isinstance(part, str) for part in stored.values()):
+                whole = {name: np.array(part) for name, part in stored.items()}
+        # If all stored rows are pending, perhaps because a file is damaged or missing, old result
+        # codes are removed first: if this process were killed before it has written all arrays,
+        # they would mark rows as done whose other values are missing.
+        if len(lanes) < count and (whole[RESULT] == PENDING).all():
+            chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
+        for name, values in results.items():
+            whole[name][rows] = values
+        return whole
+
+    def write_grid(self) -> None:
+        """Write what has changed of the grid, the results along the axes for other programs, if the
+        store can be written to."""
+        # A store that can't be written to serves only sweeps whose lanes are all done: `missing`
+        # raises an error for other sweeps.
+        if not os.access(self.path, os.W_OK):
+            return
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # `dataset` warns of damaged files.
+            results = _labelled(self.path, contents_of(self.path))
+        with locked(self._folder):
+            write_grid(self.path, results)
+
+    def _write_grid_if_due(self) -> None:
+        start = time.monotonic()
+        if start - self._grid_written > max(GRID_PERIOD, self._grid_seconds / GRID_SHARE):
+            self.write_grid()
+            self._grid_written = time.monotonic()
+            self._grid_seconds = self._grid_written - start
+
+    def dataset(self) -> "xr.Dataset":
+        """Return the results of all lanes along the axes; pending lanes have the `result` -1. A
+        warning names damaged files, whose lanes are pending."""
+        return _labelled(self.path, self._contents)
+
+
+def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
+    """Read the results of a sweep's store, along its axes, also while the sweep is running.
+
+    Lanes that are not done have the `result` -1 (pending); their other results are NaN, or -1 for
+    integers. Lanes with damaged files are pending too. `sweep`, called with the arguments of the
+    first call, computes them again. All results are read into memory.
+
+    ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
+    was killed, this may show lanes as pending that were done in the last minute, or in a longer
+    time if the results are large.
+
+    **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
+    version or its metadata are damaged.
+
+    **Warns:** `UserWarning` that names damaged files.
+
+    >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
+    >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+    >>> _ = cj.sweep(
+    ...     scene, state, 0.5, {"stiffness": axis}, outputs, path="ball.zarr", progress=False
+    ... )
+    >>> np.round(cj.open_sweep("ball.zarr")["speed"].values, 4)
+    array([1., 2.])
+    """
+    path = Path(path)
+    return _labelled(path, contents_of(path))
+
+
+def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
+    """Return the wanted contents, with the order of lanes that the store will have.
+
+    The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
+
+    **Arguments:** `path`: path of the store, for the error message; `stored`: contents of the
+    store; `wanted`: contents that it should have, of which the `order` is not used.
+
+    **Raises:** `ValueError` that lists the differences, if there are any for which the store can't
+    take the wanted sweep.
+    """
+    # Lanes are recognised by the digests of the numbers from which they start.
+    digests = wanted.identity.lanes[RUN]
+    kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
+    lines = differences(stored, wanted, kept)
+    if lines:
+        raise ValueError(
+            f"The store {path} belongs to another sweep:\n  "
+            + "\n  ".join(lines)
+            + "\nPass another path, or delete the store to compute it again."
+        )
+    # `kept` has no -1 here, since a stored lane that is not wanted is one of the differences.
+    order = np.concatenate([kept, np.setdiff1d(np.arange(len(digests)), kept)])
+    added = stored.added | (set(wanted.layout.variables) - set(stored.layout.variables))
+    return wanted._replace(order=order, added=added)
+
+
+def _same_axes(one: Layout, other: Layout) -> bool:
+    """Return whether two sweeps have axes of the same names in the same order, each with the same
+    values in the same order, and are both zipped or both not."""
+    if (one.zipped, len(one.axes)) != (other.zipped, len(other.axes)):
+        return False
+    return all(
+        a.name == b.name and np.array_equal(a.values, b.values)
+        for a, b in zip(one.axes, other.axes, strict=True)
+    )
+
+
+def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
+    """Return the numbers of the pending lanes, those without results, by number of their chunk.
+
+    **Arguments:** `codes`: (rows,) result code of each row of the store, which is `PENDING` for a
+    pending lane; `order`: (rows,) number of the lane in each row; `chunk`: number of rows of a
+    chunk.
+    """
+    pending: dict[int, list[int]] = {}
+    for row in np.flatnonzero(codes == PENDING):
+        pending.setdefault(int(row) // chunk, []).append(int(order[row]))
+    return pending
+
+
+def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
+    """Read the results of all lanes of a store, and return them as a dataset along the axes. Lanes
+    with damaged files are pending, and a warning names the files."""
+    arrays = _arrays(path, opened_group(path / BY_LANE), contents)
+    row_of = np.argsort(contents.order)
+    return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
+
+
+def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
+    """Read the variables of all lanes by name, (lanes, ...), in the order of the store's rows.
+
+    Lanes of chunks that are not done, or that have damaged files, are pending. A warning names the
+    damaged files.
+    """
+    layout, damaged, folder = contents.layout, [], path / BY_LANE
+    arrays: dict[str, np.ndarray] = {}
+    lanes = slice(len(contents.order))  # Another process may have added lanes.
+    # Result codes are written last, so they are read first. A chunk that another process finishes
+    # in between stays pending here.
+    codes, faults = read(folder, opened(group, RESULT))
+    codes = codes[lanes]
+    # A missing file of result codes is no damage: its lanes are not done yet.
+    done = codes != PENDING
+    for chunk in [chunk for chunk, fault in faults.items() if fault == DAMAGED]:
+        damaged.append(f"{chunk_file(folder, opened(group, RESULT), chunk)} is {DAMAGED}")
+    for name in [name for name in layout.variables if name != RESULT]:
+        array = opened(group, name)
+        values, faults = read(folder, array)
+        arrays[name] = values[lanes]
+        for chunk, fault in faults.items():
+            span = layout.span(chunk)
+            # Missing files of lanes that are not done, and those of a variable that was added when
+            # its lanes were already done, are no damage. The lanes are pending all the same.
+            if done[span].any() and not (fault == MISSING and name in contents.added):
+                damaged.append(f"{chunk_file(folder, array, chunk)} is {fault}")
+            codes[span] = PENDING
+    for name, values in arrays.items():
+        values[codes == PENDING] = layout.variables[name].fill
+    if damaged:
+        more = f", and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
+        warnings.warn(
+            f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
+            "chunks are pending; sweep with the same arguments to compute them again.",
+            stacklevel=level_of_the_user(),
+        )
+    return {RESULT: codes, **arrays}
+
+
+def _flush_all(paths: Iterable[Path]) -> None:
+    """Wait until the given files are safely on disk, after they have all been written."""
+    written = list(paths)
+    # A file system finishes the flushes of several threads together.
+    with ThreadPoolExecutor(_FLUSHED_TOGETHER) as threads:
+        for _ in threads.map(_flush, written):
+            pass
+
+
+def _flush(path: Path) -> None:
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())

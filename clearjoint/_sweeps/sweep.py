@@ -1,0 +1,554 @@
+"""Parameter sweeps: simulate one scene for many values of its parameters. Each of the runs is
+called a lane."""
+
+import os
+import warnings
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from os import PathLike
+from typing import TYPE_CHECKING, TypedDict
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from .._dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_freedom
+from .._dynamics.constraint_report import dependent, start_rows_of_lanes
+from .._dynamics.coordinates import AbstractCoordinates
+from .._dynamics.journals import HOLD_IT, slid_out
+from .._export.datasets import describe, described, versions
+from .._fields.cautions import LeftBearingWarning, caution, level_of_the_user, quiet
+from .._fields.checks import require, require_array_names, require_count, require_types
+from .._fields.objects import with_arrays
+from .._math.vectors import fold_constants
+from .._model.bodies import BodyState, State
+from .._model.scene import Scene
+from .._native import is_native
+from .._parametrisation.paths import parameters
+from .._result_codes import RESULTS, result_number, result_numbers
+from .._simulation.lanes.lane import Common, Plan, Task, impact_log
+from .._simulation.reductions.base import AbstractReduction
+from .._simulation.results.impact_table import IMPACT_UNITS
+from .._simulation.results.solution import LABELS, STATE_PARTS, contact_label
+from .._simulation.run.impact_recorder import ImpactRecorder
+from .._simulation.run.run_checks import check_numbers, check_precision, check_structure
+from .._simulation.run.saving import Saving, saving_or_nothing
+from .._simulation.run.sections import Section
+from .._simulation.step import presets
+from .._simulation.step.dense_output import require_dense
+from .._simulation.step.method import Scheme
+from .._simulation.step.settings import Settings, check_span, checked_times, settings_or
+from .axes import Axis, Lanes, lanes_of, variable_leaves
+from .computing import compute_missing
+from .executors import AbstractSubmitter
+from .outputs import (
+    PENDING,
+    RESULT,
+    AnySaved,
+    Coordinate,
+    ImpactTable,
+    Layout,
+    Output,
+    StatesOfLanes,
+    Variable,
+    check_outputs,
+    with_saving,
+)
+from .store.program import identity_of, programs
+from .store.store import SweepMemory, SweepStore
+from .work import CONTACT, Work, variable_name
+
+
+def variables_of(
+    scene: Scene, outputs: Mapping[str, Output]
+) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
+    """Return the variables of a sweep by name, and the labels of their dimensions.
+
+    **Arguments:** `scene`: scene of the sweep; `outputs`: requested outputs by name.
+
+    **Returns:** the variables that every sweep has, followed by those of the outputs; and a
+    `Coordinate` for each dimension with labels, apart from the axes.
+
+    **Raises:** `ValueError` for an output whose variables have names that are already used.
+    """
+    # By the CF conventions, these two attributes give the name of each integer result code.
+    codes = result_numbers()
+    flags = {
+        "flag_values": [PENDING, *codes.values()],
+        "flag_meanings": " ".join(["pending", *codes]),
+    }
+    variables = {
+        RESULT: Variable(dtype="int8", description="result code of the run", attrs=flags),
+        "time_reached": Variable(unit="s", description="time at which the run ended"),
+        "attempts": Variable(dtype="int64", description="steps tried"),
+        "accepted": Variable(dtype="int64", description="steps accepted"),
+        **_states(scene, "final", "of the bodies at the end"),
+    }
+    coordinates = [
+        Coordinate("body", np.array(list(scene.bodies), dtype=str)),
+        *(Coordinate(name, np.array(labels)) for name, labels in LABELS.items()),
+    ]
+    for name, output in outputs.items():
+        # Tables of impacts have a dimension of contacts, and saved states one of times; both are
+        # named after the output, since their labels may differ between outputs.
+        if isinstance(output, ImpactTable):
+            labels = [contact_label(*contact) for contact in output.contacts(scene)]
+            coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
+        elif isinstance(output, StatesOfLanes):
+            coordinates.append(Coordinate(variable_name(name, "time"), output.times, "s"))
+        further = _variables_of_output(scene, name, output)
+        twice = sorted(set(variables) & set(further))
+        expected = "an output whose results have unused names"
+        require(not twice, f"outputs[{name!r}]", twice, expected, "rename the output")
+        variables |= further
+    return variables, tuple(coordinates)
+
+
+def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, Variable]:
+    """Return the variables of one output by name.
+
+    **Arguments:** `scene`: scene of the sweep; `name`: name of the output.
+    """
+    if isinstance(output, StatesOfLanes):
+        return _states(scene, name, "of the bodies", (variable_name(name, "time"), output.times))
+    if isinstance(output, AbstractReduction):
+        kind = type(output).__name__
+        texts = {key: f"{kind}, {key}" if key else kind for key in output.units()}
+        return {
+            variable_name(name, key): Variable(unit=unit, description=texts[key])
+            for key, unit in output.units().items()
+        }
+    # All other outputs are tables of impacts, crossings or saved quantities. They have a variable
+    # for each column, along the numbers of the rows. Lanes record different numbers of impacts and
+    # crossings, which are counted in a further variable.
+    counted: dict[str, Variable] = {}
+    if isinstance(output, ImpactTable):
+        dims = variable_name(name, CONTACT), variable_name(name, "number")
+        shape, units = (len(output.contacts(scene)), output.count), IMPACT_UNITS
+        counted["count"] = Variable(dims[:1], shape[:1], "int64", description="impacts recorded")
+    else:
+        dims, units = (variable_name(name, "number"),), {"time": "s"}
+        units |= {key: unit for key, (_, unit) in output.channels.items()}
+        if isinstance(output, Section):
+            shape = (output.count,)
+            counted["count"] = Variable(dtype="int64", description="crossings recorded")
+        else:
+            # Every lane saves at equally many times, which is checked when their tasks are made.
+            shape = (len(output.at(scene)),)
+    columns = {key: Variable(dims, shape, unit=unit) for key, unit in units.items()}
+    return {variable_name(name, key): v for key, v in (counted | columns).items()}
+
+
+def _states(
+    scene: Scene, name: str, description: str, along: tuple[str, np.ndarray] | None = None
+) -> dict[str, Variable]:
+    """Return variables with the states of all bodies, by name.
+
+    **Arguments:** `name`: start of the variables' names, which is the name of an output or "final";
+    `description`: end of the variables' descriptions; `along`: name of a dimension before that of
+    the bodies, and its labels.
+    """
+    dims, shape = ((), ()) if along is None else (along[:1], along[1].shape)
+    return {
+        variable_name(name, part): Variable(
+            (*dims, "body", dim),
+            (*shape, len(scene.bodies), len(LABELS[dim])),
+            unit=unit,
+            description=f"{part} {description}",
+        )
+        for part, (dim, unit) in STATE_PARTS.items()
+    }
+
+
+def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
+    """Return, as texts by name, the settings that a store compares.
+
+    The numbers of the lanes depend on them, so a sweep with other settings is another sweep. They
+    include the start time, the kind of compiled program ("native", or XLA and its backend), and the
+    versions of clearjoint, JAX and diffrax. Other settings, such as the solver, are recognised by
+    the digests of the traced programs.
+
+    **Arguments:** `settings`: settings of the integration; `start_time`: s, start of all runs.
+    """
+    names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
+    values = {name: getattr(settings, name) for name in names}
+    program = "native" if is_native() else f"XLA, {jax.default_backend()}"
+    return described({"start_time": start_time, **values, "program": program}) | versions()
+
+
+def notes_for_readers(
+    settings: Settings,
+    end_time: float | Callable[[Scene], float],
+    outputs: Mapping[str, Output],
+    axes: Mapping[str, Axis],
+    lanes: Lanes,
+) -> dict[str, str]:
+    """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
+
+    They become attributes of the results, so that readers see how these were computed. A store does
+    not compare these notes. It recognises a sweep by the traced programs and the numbers of the
+    lanes (see `clearjoint._sweeps.store.program`).
+
+    **Arguments:** `settings`, `end_time`, `outputs`, `axes`: arguments of `sweep`; `lanes`: scenes
+    and initial states of the lanes.
+    """
+    # For each leaf of the state, whether it differs between lanes.
+    states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
+    names = ("solver", "controller", "first_step", "stabilisation", "redundant")
+    choices = {
+        "end_time": end_time,
+        **{name: getattr(settings, name) for name in names},
+        # The name "coordinates" alone can't be used, because xarray itself writes an attribute of
+        # this name to files.
+        "method: coordinates": settings.coordinates,
+        **{f"output {name}": output for name, output in outputs.items()},
+    }
+    return {
+        **described(choices),
+        **{f"axis {name}": axis.described() for name, axis in axes.items()},
+        # Names and kinds of the scene's elements, with 0 in place of their numbers.
+        "structure": describe(jax.tree.map(lambda _: 0, lanes.scene)),
+        **_constant_numbers(lanes.scene, lanes.varied, "scene"),
+        **_constant_numbers(lanes.state, states, "state"),
+    }
+
+
+def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
+    """Return, as texts by name, the numbers of a scene or state that all lanes share.
+
+    **Arguments:** `varied`: PyTree like `tree`, true where lanes differ; `name`: prefix of the
+    names.
+    """
+    varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
+    # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
+    return {
+        f"{name}." + key.replace("['", ".").replace("']", ""): describe(value)
+        for key, (value, _) in parameters(tree).items()
+        if not varies[key]
+    }
+
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_PROCESS = os.getpid()
+"""Number of the process that has imported this module. A forked process has another one."""
+CHUNK = 256
+"""Number of lanes in a chunk by default. A store has one file for each result of a chunk, and an
+executor computes one chunk in each of its tasks."""
+
+
+class SweepOptions(TypedDict, total=False):
+    """Keyword arguments that functions such as `sobol_indices`, which run a sweep themselves, pass
+    on to `sweep`; see there."""
+
+    start_time: float
+    path: str | PathLike | None
+    executor: AbstractSubmitter | None
+    threads: int | None
+    chunk: int
+    progress: bool
+
+
+def sweep(
+    scene: Scene,
+    state: State,
+    end_time: float | Callable[[Scene], float],
+    axes: Mapping[str, Axis],
+    outputs: Mapping[str, Output] | None = None,
+    settings: Settings | None = None,
+    save: Saving | None = None,
+    *,
+    zipped: bool = False,
+    path: str | PathLike | None = None,
+    executor: AbstractSubmitter | None = None,
+    threads: int | None = None,
+    chunk: int = CHUNK,
+    start_time: float = 0.0,
+    progress: bool = True,
+) -> "xr.Dataset":
+    """Simulate a scene for many values of its parameters.
+
+    Each combination of values is a run, called a lane. Lanes run side by side, but each has its own
+    time and step size, so its numbers are those of a single run and don't depend on the other
+    lanes. A lane that fails keeps its result code and the time it reached, and the other lanes
+    continue. A lane with a value that a scene can't have, or with nearly redundant constraints, is
+    not run: its result code is that of `bad_parameters`, and its outputs, final state and numbers
+    of steps are NaN, or -1 for integers.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`. `end_time` may be a function
+      of the lane's scene, for example of the speed of a crank.
+    - `axes`: the values of each parameter by name; see `Axis`. The lanes are all combinations of
+      the values. With `zipped`, lane i has the i-th value of every axis.
+    - `outputs`: outputs to keep for each lane, by name: reductions (`Peak`, `ImpactCount`,
+      `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass of
+      `AbstractReduction`), sections (`Section`), tables of impacts (`ImpactTable`) and at most one
+      `Saved`. For instance, ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every
+      contact, with their peak forces as ``hits_peak_force``. The final state, result code, time
+      reached, and numbers of steps are always kept.
+    - `settings`: settings of the integration; by default `clearjoint.presets.default`.
+    - `save`: further results of each lane, as in `simulate`: the states at given times, as
+      ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
+      ``saved_time``, and sections and reductions, which become outputs of the same names. Sweeps
+      can't save every step, and save impacts only in an `ImpactTable`.
+    - `path`: folder of a Zarr store, which is written chunk by chunk. If the folder contains the
+      store of this sweep, only missing or damaged lanes are computed, so that axes, further values
+      of an axis, and outputs can be added later. A store recognises its sweep by the numbers of its
+      lanes and by the programs that JAX traces, not by source texts or names. `open_sweep(path)`
+      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. Lanes that have
+      ended are written together a few times a second; while that takes longer, no lane begins. A
+      process that is killed loses the running lanes and, of the ended ones, about one second of
+      computing. On a slow disk, it also loses lanes of incomplete chunks, which then wait until
+      writing them takes at most a twentieth of the time.
+    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
+      chunks; by default threads of this process share the lanes. Processes must be spawned, not
+      forked, and a script must make the executor below ``if __name__ == "__main__":``. Dask serves
+      for clusters (``pip install 'clearjoint[cluster]'``); if a worker dies, Dask gives its chunks
+      to another worker.
+    - `threads`: number of threads that share the lanes in this process; by default the number given
+      to `configure`, or one for each core. Results don't depend on it.
+    - `chunk`: number of lanes in a chunk of the store and of the executor.
+    - `progress`: whether to show a progress bar.
+
+    **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the
+    settings as attributes.
+
+    **Raises:** `ValueError` for unsupported arguments, for a store that belongs to another sweep,
+    and for a `path` in a forked process; `PermissionError` for lanes that are missing in a store
+    which can't be written to; `ChunkError` if an executor fails.
+
+    **Warns:** `UserWarning` with the number of failed lanes, the error message of the first lane
+    that was not run, and the number of lanes that are pending because another process has discarded
+    their results; another one that names damaged files of the store; `LeftBearingWarning` if a
+    journal has slid out of its bearing at the end of a lane.
+
+    >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
+    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+    >>> results = cj.sweep(scene, state, 0.5, {"stiffness": axis}, {"speed": speed}, progress=False)
+    >>> np.round(results["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
+    array([1., 2.])
+    """
+    settings = settings_or(settings, presets.default)
+    settings.require_double()
+    check_precision(False)  # `False`: single precision is not allowed
+    scene, state = with_arrays((scene, state))
+    outputs = with_saving({} if outputs is None else outputs, saving_or_nothing(save), scene)
+    remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
+    require_array_names("axes", axes, remedy)
+    require_types("axes", axes, Axis, "an Axis", remedy)
+    check_outputs(outputs, scene, settings.ledger)
+    if threads is not None:
+        require_count("threads", threads, "give a number of threads, or None")
+    if path is not None:
+        # JAX computes while the programs are traced, and would wait forever for threads that only
+        # the parent process has.
+        expected = "None in a process that was forked after clearjoint was imported"
+        remedy = "start processes by multiprocessing.get_context('spawn')"
+        require(os.getpid() == _PROCESS, "path", str(path), expected, remedy)
+    labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
+    variables, coordinates = variables_of(scene, outputs)
+    # Settings that change the numbers of a lane; a store with others belongs to another sweep.
+    identifying = identifying_settings(settings, start_time)
+    layout = Layout(labels, chunk, variables, coordinates, identifying, zipped)
+    lanes = lanes_of(scene, state, axes, layout.values())
+    layout = replace(layout, notes=notes_for_readers(settings, end_time, outputs, axes, lanes))
+    check_numbers(scene, state)
+    lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
+    scheme = Scheme.of(settings, redundant)
+    common = _common_values(lanes, scheme, outputs, start_time, settings.max_steps)
+    tasks = _lane_tasks(lanes, end_time, start_time, settings, outputs)
+    if path is None:
+        # Results in memory need no fingerprint, so that no program is traced for them.
+        trace, store = None, SweepMemory(layout)
+    else:
+        # All leaves that the axes can change are arguments of the programs, even if they are equal
+        # in all present lanes: more values on an axis must not change the digests.
+        folded = fold_constants(scene, variable_leaves(lanes, axes))
+        # Worker processes trace the programs too, to check that they have the same code.
+        trace = partial(programs, common.plan, folded, state, start_time, common.channels)
+        digests = trace()
+        common = replace(common, programs=tuple(digests.items()))
+        store = SweepStore.open(path, layout, identity_of(digests, lanes, tasks, common.saved))
+    work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
+    results = compute_missing(work, store, trace, executor, threads, progress)
+    # The warnings are about all lanes, also those that the store already had.
+    _warn_of_failures(results, lanes, start_time, settings.coordinates)
+    _warn_of_journals_outside(results, lanes)
+    return results
+
+
+def checked_starts(
+    lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
+) -> tuple[Lanes, bool]:
+    """Find the lanes whose constraints are redundant, or nearly so, at the start of the run.
+
+    Lanes whose initial state violates the constraints are skipped: their runs end at once, with the
+    result code of `not_assembled`.
+
+    **Arguments:** `lanes`: scenes and initial states; `start_time`: s; `coordinates`: coordinates
+    that the solver uses.
+
+    **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
+    are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
+
+    **Raises:** `ValueError` if the coordinates have no variable, as joint coordinates of a scene in
+    which nothing can move.
+    """
+    require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
+    rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
+    # `known` keeps the results of the search for dependent rows. Lanes often have equal rows, so
+    # the search is done once for all of them.
+    bad, redundant = dict(lanes.bad), False
+    known: dict[bytes, np.ndarray] = {}
+    # Only lanes that satisfy their constraints are looked at: the others end as `not_assembled`.
+    residuals = np.concatenate([rows.values, rows.rates], axis=1)
+    for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
+        if lane in bad:
+            continue
+        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], known)
+        try:
+            require_certain(uncertain)
+            redundant = redundant or bool(dependent_rows)
+        except ValueError as error:
+            bad[lane] = str(error)
+    return replace(lanes, bad=dict(sorted(bad.items()))), redundant
+
+
+def _common_values(
+    lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
+) -> Common:
+    """Return the data that all lanes share: the scene, settings of the run, and outputs.
+
+    **Arguments:** `scheme`: method of the integration; `outputs`: outputs by name; `start_time`: s;
+    `max_steps`: largest number of steps of a lane.
+
+    **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
+    """
+    saved = next((name for name, o in outputs.items() if isinstance(o, AnySaved)), "")
+    reductions = {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)}
+    sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
+    recorded = {name: o for name, o in outputs.items() if isinstance(o, AnySaved | Section)}
+    tables = {name: o for name, o in outputs.items() if isinstance(o, ImpactTable)}
+    # Crossings, saved times and peaks of impacts lie inside of steps.
+    if recorded or tables:
+        require_dense(scheme.method.solver)
+    recorders = {name: section.state_recorder for name, section in sections.items()}
+    impacts = {name: ImpactRecorder(one.joint, one.window()) for name, one in tables.items()}
+    plan = Plan(scheme, reductions, recorders, bool(saved), np.asarray(max_steps), impacts)
+    # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
+    # has a log of its own, too, and each log has room for a limited number of rows.
+    logs = {
+        name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))
+        for name, table in tables.items()
+    }
+    channels = {
+        name: {key: quantity for key, (quantity, _) in output.channels.items()}
+        for name, output in recorded.items()
+    }
+    capacity = {name: section.count for name, section in sections.items()}
+    capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
+    # Zeros and ones that all lanes share may become constants of the compiled program, which
+    # shortens it; numbers that vary must stay arguments.
+    folded_scene = fold_constants(lanes.scene, lanes.varied)
+    start = np.asarray(start_time, dtype=float)
+    return Common(plan, folded_scene, start, capacity, channels, saved, tables=logs)
+
+
+def _lane_tasks(
+    lanes: Lanes,
+    end_time: float | Callable[[Scene], float],
+    start_time: float,
+    settings: Settings,
+    outputs: Mapping[str, Output],
+) -> Task:
+    """Return the data of all lanes: scenes, states, end times, first steps, and times to save at.
+
+    **Arguments:** `end_time`: s, a number or a function of the lane's scene; `start_time`: s;
+    `settings`: settings of the integration; `outputs`: outputs by name.
+
+    **Raises:** `ValueError` for ends that are not finite or not long enough after the start, for
+    times to save at that are outside of the run, and if lanes have different numbers of them.
+    """
+    saved = next((output for output in outputs.values() if isinstance(output, AnySaved)), None)
+    count = len(jax.tree.leaves(lanes.states)[0])
+    # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
+    scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
+    given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
+    ends = np.asarray(given, dtype=float)
+    wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
+    expected = f"finite and after start_time = {start_time}"
+    require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")
+    check_span(start_time, float(ends.min()))  # the shortest run must not be too short
+    first_steps = np.full(count, settings.length_of_first_step(start_time, ends), dtype=float)
+    times = None
+    if saved is not None:
+        rows = [saved.at(scene) for scene in scenes]
+        counts = sorted({len(row) for row in rows})
+        expected = "equally many in all lanes"
+        require(len(counts) == 1, "times", counts, expected, "repeat the last one")
+        spans = zip(rows, ends, strict=True)
+        times = np.stack([checked_times(start_time, end, row, "times") for row, end in spans])
+    return Task(lanes.scenes, lanes.states, ends, first_steps, times)
+
+
+def _warn_of_failures(
+    results: "xr.Dataset", lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
+) -> None:
+    """Warn of the number of failed lanes by result code, and of lanes that are still pending.
+
+    The warning contains the error message of the first lane in `lanes.bad`, if there is any, and
+    that of the first lane whose initial state does not satisfy the joints.
+
+    **Arguments:** `start_time`, s, and `coordinates`: of the runs.
+    """
+    names = {number: name for name, number in result_numbers().items()}
+    codes = results[RESULT].values
+    counts = Counter(names[int(code)] for code in codes[codes != PENDING])
+    del counts["successful"]
+    pending, texts = np.count_nonzero(codes == PENDING), []
+    if counts:
+        failed = ", ".join(f"{count} {name}" for name, count in counts.items())
+        texts.append(f"{counts.total()} of {codes.size} lanes failed: {failed}.")
+    if lanes.bad:
+        texts.append("Lane {}: {}".format(*next(iter(lanes.bad.items()))))
+    unassembled = np.flatnonzero(codes.ravel() == result_number(RESULTS.not_assembled))
+    if unassembled.size:
+        lane = int(unassembled[0])
+        try:
+            with quiet():
+                check_structure(*lanes.of(lane), start_time, coordinates)
+        except ValueError as error:
+            texts.append(
+                f"Lane {lane}: {error} In a sweep, an axis changes the initial state along with "
+                "the scene by cj.Axis.change(make, values), where make(scene, state, value) sets "
+                "the value by cj.set_value and returns (scene, cj.assemble(scene, state))."
+            )
+    if pending:
+        remedy = "sweep again with the same arguments"
+        texts.append(f"{pending} of {codes.size} lanes are pending: {remedy}.")
+    if texts:
+        warnings.warn(" ".join(texts), stacklevel=level_of_the_user())
+
+
+def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
+    """Warn of lanes at whose end a journal has slid out of its bearing."""
+    # The final states of all lanes, as arrays (lanes, bodies, components). They are NaN for lanes
+    # that were not run, which the comparison with zero leaves out.
+    parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
+    columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
+    bodies = {
+        str(name): BodyState(*(column[:, k] for column in columns))
+        for k, name in enumerate(results["body"].values)
+    }
+    for name, excess in slid_out(lanes.contact_joints(), bodies).items():
+        count = int(np.count_nonzero(excess > 0.0))
+        if count:
+            caution(
+                f"In {count} of {excess.size} lanes the journal of joint {name!r} has slid out of "
+                f"its bearing at the end, by up to {np.nanmax(excess):.3g} m. {HOLD_IT}",
+                LeftBearingWarning,
+            )

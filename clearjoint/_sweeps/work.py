@@ -1,0 +1,192 @@
+"""Compute the lanes (runs) of a sweep, and convert their results to arrays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._result_codes import RESULTS, result_number
+from .._simulation.lanes.lane import Common, Task
+from .._simulation.lanes.scheduler import Batch, Ended, Running
+from .._simulation.results.solution import STATE_PARTS
+from .outputs import RESULT, LaneArrays, Variable
+
+CONTACT = "contact"
+"""End of the name of an impact table's dimension of contacts, such as "hits_contact"."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """All lanes of a sweep, in the form in which they can be run.
+
+    - `common`: data that the lanes share, such as the integration method and the outputs.
+    - `tasks`: data of each lane, such as its initial state and its end time, in NumPy arrays
+      (lanes, ...).
+    - `bodies`: names of the bodies along the dimension "body".
+    - `bad`: numbers of the lanes with invalid parameters, or with nearly redundant constraints,
+      which count as invalid parameters too; they are not run.
+    - `variables`: by name, the type, shape and unit of each result of a lane.
+    """
+
+    common: Common
+    tasks: Task
+    bodies: tuple[str, ...]
+    bad: frozenset[int]
+    variables: Mapping[str, Variable]
+
+    def __len__(self) -> int:
+        return len(self.tasks.end_time)
+
+    def run(
+        self,
+        lanes: Sequence[int],
+        on_ended: Callable[[np.ndarray, LaneArrays], None],
+        *,
+        threads: int | None = None,
+        on_progress: Callable[[Running], None] = lambda running: None,
+    ) -> Batch:
+        """Run lanes, and pass on their results as soon as they end.
+
+        Lanes with invalid parameters are not run. Their results are passed on first: the result
+        code of `bad_parameters`, the start time as "time_reached", and otherwise the fill values of
+        entries that have not been computed.
+
+        **Arguments:**
+
+        - `lanes`: numbers of the lanes to run.
+        - `on_ended`: function that is called with the numbers (n,) of lanes that have ended, and
+          their results, arrays (n, ...) by variable.
+        - `threads`: number of threads that share the lanes; by default the number given to
+          `clearjoint.configure`, or one for each core.
+        - `on_progress`: function that is called several times a second with the progress of the
+          running lanes.
+
+        `on_ended` and `on_progress` are called in the thread that calls `run`.
+
+        **Returns:** the `Batch`, when all lanes have ended. In each iteration of a compiled loop,
+        every running lane tries one step. The batch's attribute `turns` is the number of iterations
+        of all loops, times the number of lanes that a loop can run side by side.
+        """
+        # Apart from result code and time, lanes with invalid parameters keep the entries of lanes
+        # that have not been computed.
+        bad = np.array([lane for lane in lanes if lane in self.bad], int)
+        if bad.size:
+            results = {name: v.pending(len(bad)) for name, v in self.variables.items()}
+            results[RESULT] = np.full(len(bad), result_number(RESULTS.bad_parameters), np.int8)
+            results["time_reached"] = np.full(len(bad), float(self.common.start_time))
+            on_ended(bad, results)
+        batch = Batch(self.common, self.tasks, threads)
+        batch.run(
+            [lane for lane in lanes if lane not in self.bad],
+            lambda ended: on_ended(ended.lanes, self._results(ended)),
+            on_progress,
+        )
+        return batch
+
+    def _results(self, ended: Ended) -> LaneArrays:
+        """Return the results of lanes that have ended, arrays (lanes, ...) by variable."""
+        # Names are those of `clearjoint._sweeps.sweep.variables_of`.
+        outcome = ended.outcome
+        results: LaneArrays = {
+            RESULT: result_number(outcome.result),
+            "time_reached": np.asarray(outcome.time),
+            "attempts": np.asarray(outcome.attempts),
+            "accepted": np.asarray(outcome.accepted),
+        }
+        bodies = [outcome.final.bodies[name] for name in self.bodies]
+        for part in STATE_PARTS:
+            results[f"final_{part}"] = np.stack([getattr(body, part) for body in bodies], axis=1)
+        for name, values in outcome.results.items():
+            for key, value in values.items():
+                results[variable_name(name, key)] = np.asarray(value)
+        for name, logs in self._recorded(ended).items():
+            results |= {variable_name(name, key): values for key, values in logs.items()}
+        # A result that is the same in all lanes may have no dimension for them.
+        return {
+            name: np.broadcast_to(
+                np.asarray(results[name], variable.dtype), (len(ended.lanes), *variable.shape)
+            )
+            for name, variable in self.variables.items()
+        }
+
+    def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
+        """Return the recorded rows, by name of the output, of all outputs that record rows, such as
+        sections.
+
+        Each output has a dictionary of its columns, arrays (lanes, rows, ...) by name, and under
+        "count" the numbers of recorded rows, (lanes,). For impact tables, all these arrays have a
+        dimension of contacts after that of the lanes.
+        """
+        logs = {
+            name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
+        }
+        # A log has the rows of one section, of the saved states, or of one contact of an impact
+        # table. The logs of a table's contacts are stacked to one table.
+        for name, contacts in self.common.tables.items():
+            parts = [logs.pop(contact) for contact in contacts]
+            logs[name] = {key: np.stack([part[key] for part in parts], axis=1) for key in parts[0]}
+        return logs
+
+
+@dataclass(frozen=True)
+class Chunks:
+    """Function that computes a chunk of a sweep, in this process or in a worker process.
+
+    - `work`: all lanes of the sweep.
+    - `lanes`: numbers of the lanes to run, by number of the chunk.
+    - `trace`: function that returns digests, by name, of the programs that the process in which it
+      is called would run. Unless they equal those of `work`, the process has other code than the
+      one that made the sweep. ``None`` for no check.
+    """
+
+    work: Work
+    lanes: Mapping[int, Sequence[int]]
+    trace: Callable[[], Mapping[str, str]] | None = None
+
+    def __call__(self, chunk: int) -> LaneArrays:
+        """Return the results of the lanes of a chunk, arrays (lanes, ...) by variable, in the order
+        of `lanes[chunk]`.
+
+        **Raises:** `RuntimeError` if `trace` is given, and this process would run other code than
+        the process that made the sweep.
+        """
+        self._require_same_code()
+        parts: list[tuple[np.ndarray, LaneArrays]] = []
+        self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
+        # Lanes end in any order; here their results are sorted into the order of the chunk.
+        lanes, results = concatenated(parts)
+        order = np.argsort(lanes)[np.searchsorted(np.sort(lanes), self.lanes[chunk])]
+        return {name: values[order] for name, values in results.items()}
+
+    def _require_same_code(self) -> None:
+        """Raise a `RuntimeError` if this process would run other programs than those of `work`.
+
+        Programs are compared once in each process, because tracing them takes long.
+        """
+        expected = self.work.common.programs
+        if self.trace is None or expected in _confirmed_programs:
+            return
+        if tuple(self.trace().items()) != expected:
+            raise RuntimeError(
+                "This worker would run other code than the process that made the sweep, for "
+                "example because a file was edited in the meantime: restart both."
+            )
+        _confirmed_programs.add(expected)
+
+
+_confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
+"""Digests of the programs that this process has traced and found equal to those of a sweep. Each
+process traces the programs of a sweep once only."""
+
+
+def variable_name(output: str, key: str) -> str:
+    """Return the name of a result of an output, "output_key", or "output" for an empty key."""
+    return f"{output}_{key}" if key else output
+
+
+def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
+    """Join one or more parts, each a pair of the numbers of its lanes, (n,), and their results by
+    variable, (n, ...), to one such pair."""
+    lanes, results = zip(*parts, strict=True)
+    joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
+    return np.concatenate(lanes), joined

@@ -1,0 +1,209 @@
+"""Draw pictures and animations of a view by matplotlib.
+
+A view consists of solids (`DrawnPart`), each with a triangle mesh and a pose in every frame. Their
+triangles are projected on the pixels of the picture. Each pixel has the colour of the triangle that
+is nearest there: an order of whole triangles would show some through walls.
+"""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from textwrap import fill
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from .._fields.checks import require
+from .._fields.drawn_text import literal, shown
+from .meshes import DrawnPart
+from .page import Legend
+from .proportions import WIDE, Camera, in_perspective
+
+LIGHT = np.array([0.35, 0.55, 0.75])
+"""Direction to the light: components to the right, upwards and to the viewer."""
+SHADE = 0.45
+"""Brightness of surfaces that face away from the light, as a fraction of full brightness."""
+DPI = 100
+"""Pixels per inch of an animation; a still picture has twice as many."""
+SAMPLES = 4 * DPI
+"""Computed points per inch, of which several are averaged in a pixel."""
+MOST_POINTS = 1_000_000
+"""Largest number of points whose depths are computed at once, apart from those of one triangle."""
+FRAMES_PER_SECOND = 25
+"""Number of frames that an animation shows in a second."""
+
+
+class Film:
+    """A matplotlib figure of a view, in which `show` draws one frame.
+
+    Triangles that face away from the camera are omitted.
+
+    **Arguments:** `parts`: solids with a pose for each frame; `camera`: positions of the viewer and
+    of the picture's middle; `legend`: texts and colours on the left of the picture; `times`: times
+    of the frames, (N,) s, None for a single state; `samples`: computed points per inch.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[DrawnPart],
+        camera: Camera,
+        legend: Legend,
+        times: np.ndarray | None,
+        samples: int = SAMPLES,
+    ):
+        self._times = times
+        self._parts = parts
+        self._view, self._target = camera.axes(), camera.target
+        self._distance = float(np.linalg.norm(camera.eye - camera.target))
+        self.figure = Figure(figsize=(8.0, 4.8), dpi=DPI)
+        # The legend has 28 % of the width on the left, the picture the rest. The coordinates of the
+        # picture are m in the plane through the target, onto which the triangles are projected.
+        self._axes = self.figure.add_axes((0.28, 0.0, 0.72, 1.0))
+        self._axes.set_axis_off()
+        wide, high = WIDE * camera.reach, camera.reach
+        box = self._axes.get_window_extent()
+        self._shape = round(box.height / DPI * samples), round(box.width / DPI * samples)
+        self._scale = min(self._shape[0] / high, self._shape[1] / wide) / 2.0  # points per m
+        blank = np.ones((*self._shape, 3))
+        self._image = self._axes.imshow(blank, origin="lower", aspect="auto")
+        self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
+        patches = [
+            Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
+        ]
+        self.figure.legend(
+            handles=patches,
+            title=fill(literal(legend.title), 24),
+            title_fontproperties={"weight": "bold"},
+            loc="upper left",
+            fontsize=min(9.0, 160.0 / (len(patches) + 1)),  # so that all are in the picture
+            frameon=False,
+            alignment="left",
+        )
+        # A line of 30 characters of this size, or of 24 of the title's, is as wide as the legend.
+        notes = "\n".join(fill(literal(note), 30) for note in legend.notes)
+        self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")
+        self.show(0)
+
+    def show(self, k: int) -> None:
+        """Draw the parts in frame `k` and, unless the view is of a single state, the frame's time
+        as text."""
+        height, width = self._shape
+        # `nearest` has the inverse distance of the nearest opaque triangle at each point.
+        picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)
+        middle = 0.5 * np.array([width, height])
+        for part in sorted(self._parts, key=lambda part: self._order(part, k)):
+            moved = part.mesh.moved(part.pose(k)).vertices
+            # Corners (F, 3, 3), m: to the right, upwards and to the viewer, from the target.
+            triangles = ((moved - self._target) @ self._view.T)[part.mesh.faces]
+            normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+            sizes = np.linalg.norm(normals, axis=1)
+            # In these axes the camera is at (0, 0, distance). Triangles without area or seen from
+            # behind are left out.
+            towards = (0.0, 0.0, self._distance) - triangles[:, 0]
+            facing = np.sum(normals * towards, axis=1) > 1e-9 * self._distance * sizes
+            triangles, normals = triangles[facing], normals[facing] / sizes[facing, None]
+            light = SHADE + (1.0 - SHADE) * np.clip(normals @ LIGHT, 0.0, 1.0)
+            shades = light[:, None] * np.array(to_rgb(part.colour_at(k)))
+            projected = in_perspective(triangles, self._distance) * self._scale + middle
+            closeness = 1.0 / (self._distance - triangles[:, :, 2])
+            before = nearest if part.opacity == 1.0 else nearest.copy()
+            shown = np.full(len(nearest), -1)
+            for point, triangle, near in _covered(projected, closeness, width, height):
+                np.maximum.at(before, point, near)
+                first = near == before[point]
+                shown[point[first]] = triangle[first]
+            seen = shown >= 0
+            behind = (1.0 - part.opacity) * picture[seen]
+            picture[seen] = behind + part.opacity * shades[shown[seen]]
+        self._image.set_data(picture.reshape(height, width, 3))
+        if self._times is not None:
+            self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
+
+    def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
+        """Return the key by which parts are sorted before they are painted in frame `k`: the
+        transparent ones last, from the farthest to the nearest, over what is behind them."""
+        centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
+        return part.opacity < 1.0, float(centre @ self._view[2])
+
+    def save(self, file: Path, frames: Sequence[int]) -> None:
+        """Write an animation of the frames with the indices `frames` to a GIF or, with ffmpeg, an
+        MP4 file."""
+        writer = PillowWriter(FRAMES_PER_SECOND)
+        if file.suffix.lower() == ".mp4":
+            has_ffmpeg = shutil.which("ffmpeg") is not None
+            remedy = "install ffmpeg, or save a GIF, which does not need it"
+            require(has_ffmpeg, "file", str(file), "a GIF, since ffmpeg is missing", remedy)
+            writer = FFMpegWriter(FRAMES_PER_SECOND)
+        with writer.saving(self.figure, str(file), DPI):
+            for k in frames:
+                self.show(k)
+                writer.grab_frame()
+
+
+def _covered(
+    corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield the points of a grid that triangles cover, for some triangles at a time: the number of
+    the point, row by row; the index of the triangle; and its value there.
+
+    **Arguments:** `corners`: of the F triangles, counter-clockwise, in points from the lower left
+    of the grid; `values`: at the corners, between which they are interpolated linearly; `width`,
+    `height`: numbers of points in a row and in a column.
+    """
+    a, b, c = (corners[:, j] for j in range(3))
+    # Each triangle covers, in each row between its lowest and its highest corner, the points
+    # between its edges. The lines are numbered triangle by triangle.
+    low, high = (
+        np.clip(np.ceil(f(corners[:, :, 1], axis=1) - 0.5), 0, height).astype(int)
+        for f in (np.min, np.max)
+    )
+    triangle, row = _counted(low, high)
+    y, crossings = row + 0.5, []
+    for p, q in ((a, b), (b, c), (c, a)):
+        p, q = p[triangle], q[triangle]
+        with np.errstate(divide="ignore", invalid="ignore"):  # horizontal edges
+            share = (y - p[:, 1]) / (q[:, 1] - p[:, 1])
+            x = p[:, 0] + share * (q[:, 0] - p[:, 0])
+        crossings.append(np.where((share >= 0.0) & (share <= 1.0), x, np.nan))
+    left, right = (
+        np.clip(np.nan_to_num(np.ceil(f(crossings, axis=0) - 0.5)), 0, width).astype(int)
+        for f in (np.fmin.reduce, np.fmax.reduce)
+    )
+    # The values are linear functions of x and y: their slopes, from the differences to corner a.
+    (bx, by), (cx, cy) = (b - a).T, (c - a).T
+    rise_b, rise_c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    along_x, along_y = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / (
+        bx * cy - cx * by
+    )
+    first, ends = 0, np.cumsum(np.maximum(right - left, 0))
+    while first < len(row):
+        done = ends[first - 1] if first else 0
+        last = max(first + 1, int(np.searchsorted(ends, done + MOST_POINTS)))
+        line, x = _counted(left[first:last], right[first:last])
+        line += first
+        k = triangle[line]
+        value = values[k, 0] + along_x[k] * (x + 0.5 - a[k, 0]) + along_y[k] * (y[line] - a[k, 1])
+        yield row[line] * width + x, k, value
+        first = last
+
+
+def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the whole numbers of all intervals, from the start to before the end of each, and
+    first the index of the interval of each number."""
+    counts = np.maximum(ends - starts, 0)
+    interval = np.repeat(np.arange(len(counts)), counts)
+    before = np.repeat(np.cumsum(counts) - counts, counts)
+    return interval, starts[interval] + np.arange(len(interval)) - before
+
+
+def _time_text(time: float, whole: float) -> str:
+    """Return the text of a time, s, with the unit and the digits that suit a run of duration
+    `whole`, s: one unit of the last digit is at most a hundredth of the duration."""
+    whole = whole or abs(time) or 1.0
+    factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
+    digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))
+    return f"t = {time * factor:.{digits}f} {unit}"

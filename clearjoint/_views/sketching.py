@@ -1,0 +1,589 @@
+"""Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances.
+
+Joints and forces draw themselves by calling the methods of a pen with `Marker` objects. A marker is
+a point of a body, with a direction if the symbol has an axis. A view has N frames, each of which
+shows the mechanism at one instant; symbols are fixed to bodies, or have a pose in each frame.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from itertools import cycle
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .._fields.types import ArrayLike, Single, Triple
+from .._math.rotations import transverse_axes
+from .._math.vectors import Vector
+from .._model.bodies import GROUND, Body
+from .._model.clearance_joints.journal_bases import SIDES
+from .._model.pen import AbstractPen, Marker
+from .._model.profiles import AbstractProfile
+from .._model.scene import Scene
+from . import meshes
+from .meshes import (
+    BODIES,
+    CLEAR,
+    GROUND_COLOUR,
+    METAL,
+    DrawnPart,
+    Mesh,
+    between,
+    frame_about,
+    frames,
+    pose_at,
+    still,
+)
+from .poses import BodyPoses
+from .proportions import Proportions, equivalent_solid
+
+WALL = 0.22
+"""Drawn thickness of a bearing's wall, as a fraction of the bearing's drawn radius."""
+CORNERS = 180
+"""Number of corners of a drawn bearing or journal that deviates from a circle."""
+
+
+@dataclass(frozen=True)
+class DrawnJournal:
+    """A journal as it is drawn, with enlarged eccentricity.
+
+    - `ends`: (2, N, 3) m in global axes, centres of the journal's end circles, the bases V and W,
+      in each frame. The drawn cylinder is longer: it protrudes beyond both.
+    - `poses`: (N, 4, 4), homogeneous matrices to global axes from axes at the journal's middle,
+      with z along the journal's axis and x in the direction of the profile's angle zero.
+    - `radius`: drawn radius, m, of the circle from which the journal deviates.
+    - `profile`: deviation of the true journal from its circle; None for a circle.
+    - `scale`: drawn size of the deviation divided by its true size.
+    """
+
+    ends: Float[np.ndarray, "2 N 3"]
+    poses: Float[np.ndarray, "N 4 4"]
+    radius: float
+    profile: AbstractProfile | None
+    scale: float
+
+    def touching_point(
+        self, position: float, normal: Float[np.ndarray, "N 3"]
+    ) -> Float[np.ndarray, "N 3"]:
+        """Return the point at which the drawn journal touches the drawn bearing in each frame,
+        (N, 3) m in global axes.
+
+        **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
+        base W; `normal`: (N, 3) unit vectors in global axes, from the axis to the contact points.
+        """
+        centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
+        if self.profile is None:
+            return centre + self.radius * normal
+        # p is the journal's support function: the distance from the centre to the tangent that is
+        # perpendicular to the normal, as a function of the normal's angle. From the centre, the
+        # point is p along the normal plus, perpendicular to it, the derivative of p by the angle.
+        x, y, axis = (self.poses[:, :3, k] for k in range(3))
+        angles = np.arctan2(np.sum(y * normal, axis=1), np.sum(x * normal, axis=1))
+        deviation = self.profile.at(angles)
+        outward = self.radius + self.scale * np.asarray(deviation.value)[:, None]
+        beside = self.scale * np.asarray(deviation.slope)[:, None]
+        return centre + outward * normal + beside * np.cross(axis, normal)
+
+
+NEAR = 1e-3
+"""Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
+mechanism, to find equal points."""
+
+
+class SketchingPen(AbstractPen):
+    """Pen with which joints and forces draw themselves, and which makes the parts of a view.
+
+    Joints and forces call the methods from `mark` to `gear`. Each of these methods adds solids, or
+    for `load` a load without a solid, and notes the points of its markers, each for the marker's
+    body. The method `body` then draws a body as a bar: the convex hull of balls around the noted
+    points, which is a rounded rod for two points and a rounded plate for three. The radius of the
+    balls is that of the bar, `proportions.bar`, to which the sizes of most symbols are
+    proportional.
+
+    - `element`: name of the joint or force that is being drawn; the caller sets it.
+    - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
+    - `loads`: for each load, the name of its element, and a pair of arrays in global axes: points,
+      (N, 3) in metres, and forces, (N, 3) in newtons, for the N frames.
+    - `drawn`: names of the joints and forces that have been drawn.
+
+    **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
+    `colours`: colour "#rrggbb" of each body and of the ground, by name.
+    """
+
+    def __init__(self, poses: BodyPoses, proportions: Proportions, colours: Mapping[str, str]):
+        self.element = ""
+        self.journals: dict[str, DrawnJournal] = {}
+        self.loads: list[tuple[str, tuple[np.ndarray, np.ndarray]]] = []
+        self.drawn: set[str] = set()
+        self._poses, self._sizes, self._colours = poses, proportions, colours
+        self._bar = proportions.bar
+        """Radius of the bars by which bodies are drawn, m."""
+        # Solids that are fixed to bodies. All those with the same body, colour and opacity become
+        # one part.
+        self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
+        self._moving: list[DrawnPart] = []
+        # Points, (3,) m in body axes, that the hull of each body contains.
+        self._corners: dict[str, list[np.ndarray]] = {name: [] for name in poses.poses}
+        # Bodies with blocks, gears, walls or a given mesh, and those whose `solid` is drawn.
+        self._shaped: set[str] = set()
+        self._solid: set[str] = set()
+
+    def parts(self) -> list[DrawnPart]:
+        """Return all parts that have been drawn."""
+        fixed = [
+            DrawnPart(body, meshes.joined(solids), still(self._poses.poses[body]), colour, opacity)
+            for (body, colour, opacity), solids in self._fixed.items()
+        ]
+        return fixed + self._moving
+
+    def mark(self, marker: Marker) -> None:
+        """Draw a small ball at a marker."""
+        self._fix(marker, meshes.ball(1.3 * self._bar), METAL)
+        self._hold(marker)
+
+    def weld(self, first: Marker, second: Marker) -> None:
+        """Draw a cube at the first of two markers that are fixed to each other."""
+        self._fix(first, meshes.box([2.6 * self._bar] * 3), METAL)
+        self._hold(first, second)
+
+    def pin(self, first: Marker, second: Marker) -> None:
+        """Draw a pin along the axis of the first of two markers that coincide, long enough to
+        protrude from the bars of both bodies."""
+        self._fix(first, meshes.cylinder(0.7 * self._bar, 6.0 * self._bar), METAL)
+        for marker in (first, second):
+            # The stands of the ground are behind the mechanism, as seen by the viewer.
+            behind = 3.5 * self._bar if marker.body == GROUND else 0.0
+            self._hold(self._moved_back(marker, behind))
+
+    def ball(self, first: Marker, second: Marker) -> None:
+        """Draw the ball of a spherical joint at the first of two markers, larger than the bars."""
+        self._fix(first, meshes.ball(1.6 * self._bar), METAL)
+        self._hold(first, second)
+
+    def cross(self, first: Marker, second: Marker) -> None:
+        """Draw the cross of a universal joint: a pin along the axis of each marker."""
+        for marker in (first, second):
+            self._fix(marker, meshes.cylinder(0.6 * self._bar, 6.0 * self._bar), METAL)
+        self._hold(first, second)
+
+    def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
+        """Draw a thin rail along the axis of the marker `rail`, and a block at the marker `block`.
+
+        The rail is somewhat longer than the motion of the block along it. If `turning` is true, a
+        sleeve, which can also turn about the rail, replaces the block.
+        """
+        bar, axis = self._bar, rail.along()
+        low, high = self._range(rail, block, axis)
+        middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
+        # The rail is longer than the motion by four radii of a bar at both ends, so that it is seen
+        # on both sides of the block.
+        rod = meshes.cylinder(0.4 * bar, high - low + 8.0 * bar)
+        self._fix(Marker(rail.body, middle, axis), rod)
+        shape = meshes.box((2.0 * bar, 2.0 * bar, 4.0 * bar))
+        if turning:
+            shape = meshes.tube(0.6 * bar, 1.5 * bar, 3.0 * bar)
+        # The block is oriented like the rail, but moves with its own body.
+        poses = self._poses.poses[rail.body] @ pose_at((0.0, 0.0, 0.0), frame_about(axis))
+        poses[:, :3, 3] = self._poses.point(block.body, block.point)
+        self._moving.append(DrawnPart(block.body, shape, poses, self._colours[block.body]))
+        self._hold(rail, block)
+
+    def plane(self, plane: Marker, point: Marker) -> None:
+        """Draw a transparent square perpendicular to the axis of the marker `plane`, and a ball at
+        the marker `point`, which moves in the plane."""
+        square = meshes.box((10.0 * self._bar, 10.0 * self._bar, 0.2 * self._bar))
+        self._fix(plane, square, opacity=CLEAR)
+        self._fix(point, meshes.ball(1.2 * self._bar), METAL)
+        self._hold(plane, point)
+
+    def rod(self, first: Marker, second: Marker) -> None:
+        """Draw a thin cylinder between two markers."""
+        rod = meshes.cylinder(0.5 * self._bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
+        self._span(rod, *self._ends(first, second))
+
+    def spring(self, first: Marker, second: Marker) -> None:
+        """Draw a coil between two markers."""
+        start, end = self._ends(first, second)
+        # The wire is round at the mean length, and stretched with the spring in other frames.
+        length = max(float(np.linalg.norm(end - start, axis=1).mean()), self._bar)
+        self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
+
+    def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
+        """Add a load to `loads`, with its force in each frame; in a single state, at time zero.
+
+        The arrow is made later, when the scale of forces is known.
+
+        **Arguments:** `marker`: the point of application; `force`: (3,) N in global axes, or a
+        function that returns it from the time in s.
+        """
+        points = self._poses.point(marker.body, marker.point)
+        if callable(force):
+            times = np.zeros(1) if self._poses.times is None else self._poses.times
+            forces = np.asarray(jax.vmap(lambda t: jnp.asarray(force(t)))(times))
+        else:
+            forces = np.asarray(force)
+        self.loads.append((self.element, (points, np.broadcast_to(forces, points.shape))))
+        self._hold(marker)
+
+    def bearing(
+        self,
+        bearing: Marker,
+        journal: Marker,
+        *,
+        radius: Single | None,
+        clearance: Single,
+        length: Single,
+        profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
+    ) -> None:
+        """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
+
+        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`. The radius of
+        the bearing, if known, and the length are multiplied by `Proportions.bearing_scale`. The
+        drawn bearing has this length, and the drawn journal is longer. Deviations from circles are
+        enlarged like the eccentricity, so that the drawn journal touches the drawn wall where the
+        true journal touches the true wall.
+
+        **Arguments:** `bearing`, `journal`: centres and axes of the two; `radius`: radius of the
+        bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m;
+        `profiles`: deviations of the bearing and of the journal from circles, None for a circle.
+        """
+        wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
+        bore = self._sizes.bore(None if radius is None else float(radius))
+        # Drawn radii of the journal and of the bearing's outside.
+        journal_radius, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
+        wall, shaft = profiles
+        if wall is None:
+            self._fix(bearing, meshes.tube(bore, outer, wide))
+        else:
+            edge = self._edge(bore, wall)
+            # The wall keeps half of its thickness where it is worn deepest.
+            outer = max(outer, np.linalg.norm(edge, axis=1).max() + 0.5 * WALL * bore)
+            around = outer * edge / np.linalg.norm(edge, axis=1)[:, None]
+            frame = _transverse_frame(bearing.along())
+            tube = meshes.ring(edge, around, wide).moved(pose_at(bearing.point, frame))
+            self._add(bearing.body, tube)
+        # Across the bearing's axis, the drawn offset of each end of the journal is the true offset
+        # times the scale of clearances. Along the axis, the middle of the journal keeps its true
+        # position, and the distance of its ends is the drawn length.
+        axis = self._poses.direction(bearing.body, bearing.along())
+        journal_axis = self._poses.direction(journal.body, journal.along())
+        centre = self._poses.point(bearing.body, bearing.point)
+        reach = self._poses.point(journal.body, journal.point) - centre
+        # The journal's axis may point along the bearing's axis or against it.
+        sense = np.where(np.sum(journal_axis * axis, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+        ends = []
+        for side in SIDES:
+            offset = reach + journal_axis * (0.5 * side * float(length))
+            across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
+            along = np.sum(reach * axis, axis=1, keepdims=True) + 0.5 * side * sense * wide
+            ends.append(centre + axis * along + across * scale)
+        drawn_axis = ends[1] - ends[0]
+        drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
+        # The direction across the axis from which the angles of a journal's profile are measured.
+        local = _transverse_frame(journal.along())[:, 0]
+        poses = frames(drawn_axis, self._poses.direction(journal.body, local))
+        poses[:, :3, 3] = 0.5 * (ends[0] + ends[1])
+        visible = 1.3 * wide  # longer than the bearing
+        pin = meshes.cylinder(journal_radius, visible)
+        if shaft is not None:
+            pin = meshes.plate(self._edge(journal_radius, shaft), visible)
+        self._moving.append(DrawnPart(self.element, pin, poses, METAL, is_journal=True))
+        drawn = DrawnJournal(np.array(ends), poses, journal_radius, shaft, scale)
+        self.journals[self.element] = drawn
+        # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
+        # ends at its wall, so that neither hides the journal.
+        self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
+        self._hold(bearing, around=outer)
+
+    def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
+        """Draw the socket as a transparent ball, and the ball in it with enlarged eccentricity;
+        `radius` of the socket and `clearance` in m."""
+        bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
+        self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
+        inner = meshes.ball(bore - float(clearance) * scale)
+        poses = self._poses.poses[ball.body].copy()
+        centre = self._poses.point(socket.body, socket.point)
+        poses[:, :3, 3] = centre + scale * (self._poses.point(ball.body, ball.point) - centre)
+        self._moving.append(DrawnPart(self.element, inner, poses, METAL, is_journal=True))
+        self._hold(socket, around=bore)
+        self._hold(ball)
+
+    def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
+        """Draw two parallel plates that guide the marker `runner` of another body between them.
+
+        The plates are somewhat longer than the path of the runner.
+
+        **Arguments:** `middle`: a point midway between the plates; `runner`: centre of the guided
+        part; `normal`: of the plates, (3,) in the axes of the body of `middle`, any length;
+        `distance`: between the inner faces of the plates, m.
+        """
+        # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
+        # a direction as near as possible to the line of sight. If the viewer looks along the
+        # normal, the direction along the walls is arbitrary.
+        across, front = _unit(normal), self._components(middle.body, self._sizes.front)
+        faces_viewer = np.linalg.norm(np.cross(across, front)) < 1e-6
+        along = frame_about(across, None if faces_viewer else front)[:, 1]
+        frame = np.stack([along, across, np.cross(along, across)], axis=1)
+        low, high = self._range(middle, runner, along)
+        centre = np.asarray(middle.point) + along * (0.5 * (low + high))
+        gap = float(distance)
+        # The plates are somewhat longer than the path, and deep along the line of sight.
+        plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
+        for side in (-0.5, 0.5):
+            at = centre + across * (side * (gap + self._bar))
+            self._add(middle.body, plate.moved(pose_at(at, frame)))
+        self._shaped.add(middle.body)
+        self._hold(middle._replace(point=centre))
+
+    def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
+        """Draw a box, such as one that slides between walls.
+
+        **Arguments:** `centre`: of the box, with an axis; `normal`: (3,) in body axes,
+        perpendicular to this axis, any length; `length`: of the box along the axis, m; `height`: of
+        the box along the normal, m.
+        """
+        along, across = centre.along(), _unit(normal)
+        frame = np.stack([along, across, np.cross(along, across)], axis=1)
+        box = meshes.box((float(length), float(height), 5.0 * self._bar))
+        self._add(centre.body, box.moved(pose_at(centre.point, frame)))
+        self._shaped.add(centre.body)
+        self._hold(centre)
+
+    def roller(self, centre: Marker, *, radius: Single) -> None:
+        """Draw a cylinder with a `radius`, m, about the direction `Proportions.front` in the first
+        frame. For a planar mechanism, this is perpendicular to the plane of motion."""
+        axis = self._components(centre.body, self._sizes.front)
+        pin = meshes.cylinder(float(radius), 9.0 * self._bar)
+        self._fix(centre._replace(axis=axis), pin, METAL)
+        self._hold(centre)
+
+    def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
+        """Draw a spur gear about the axis of the marker `centre`.
+
+        **Arguments:** `radius`: of the pitch circle, m, negative for an internal gear; `teeth`:
+        number of teeth; `phase`: angle of the middle of a tooth about the axis, rad, from the first
+        of the two vectors that `transverse_axes` returns for the axis.
+        """
+        frame = _transverse_frame(centre.along(), float(phase))
+        wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
+        self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
+        self._shaped.add(centre.body)
+        self._hold(centre)
+
+    def body(self, name: str, body: Body) -> None:
+        """Draw a body as a bar around the points of its joints and forces, and in two cases also
+        its equivalent solid.
+
+        The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
+        inertia, around the centre of mass. It is drawn if the body has at most one point of a joint
+        or force, or if these points are close together: along every body axis they span less than
+        half the solid's longest side. The bar then also reaches the centre of mass, and is left
+        out if all points coincide with it. As an exception, a body with a block, a gear or walls,
+        and at most one point, gets neither bar nor solid.
+        """
+        points = self._distinct(name)
+        # Blocks, gears and walls need no further shape.
+        if name in self._shaped and len(points) <= 1:
+            return
+        longest = equivalent_solid(body).sides.max()
+        if len(points) <= 1 or np.ptp(points, axis=0).max() < 0.5 * longest:
+            self.solid(name, body)
+            points = np.vstack([points, np.zeros((1, 3))])  # the hull connects joints and solid
+        if np.ptp(points, axis=0).max() > NEAR * self._sizes.size:
+            self._add(name, meshes.hull(points, self._bar))
+
+    def solid(self, name: str, body: Body) -> None:
+        """Draw the homogeneous cylinder or box with a body's mass and moments of inertia.
+
+        Sides that are shorter than the diameter of a bar, 2 `_bar`, are drawn with this length. The
+        solid is transparent, unless its two shorter sides are at most as long as this diameter. A
+        second call for the same body draws nothing.
+        """
+        if name in self._solid:
+            return
+        self._solid.add(name)
+        solid = equivalent_solid(body)
+        thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
+        sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
+        shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
+        pose = pose_at((0.0, 0.0, 0.0), solid.axes)
+        self._add(name, shape.moved(pose), opacity=1.0 if thin else CLEAR)
+
+    def centre_of_mass(self, name: str) -> None:
+        """Draw a black ball, larger than the bar, at a body's centre of mass."""
+        self._add(name, meshes.ball(1.5 * self._bar), "#000000")
+
+    def given(self, name: str, mesh: Mesh) -> None:
+        """Draw a mesh that the user passes, in body axes, as the shape of a body."""
+        self._add(name, mesh)
+        self._shaped.add(name)
+
+    def ground(self, down: Float[np.ndarray, "3"]) -> None:
+        """Draw a stand, which is a pyramid, below each point of the ground's joints and forces.
+
+        Its tip is at the point, or for a bearing at the outside of the wall.
+
+        **Arguments:** `down`: unit vector from the tip to the base of a stand, (3,) in global axes.
+        """
+        # The columns are the axes of the pyramid: to the side, near the line of sight, and down.
+        # The small number prevents a division by zero if `front` is parallel to `down`.
+        frame = frame_about(down, self._sizes.front + 1e-6)
+        frame = np.stack([-frame[:, 1], frame[:, 0], down], axis=1)
+        stand = meshes.pyramid(4.0 * self._bar, 5.0 * self._bar, 2.5 * self._bar)
+        for point in self._distinct(GROUND):
+            self._add(GROUND, stand.moved(pose_at(point, frame)))
+
+    def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
+        """Return the corners, (`CORNERS`, 2) m, of the drawn cross-section of a bearing or journal
+        that deviates by `profile` from a circle; the profile's angle zero is on the x axis."""
+        angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
+        deviation = np.asarray(profile.at(angles).value, float)
+        return meshes.outline(radius + self._sizes.clearance_scale * deviation)
+
+    def _distinct(self, name: str) -> np.ndarray:
+        """Return the points that the hull of a body must contain, (M, 3) m in body axes; of points
+        that are equal up to `NEAR`, only the first."""
+        points = np.reshape(self._corners[name], (-1, 3))
+        rounded = np.round(points / (NEAR * self._sizes.size))
+        _, firsts = np.unique(rounded, axis=0, return_index=True)
+        return points[np.sort(firsts)]
+
+    def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
+        """Fix a solid to a body; the mesh is in body axes, m; the colour is by default that of the
+        body."""
+        key = body, colour or self._colours[body], opacity
+        self._fixed.setdefault(key, []).append(mesh)
+
+    def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
+        """Fix a solid to the marker's body, with the solid's origin at the marker's point, and its
+        z axis along the marker's axis, if it has one."""
+        rotation = None if marker.axis is None else frame_about(marker.along())
+        self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
+
+    def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
+        """Extend the hulls of the bodies to both markers, and return their positions in each frame,
+        (N, 3) m in global axes."""
+        self._hold(first, second)
+        start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
+        return start, end
+
+    def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
+        """Draw a solid, from z = 0 to z = 1 in its own axes, stretched from `starts` to `ends`, (N,
+        3) m in global axes."""
+        self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
+
+    def _hold(self, *markers: Marker, around: float = 0.0) -> None:
+        """Extend the hulls of the markers' bodies to the markers' points, and add the current
+        `element` to `drawn`.
+
+        **Arguments:** `around`: distance, m, at which the hull ends before a point, such as the
+        outer radius of a bearing; zero to reach the point.
+        """
+        self.drawn.add(self.element)
+        for marker in markers:
+            point = np.asarray(marker.point, dtype=float)
+            # The hull ends before the point in the direction of the body's centre of mass or, on
+            # the ground, downwards, and perpendicular to the marker's axis if it has one.
+            on_ground = marker.body == GROUND
+            inwards = -self._sizes.up if on_ground else -point
+            if marker.axis is not None:
+                axis = marker.along()
+                inwards = inwards - axis * (inwards @ axis)
+            size = np.linalg.norm(inwards)
+            # On a body, the hull reaches the point if the centre of mass is within the distance
+            # `around` of the axis or, without an axis, of the point. The ground has no centre of
+            # mass: its hull reaches the point only if the axis is vertical, because then no
+            # direction is left.
+            if around and size > (1e-6 if on_ground else around):
+                point = point + inwards * (around / size)
+            self._corners[marker.body].append(point)
+
+    def _moved_back(self, marker: Marker, distance: float) -> Marker:
+        """Return a marker that is moved along its axis by a distance, m, away from the viewer in
+        the first frame."""
+        axis = marker.along()
+        towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
+        behind = (-axis if towards_viewer >= 0.0 else axis) * distance
+        return marker._replace(point=np.asarray(marker.point) + behind)
+
+    def _components(self, body: str, direction: np.ndarray) -> np.ndarray:
+        """Return the components in body axes, (3,), of a global direction in the first frame."""
+        return self._poses.poses[body][0, :3, :3].T @ direction
+
+    def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
+        """Return the smallest and the largest coordinate, m, of the marker `runner` in all frames,
+        along an axis in the body of `base` through the marker `base`."""
+        offset = self._poses.point(runner.body, runner.point)
+        offset = offset - self._poses.point(base.body, base.point)
+        along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
+        return float(along.min()), float(along.max())
+
+
+def sketch(
+    scene: Scene,
+    poses: BodyPoses,
+    proportions: Proportions,
+    given: Mapping[str, Mesh],
+    *,
+    centres: bool,
+    solids: bool,
+) -> SketchingPen:
+    """Draw all parts of a scene except arrows, and return the pen with which they are drawn.
+
+    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`,
+    `solids`: whether to add a ball at each centre of mass, and the homogeneous solid with each
+    body's mass and moments of inertia.
+    """
+    pen = SketchingPen(poses, proportions, colours(scene.bodies))
+    for name, mesh in given.items():
+        pen.given(name, mesh)
+    for family in (scene.joints, scene.forces):
+        for name, element in family.items():
+            pen.element = name
+            element.draw(pen)
+    # Bodies last: their hulls contain the points of all elements.
+    for name, body in scene.bodies.items():
+        if name not in given:
+            pen.body(name, body)
+        if centres:
+            pen.centre_of_mass(name)
+        if solids:
+            pen.solid(name, body)
+    pen.ground(-proportions.up)
+    return pen
+
+
+def colours(bodies: Collection[str]) -> dict[str, str]:
+    """Return the colour "#rrggbb" of each body and of the ground, by name.
+
+    Further bodies have lighter and darker shades of the colours `BODIES`; more than 63 bodies, the
+    first colours again.
+    """
+    shades = cycle([_mixed(colour, *mix) for mix in MIXTURES for colour in BODIES])
+    return dict(zip(bodies, shades, strict=False)) | {GROUND: GROUND_COLOUR}
+
+
+MIXTURES = (0.0, 0), (0.5, 255), (0.45, 0), (0.25, 255), (0.25, 0), (0.7, 255), (0.65, 0)
+"""For each repetition of the colours of bodies, the part of white or black in them, and the
+brightness of that, 255 or 0."""
+
+
+def _mixed(colour: str, part: float, brightness: int) -> str:
+    channels = [round((1.0 - part) * c + part * brightness) for c in bytes.fromhex(colour[1:])]
+    return f"#{bytes(channels).hex().upper()}"
+
+
+def _unit(vector: ArrayLike) -> np.ndarray:
+    numbers = np.asarray(vector, dtype=float)
+    return numbers / np.linalg.norm(numbers)
+
+
+def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
+    """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal: the
+    third is the axis of rotation `along`, and the first is turned about it by `phase`, rad, from
+    the first vector of `transverse_axes`, from which joints measure angles of profiles and teeth.
+    """
+    first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
+    return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))
