@@ -23,6 +23,7 @@ from .._compilation.xla import (
 )
 from .._math.vectors import ConstantFolded, fold_constants
 from . import control, indexing, linear_algebra, structure
+from .alike_calls import CALLS_AT_ONCE, join_alike_calls
 from .cells import Cells, Memory, Region
 from .lowering import (
     LARGEST_UNROLLED,
@@ -86,7 +87,9 @@ class NativeProgram:
         # Equations and arguments that the results do not need are left out.
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
         tangents = tangents_of(jaxpr) if tangents is None else tangents
-        lowering = Lowering(Operations(tangents=tangents), RULES)
+        # In code that runs once, joined calls would not save the time of their compilation.
+        at_once = CALLS_AT_ONCE if optimisation == FOR_LOOPS else 1
+        lowering = Lowering(Operations(tangents=tangents, calls_at_once=at_once), RULES)
         needed = iter(jaxpr.invars)
         self.inputs = [lowering.region(aval_of(next(needed))) if yes else None for yes in used]
         arguments = [lowering.argument(r) for r in self.inputs if r is not None]
@@ -98,6 +101,9 @@ class NativeProgram:
         self.outputs = [
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
+        if at_once > 1:
+            regions = [*filter(None, self.inputs), *self.outputs]
+            join_alike_calls(lowering.ops, (k for r in regions for k in (r.start,) if r.size == 1))
         stopwatch.end("lowering")
         self.code = Code(lowering, stopwatch, optimisation=optimisation)
         # All small arguments of floats are written at once, and so are all those of integers and

@@ -134,6 +134,10 @@ class _Writer:
         written: list[set[int]] = []
         for number, block in enumerate(blocks):
             is_program = block is blocks[-1]
+            if self._program.width_of(number) != self._width:
+                # Types and constants depend on the number of lanes.
+                self._width = self._program.width_of(number)
+                self._types, self._values = {}, {}
             written.append(cells_written(self._program, block, written) if is_long else set())
             # Functions run several times in a step, so that passing values would cost more.
             if is_long and is_program:
@@ -151,7 +155,7 @@ class _Writer:
                 returned = f"{{{', '.join(map(self._type_of, results))}}}"
             parameters, _ = self._program.signatures.get(number, ([], []))
             # Calls with equal arguments may be joined, and moved across writes to memory.
-            is_pure = number in self._program.signatures and not _uses_memory(block)
+            is_pure = self._program.is_without_memory(number)
             self._begin(number, returned, parameters, is_pure, is_program)
             self._write(block)
             if results:
@@ -314,14 +318,14 @@ class _Writer:
     def _type(self, kind: str) -> Form:
         """Return LLVM's type of a kind of values.
 
-        It is a vector of tangents for a kind with the suffix "p", otherwise a scalar, or a vector
-        of lanes if the program has several.
+        It is a vector for a kind with a suffix, otherwise a scalar, or a vector of lanes if the
+        program has several.
         """
         form = self._types.get(kind)
         if form is None:
-            count = self._program.packed if kind.endswith("p") else self._width
+            count = self._program.cells_of(kind) if kind[1:] else self._width
             form = _BASES[kind[0]]
-            if count > 1 or kind.endswith("p"):
+            if count > 1 or kind[1:]:
                 form = f"<{count} x {form}>"
             self._types[kind] = form
         return form
@@ -704,16 +708,6 @@ def _constant(form: Form, number: Number) -> Word:
     # Floats are written by their bits.
     word = f"0x{struct.pack('>d', number).hex()}" if base == "double" else str(int(number))
     return f"<{', '.join([f'{base} {word}'] * count)}>" if count else word
-
-
-def _uses_memory(block: Block) -> bool:
-    """Return whether a block reads or writes memory, or calls a function, which may do so."""
-    names = ("load", "store", "call", "evaluate")
-    return any(
-        (isinstance(entry, Operation) and entry.name in names)
-        or any(map(_uses_memory, entry.blocks))
-        for entry in block
-    )
 
 
 def _mangled(form: Form) -> str:

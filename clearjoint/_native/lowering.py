@@ -16,6 +16,7 @@ one of four forms (`Array`):
 import math
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -776,7 +777,7 @@ class Lowering:
         values = self.flatten(arguments)
         kinds = [ops.kinds[value] for value in values]
         shapes = (np.shape(array) if isinstance(array, np.ndarray) else () for array in arguments)
-        key = id(closed.jaxpr), (*shapes, *kinds)
+        key = id(closed.jaxpr), (*shapes, *kinds), ops.width
         function = self._shared.get(key)
         if function is None:
             if count_equations(closed.jaxpr) < SMALLEST_SHARED:
@@ -796,16 +797,21 @@ class Lowering:
         arguments; `like`: arrays of the forms of the arguments; `kinds`: kinds of the values in
         them.
         """
-        results: list[Array] = []
-        computed: list[Value] = []
 
-        def build(parameters: list[Value]) -> list[Value]:
-            results[:] = add(self.unflatten(parameters, like))
+        def build(results: list[Array], computed: list[Value], given: list[Value]) -> list[Value]:
+            results[:] = add(self.unflatten(given, like))
             values = dict.fromkeys(self.flatten(results))
             computed[:] = [value for value in values if self.ops.number(value) is None]
             return computed
 
-        return PureFunction(self.ops.pure_function(kinds, build), results, computed)
+        function, elementary = PureFunction(0, [], []), self._count_of_elementary
+        number = self.ops.pure_function(kinds, partial(build, function.results, function.computed))
+        # In a function of vectors, the same elementary functions are calls. So the operations, and
+        # with them the bits of results, are those of the function of numbers.
+        self._count_of_elementary = elementary
+        with suppress(UnsupportedPrimitiveError):
+            self.ops.add_function_of_vectors(number, kinds, partial(build, [], []))
+        return replace(function, number=number)
 
     def _called(self, function: PureFunction, values: list[Value]) -> list[Value]:
         """Add a call of a function that every block can call, and return the values of its
@@ -831,14 +837,15 @@ class Lowering:
             return apply(ops, name, argument)
         names = ("sin", "cos") if name in ("sin", "cos") else (name,)
         kind = ops.kinds[argument]
-        function = self._shared.get((names, kind))
+        key = names, kind, ops.width
+        function = self._shared.get(key)
         if function is None:
 
             def add(arguments: list[Array]) -> list[Array]:
                 return [apply(ops, each, scalar(arguments[0])) for each in names]
 
             function = self._shared_function(add, [argument], [kind])
-            self._shared[names, kind] = function
+            self._shared[key] = function
         return self._called(function, [argument])[names.index(name)]
 
     def operation(

@@ -2,8 +2,10 @@
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
 (float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). A kind with the suffix ``p`` is that of a
-vector of tangents: derivatives of one variable by several parameters. A program may compute several
-runs, called lanes, at once; each value is then a vector with a number for each lane. A block is a
+vector of tangents: derivatives of one variable by several parameters. With the suffix ``v`` it is
+that of a vector with an element for each of several calls, which are computed together. A program
+may compute several runs, called lanes, at once; each value is then a vector with a number for each
+lane. A block is a
 list of entries: pure operations, reads and writes of memory, calls of functions, and branches and
 loops, which contain blocks. Memory consists of numbered cells, each of which holds one number for
 each lane. A vector of tangents occupies consecutive cells.
@@ -154,6 +156,8 @@ class Operations:
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
     - `signatures`: for pure functions, by their numbers, the values of arguments and results.
+    - `of_vectors`: for pure functions of numbers, by their numbers, the numbers of functions that
+      compute several calls of them at once (see `.alike_calls`).
     - `packed_length`: number of tangents, which is the length of the arrays that are kept
       ("packed") as vectors of tangents; 0 for none.
     - `packed`: number of elements of such a vector, and so of the cells that it occupies: the
@@ -161,11 +165,13 @@ class Operations:
       such lengths. The additional elements repeat the last tangent. 0 without tangents.
 
     **Arguments:** `width`: number of lanes; `tangents`: number of tangents in a vector of tangents,
-    0 for none. A program of several lanes can't have tangents.
+    0 for none; `calls_at_once`: number of calls that functions `of_vectors` compute, 1 for no such
+    functions. A program of several lanes can have neither.
     """
 
-    def __init__(self, width: int = 1, tangents: int = 0):
-        assert width == 1 or tangents == 0, "lanes carry no tangents"
+    def __init__(self, width: int = 1, tangents: int = 0, calls_at_once: int = 1):
+        assert width == 1 or (tangents == 0 and calls_at_once == 1), "lanes carry single numbers"
+        self.calls_at_once = calls_at_once
         self.width, self.packed_length = width, tangents
         self.packed = 1 << (tangents - 1).bit_length() if tangents else 0
         self.kinds: list[str] = []
@@ -176,6 +182,10 @@ class Operations:
         self.block: Block = []
         self.functions: list[Block] = []
         self.signatures: dict[int, tuple[list[Value], list[Value]]] = {}
+        self.of_vectors: dict[int, int] = {}
+        # For pure functions, the number of elements of their values, and those without memory.
+        self._widths: dict[int, int] = {}
+        self._without_memory: set[int] = set()
         # For each function that is being built, from the outermost one on: the block around it, and
         # the index of this block's keys in `_scopes`.
         self._outside: list[tuple[Block, int]] = []
@@ -193,7 +203,7 @@ class Operations:
         # The condition of `masked`; without one, all lanes write.
         self._mask: Value | None = None
 
-    def _new(self, kind: str, depth: int | None = None) -> Value:
+    def new(self, kind: str, depth: int | None = None) -> Value:
         """Return a new value of a kind.
 
         **Arguments:** `depth`: number of functions around the value, by default all that are being
@@ -217,7 +227,7 @@ class Operations:
             key = (kind, number)
         value = self._numbers.get(key)
         if value is None:
-            value = self._numbers[key] = self._new(kind, 0)
+            value = self._numbers[key] = self.new(kind, 0)
             self.constants[value] = number
         return value
 
@@ -257,7 +267,7 @@ class Operations:
                 depth = max(self._depths.get(value, 0) for value in arguments)
                 if depth < len(self._outside):
                     block, scope = self._outside[depth]
-            value = self._known[key] = self._new(kind, depth)
+            value = self._known[key] = self.new(kind, depth)
             self._scopes[scope].append(key)
             self._definitions[value] = name, arguments
             if self.width > 1 and all(map(self.is_uniform, arguments)):
@@ -418,7 +428,7 @@ class Operations:
         the numbers in this cell and the following ones.
         """
         cell, arguments = self._address(start, index)
-        out = self._new(kind)
+        out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
@@ -490,29 +500,83 @@ class Operations:
         self.functions.append(inner)
         return len(self.functions) - 1
 
-    def pure_function(self, kinds: list[str], build: Callable[[list[Value]], list[Value]]) -> int:
+    def pure_function(
+        self, kinds: list[str], build: Callable[[list[Value]], list[Value]], width: int = 0
+    ) -> int:
         """Add a function of values to the program, which `called` calls in any block.
 
         **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function,
         for the values of its arguments, and returns the values of its results. It must use no other
         values from outside than constants. What it writes to memory must not be read outside.
+        `width`: number of elements of its values, as if these were lanes; by default that of the
+        functions around it.
 
         **Returns:** the number of the function.
         """
         # Nothing from outside is reused in the function, and nothing is moved out of it.
         outside, scopes, known = self._outside, self._scopes, self._known
         self._outside, self._scopes, self._known = [], [[]], {}
-        inner, parameters = [], [self._new(kind) for kind in kinds]
+        outer_width, self.width = self.width, width or self.width
+        inner, parameters = [], [self.new(kind) for kind in kinds]
         try:
             # All lanes compute, whatever the conditions at the calls.
             with self.inside(inner), self.masked(None):
                 results = build(parameters)
         finally:
             self._outside, self._scopes, self._known = outside, scopes, known
+            inner_width, self.width = self.width, outer_width
         self.functions.append(inner)
         number = len(self.functions) - 1
         self.signatures[number] = parameters, results
+        self._widths[number] = inner_width
+        if not self._uses_memory(inner):
+            self._without_memory.add(number)
         return number
+
+    def add_function_of_vectors(
+        self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
+    ) -> None:
+        """Add the function `of_vectors` that computes several calls of a pure function at once.
+
+        Nothing is added to a program of several lanes, nor for functions that use memory or vectors
+        of tangents. The arguments are those of `pure_function`.
+        """
+        if (
+            self.calls_at_once == 1
+            or self.width > 1
+            or function not in self._without_memory
+            or any(kind[1:] for kind in kinds)
+        ):
+            return
+        kinds_before = len(self.kinds)
+        number = self.pure_function(kinds, build, self.calls_at_once)
+        ends = (self.signatures[each][1] for each in (function, number))
+        is_alike = [self.kinds[v] for v in next(ends)] == [self.kinds[v] for v in next(ends)]
+        has_tangents = any(kind.endswith("p") for kind in self.kinds[kinds_before:])
+        if is_alike and not has_tangents and number in self._without_memory:
+            self.of_vectors[function] = number
+
+    def is_without_memory(self, function: int) -> bool:
+        """Return whether a pure function, and those that it calls, neither read nor write memory,
+        so that calls may be joined or moved."""
+        return function in self._without_memory
+
+    def _uses_memory(self, block: Block) -> bool:
+        for entry in block:
+            if isinstance(entry, Operation):
+                if entry.name in ("load", "store", "call"):
+                    return True
+                if entry.name == "evaluate":
+                    called = int(self.constants[entry.arguments[0]])
+                    if called not in self._without_memory:
+                        return True
+            if any(map(self._uses_memory, entry.blocks)):
+                return True
+        return False
+
+    def width_of(self, function: int) -> int:
+        """Return the number of elements of a function's values."""
+        return self._widths.get(function, self.width)
 
     def called(self, function: int, arguments: list[Value]) -> list[Value]:
         """Return the results of a pure function, whose call is an operation like any other."""
@@ -564,7 +628,11 @@ class Operations:
 
     def allocate_for(self, kind: str) -> int:
         """Reserve the cells of a value of a kind and return the first one."""
-        return self.allocate(self.packed if kind.endswith("p") else 1)
+        return self.allocate(self.cells_of(kind))
+
+    def cells_of(self, kind: str) -> int:
+        """Return the number of cells that a value of a kind occupies."""
+        return {"p": self.packed, "v": self.calls_at_once}.get(kind[1:], 1)
 
     def branch(
         self,
@@ -583,7 +651,7 @@ class Operations:
         for block, build in zip(blocks, (yes, no), strict=True):
             with self.inside(block):
                 values.append(build())
-        outs = [self._new(self.kinds[value]) for value in values[0]]
+        outs = [self.new(self.kinds[value]) for value in values[0]]
         self.block.append(Branch(condition, outs, blocks[0], values[0], blocks[1], values[1]))
         return outs
 
@@ -600,7 +668,7 @@ class Operations:
         `body`: adds the loop's body, as a function of the carries, and returns the next carries.
         """
         # The condition is computed in its own block, which is executed once more than the body.
-        carries = [self._new(self.kinds[value]) for value in first]
+        carries = [self.new(self.kinds[value]) for value in first]
         head, inner = [], []
         with self.inside(head):
             condition = holds(carries)

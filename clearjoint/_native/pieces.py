@@ -165,7 +165,7 @@ def count_operations(block: Block) -> int:
 
 def cells_of(program: Operations, value: Value, start: int) -> range:
     """Return the cells that a value occupies from a first one on."""
-    return range(start, start + (program.packed if program.kinds[value].endswith("p") else 1))
+    return range(start, start + program.cells_of(program.kinds[value]))
 
 
 def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:

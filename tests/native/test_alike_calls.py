@@ -1,0 +1,146 @@
+"""Calls of one function for many elements, which vectors of the processor compute together."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import lax
+
+from clearjoint._compilation.xla import SHARED
+from clearjoint._native import alike_calls, functions, lowering
+from clearjoint._native.functions import NativeProgram
+
+TABLE = jnp.linspace(0.0, 1.0, 100)
+
+
+def force(x, v, k):
+    """A law with a branch, elementary functions, and products that are fused with sums."""
+
+    def pressed():
+        return k * jnp.exp(x) ** 1.5 * (1.0 + 0.3 * v) + jnp.sin(x * k)
+
+    return lax.cond(x > 0.0, pressed, lambda: 0.1 * v), x + k * v, jnp.cos(k * v + x)
+
+
+def from_memory(x, v, k):
+    at = jnp.clip(jnp.floor(10.0 * x).astype(int), 0, 99)
+    return TABLE[at] * v + k, x, v
+
+
+def shared(function):
+    def call(*arguments):
+        return function(*arguments)
+
+    call.__name__ = SHARED
+    return jax.jit(call)
+
+
+def motion(function, n):
+    """A loop that calls a function for n elements, and again for results of the first calls."""
+    call = shared(function)
+
+    def step(x, v, k):
+        pulls = [call(*(a[j] for a in (x, v, k))) for j in range(n)]
+        # Each of these needs the result of the element before, and so of the calls above.
+        again = [call(pulls[j][0], pulls[j - 1][1], k[j]) for j in range(n)]
+        turned = [jnp.sin(a[2] * b[2]) for a, b in zip(pulls, again, strict=True)]
+        rates = jnp.stack([a[0] + t * b[1] for a, b, t in zip(pulls, again, turned, strict=True)])
+        return 0.9 * x + 0.01 * rates, 0.5 * v - 0.1 * x, k
+
+    def run(x, v, k):
+        return lax.fori_loop(0, 5, lambda _, now: step(*now), (x, v, k))
+
+    return run
+
+
+def arguments(n, seed):
+    rng = np.random.default_rng(seed)
+    return tuple(rng.normal(size=(3, n)))
+
+
+def programs(function, given, monkeypatch, tangents=0):
+    """The program with calls computed together, and the one in which each stands alone."""
+    monkeypatch.setattr(lowering, "SMALLEST_SHARED", 1)
+    monkeypatch.setattr(lowering, "MOST_ELEMENTARY", 2)
+    closed = jax.make_jaxpr(function)(*given)
+    together = NativeProgram(closed, tangents)
+    monkeypatch.setattr(functions, "CALLS_AT_ONCE", 1)
+    return together, NativeProgram(closed, tangents)
+
+
+def calls_at_once(program):
+    """Number of calls whose arguments are vectors of eight numbers."""
+    return len(re.findall(r"= call \{[^}]*\} @f\d+\(ptr %memory, <8 x double>", program.code.text))
+
+
+@pytest.mark.parametrize("n", [2, 3, 8, 11, 20])
+@pytest.mark.parametrize("seed", range(2))
+def test_calls_together_have_the_bits_of_single_calls(n, seed, monkeypatch):
+    given = arguments(n, seed)
+    together, alone = programs(motion(force, n), given, monkeypatch)
+    assert (calls_at_once(together) > 0) == (n >= alike_calls.FEWEST)
+    assert calls_at_once(alone) == 0
+    for joined, single in zip(together(given), alone(given), strict=True):
+        np.testing.assert_array_equal(joined, single)
+        assert np.isfinite(joined).all() and np.ptp(joined) > 0.0
+
+
+def test_derivatives_have_the_bits_of_single_calls(monkeypatch):
+    n = 9
+    run = motion(force, n)
+
+    def along(x, v, k):
+        return jax.vmap(lambda d: jax.jvp(run, (x, v, k), (d * v, d * x, d * k)))(jnp.arange(3.0))
+
+    given = arguments(n, 5)
+    together, alone = programs(along, given, monkeypatch, tangents=3)
+    for joined, single in zip(together(given), alone(given), strict=True):
+        np.testing.assert_array_equal(joined, single)
+
+
+def test_functions_that_use_memory_are_called_one_by_one(monkeypatch):
+    given = arguments(8, 0)
+    together, alone = programs(motion(from_memory, 8), given, monkeypatch)
+    assert "@f0(ptr %memory, double" in together.code.text
+    assert not re.search(r"@f0\(ptr %memory, <8", together.code.text)
+    for joined, single in zip(together(given), alone(given), strict=True):
+        np.testing.assert_array_equal(joined, single)
+
+
+def test_calls_in_a_row_stay_in_their_order(monkeypatch):
+    call = shared(force)
+
+    def chained(x, v, k):
+        now = x[0]
+        for j in range(6):
+            now = call(now, v[j], k[j])[0]
+        return now
+
+    given = arguments(6, 1)
+    together, alone = programs(chained, given, monkeypatch)
+    assert calls_at_once(together) == 0
+    assert together(given) == alone(given)
+
+
+def test_parameters_are_read_together_from_memory(monkeypatch):
+    """As those of a scene's elements, which a function for all stages of a step reads there."""
+    n, call = 11, shared(force)
+
+    @jax.jit
+    def rates(x, v, k):
+        pulls = [call(x[j], v[j] * k[j], k[j]) for j in range(n)]
+        return jnp.stack([pull[0] for pull in pulls])
+
+    def run(x, v, k):
+        for _ in range(3):
+            x = 0.9 * x + 0.01 * rates(x, v, k)
+        return x
+
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+    given = arguments(n, 3)
+    together, alone = programs(run, given, monkeypatch)
+    # Of x and k, and of v k, which is computed outside of the function.
+    assert together.code.text.count("load <8 x double>") == 3
+    np.testing.assert_array_equal(together(given)[0], alone(given)[0])
