@@ -2,8 +2,7 @@
 
 A start is a scene with an initial state, a start time and coordinates. Most checks of starts run in
 Python. For scenes that are run many times, a compiled native program does the same checks faster.
-Starts have the same structure if they differ only in their numbers. Redundant constraints are those
-that depend linearly on others.
+Starts have the same structure if they differ only in their numbers.
 """
 
 import sys
@@ -65,9 +64,9 @@ from ..step.method import Scheme
 from ..step.settings import Settings
 
 BY_NUMPY = 16
-"""Number of starts of the same structure that are checked in Python. For further ones a native
-program is compiled, which checks each in microseconds. Compiling takes as long as thirty checks of
-a pendulum, or fourteen of a chain of thirty joints."""
+"""Number of starts of the same structure that are checked in Python, before a native program is
+compiled, which checks each in microseconds. Compiling takes as long as thirty checks of a pendulum,
+or fourteen of a chain of thirty joints."""
 KEPT = 256
 """Largest number of starts of the same structure for which results of the search for redundant
 constraints are cached."""
@@ -106,13 +105,11 @@ def check_numbers(scene: Scene, state: State) -> None:
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Return a traced bool, which is true if the numbers pass a check; ``None`` if the check meets
-    no traced numbers.
+    """Return a traced bool, which is true if the numbers pass a `check` that raises errors for
+    known numbers; ``None`` if the check meets no traced numbers.
 
-    A run that JAX traces cannot raise errors for invalid numbers. Its program evaluates this
-    condition once, before the first step.
-
-    **Arguments:** `check`: a function that raises an error for invalid numbers if they are known.
+    A run that JAX traces cannot raise errors, so its program evaluates this condition before the
+    first step.
     """
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
@@ -125,11 +122,12 @@ def check_start(
     coordinates: AbstractCoordinates,
     flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
-    """Check all numbers of a scene and a state, and the state against the constraints.
+    """Check all numbers of a scene and a state, and the state against the constraints at
+    `start_time`, s.
 
-    **Arguments:** `start_time`: s, the time at which constraints are evaluated; `coordinates`: the
-    coordinates of the run, which must be able to represent the state; `flat`: scene and state, if
-    they are flattened already and all of their leaves are arrays of floats.
+    **Arguments:** `coordinates`: the coordinates of the run, which must be able to represent the
+    state; `flat`: scene and state, if they are flattened already and all of their leaves are arrays
+    of floats.
 
     **Returns:** the names of the redundant constraints.
 
@@ -176,8 +174,6 @@ def derivative_scheme(
     """Check scene, state and settings of a run with derivatives, and return its integration method
     and formulation.
 
-    **Arguments:** `start_time`: s, the time at which the state must satisfy the constraints.
-
     **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
     support, such as a solver other than an explicit Runge-Kutta method, or a `landing_tolerance` of
     ``None``; if JAX computes in 32 bits; and for an element that may change abruptly at some time
@@ -207,13 +203,8 @@ passed the check recently."""
 
 
 class StartValues(NamedTuple):
-    """What the checks of a start compare with their limits.
-
-    - `depths`, `approaches`: the results of `starting_contacts`, by joint and contact label.
-    - `rows`: the constraint equations.
-    - `cosines`: the result of `cosines_of_turns`, by joint.
-    - `variables`, `orientations`: the result of `round_trip`.
-    """
+    """What the checks of a start compare with their limits: the results of `starting_contacts`, the
+    constraint equations, and the results of `cosines_of_turns` and `round_trip`."""
 
     depths: ByLabel[Scalar]
     approaches: ByLabel[Scalar]
@@ -228,8 +219,7 @@ class StartValues(NamedTuple):
 def start_values(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartValues:
-    """Return the values for the checks of a start at a time t, s. Vectors in scene and state may be
-    arrays (3,) or three separate scalars."""
+    """Return the values for the checks of a start at a time t, s."""
     scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
     motions = free_motions(scene, state.bodies)
     depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
@@ -273,7 +263,7 @@ def _passes(
 def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
     """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
     time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
-    which can't raise errors, use this function for these checks of `check_structure`."""
+    which can't raise errors, use this instead of `check_structure`."""
     return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
 
 
@@ -326,7 +316,6 @@ class _Starts:
         self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
     def count(self) -> int:
-        """Return the number of native programs that have been compiled to check starts."""
         return self._function.count()
 
     def checked(
@@ -337,7 +326,6 @@ class _Starts:
         coordinates: AbstractCoordinates,
         flat: FlatArguments | None = None,
     ) -> tuple[str, ...]:
-        """Return the result of `check_start`, of which these are the arguments."""
         given = flat_start(scene, state, t, coordinates, flat)
         key = given.key, given.numbers
         redundant = self._passed.recent(key)
@@ -355,12 +343,9 @@ class _Starts:
         return redundant
 
     def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
-        """Return the names of the redundant constraints of a start that passes all checks.
-
-        The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
-        is no native program for its structure, as for the first starts of a structure.
-
-        **Arguments:** `given`: scene, state, start time and coordinates, flattened.
+        """Return the names of the redundant constraints of a start that passes all checks; ``None``
+        if it fails a check, if redundancy is uncertain, or if there is no native program for its
+        structure, as for the first starts of a structure.
 
         **Raises:** `ValueError` for numbers of the scene that its constructors refuse.
         """
@@ -397,9 +382,8 @@ class _Starts:
         return None if uncertain else redundant
 
     def _recheck(self, scene: Scene, flat: FlatArguments) -> None:
-        """Repeat the checks of the constructors of a scene, or only those of the numbers that
-        differ from the latest scene of the same structure. In native code, these checks were a
-        third of the program."""
+        # Only numbers that differ from those of the latest scene of the structure are checked. In
+        # native code, these checks were a third of the program.
         earlier = self._scenes.recent(flat.key)
         changed = None if earlier is None else flat.changes(earlier)
         if changed is None:

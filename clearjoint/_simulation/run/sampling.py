@@ -1,12 +1,10 @@
-"""Runs with tangents, which evaluate quantities and their derivatives at given times.
+"""Runs with tangents, which evaluate quantities and their derivatives at given times, for
+`sensitivities`, `identify` and `fit_horizon`.
 
-Tangents are derivatives of the variables with respect to p parameters, integrated together with the
-variables. Runge-Kutta methods commute with differentiation: the derivative of a step with respect
-to a parameter is the same step of the variational equations, error estimate included. Hence an
-attempt to take a step (`attempt` in `..step.stepping`) differentiates the solver's step for all
-parameters at once, and controls the errors of variables and tangents together.
-
-`sensitivities`, `identify` and `fit_horizon` use this module.
+Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
+parameter is the same step of the variational equations, error estimate included. Hence an attempt
+differentiates the solver's step for all parameters at once, and controls the errors of variables
+and tangents together.
 """
 
 from collections.abc import Callable, Mapping
@@ -44,8 +42,8 @@ from .sections import SectionRecord, SectionRecorder
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
-programs are compiled. The additional times repeat the end time. Quantities at repeated times are
-computed only once, so the additional times cost almost nothing."""
+programs are compiled. The additional times repeat the end time; quantities at repeated times are
+computed only once."""
 
 
 class Kept(eqx.Module):
@@ -63,12 +61,11 @@ class Kept(eqx.Module):
 
 
 NOTHING_ELSE = Kept()
-"""For runs that return the values of quantities only."""
 PEAK = "peak"
 """Name of the recorder of the largest derivatives."""
 IMPACTS_AT_FIRST = 512
 """Number of impacts of each contact for which the buffers of the first run have room. If a contact
-has more impacts, the run is repeated with `GROWTH` times as much room."""
+has more, the run is repeated with `GROWTH` times as much room."""
 
 
 class Sampled(eqx.Module):
@@ -76,8 +73,7 @@ class Sampled(eqx.Module):
 
     - `values[name]`: (N,), in the quantity's unit.
     - `derivatives[name]`: (N, p), in the quantity's unit, with respect to the coordinates of the
-      parameters on their scales. These coordinates are pure numbers, such as logarithms of the
-      parameters' values.
+      parameters on their scales, such as logarithms of the parameters' values.
     - `reached`: (N,), whether the run reached each time. Values, derivatives and states at times
       that it did not reach are meaningless.
     - `time`: s, the time at which the run ended; `result`: its result code.
@@ -85,11 +81,9 @@ class Sampled(eqx.Module):
     - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
       derivatives to that of the speeds' derivatives at their peak: this peak times the time since
       then, over the largest derivative of a position since then.
-    - `states`: the state at each time. Its leaves have an additional first axis of length N, and
-      each vector is three separate arrays. ``None`` unless kept.
+    - `states`: the state at each time, in scalar form; ``None`` unless kept.
     - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
-    - `sections`: the records of crossings, by name of the section, with times on the clock of the
-      scene, to which drivers and loads refer.
+    - `sections`: the records of crossings, with times on the clock of the scene.
     """
 
     values: dict[str, Numbers]
@@ -110,9 +104,9 @@ def start_with_tangents(
 ) -> Step:
     """Return the complete state of a run with tangents before its first step.
 
-    **Arguments:** `method`: solver and step control; `family`: the systems and initial states as
-    functions of p parameters; `t0`, `t_end`: start and end of the run, s, on the clock of the
-    systems, which is zero at `family.origin`; `first_step`: length of the first step, s.
+    **Arguments:** `family`: the systems and initial states as functions of p parameters; `t0`,
+    `t_end`: start and end of the run, s, on the clock of the systems, which is zero at
+    `family.origin`; `first_step`: length of the first step, s.
     """
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
@@ -168,8 +162,7 @@ def look_at_tangents(
     t, s since the start of the run, in the accepted step of an `attempt`.
 
     Inside the step they are derivatives of dense output, and at its end those of the stored state.
-    `look_inside` also corrects the variables so that they satisfy the constraints; this correction
-    is not differentiated here. Each leaf has an additional first axis of length p.
+    The correction by which `look_inside` satisfies the constraints is not differentiated.
 
     **Arguments:** `entry_speeds`: the entry speeds at t from `look_inside`.
     """
@@ -191,7 +184,6 @@ def look_at_tangents(
 def _first(
     scheme: Scheme, family: ParametrisedScene, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the state of `sampled` before its first step, at time zero."""
     # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
     # than the rounding errors of large times.
     systems = SystemFamily(family, scheme.formulation, t0)
@@ -209,7 +201,6 @@ def _sampled_from(
     max_steps: Scalar,
     kept: Kept,
 ) -> Sampled:
-    """Return the result of `sampled`, given the result of `_first`."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
     recorders: dict[str, Recorders] = {
@@ -227,14 +218,6 @@ def _sampled_from(
     no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(family.values)))
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
-        """Continue the run to a time or beyond it.
-
-        **Arguments:** `now`: the run so far; `row`: the time, s since the start of the run, and
-        whether it differs from the time before it.
-
-        **Returns:** the run, and a tuple of values, derivatives and state at the time, and whether
-        the run has reached it.
-        """
         time, is_new = row
         # Steps are not shortened to end at the time, since evaluation must not change the motion.
         now = loop.until(time, now, max_steps)
@@ -243,8 +226,6 @@ def _sampled_from(
         def observed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
-            """Return the quantities at the time for the variables `y` of dense output, and
-            ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
             # The variables from `look_inside` are corrected already, but their derivatives from
             # `look_at_tangents` are not. The correction is repeated here, where it is
             # differentiated.
@@ -253,7 +234,6 @@ def _sampled_from(
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
-            """Return the quantities and their derivatives at the time."""
             dense = look_inside(method, systems.system(), latest, time)
             along = look_at_tangents(method, latest, time, dense[1])
             values, _, derivatives = systems.with_derivatives(observed, dense, along)
@@ -291,7 +271,6 @@ def _sampled_from(
 
 
 def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
-    """Return `Sampled.amplification` for the last step of a run."""
     # Nothing is amplified if no position depends on the parameter.
     positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
     return peak.size * (step.t - peak.time) / positions
@@ -300,12 +279,6 @@ def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
 def _scanned(
     sample: Callable[[Progress, PyTree], tuple[Progress, PyTree]], run: Progress, rows: PyTree
 ) -> tuple[Progress, PyTree]:
-    """Apply `sample` to one row after the other, like a single `jax.lax.scan`, but in blocks of
-    `FEW_TIMES` rows.
-
-    **Arguments:** `sample`: function of the run and a row that returns the run and an output;
-    `run`: the run before the first row; `rows`: a PyTree of arrays (N,).
-    """
     # In each iteration, XLA copies all outputs that the loop has written so far. With 4096 rows,
     # one loop took ten times as long as the run. Numbers of rows from `padded` are multiples of
     # `FEW_TIMES`; for others, a single loop is used.
@@ -336,12 +309,8 @@ def sampled(
     """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
     given times. This is the whole run of `sensitivities` and fits.
 
-    The derivatives are with respect to the coordinates of the parameters on their scales, such as
-    logarithms of the values.
-
     **Arguments:**
 
-    - `scheme`: integration method and formulation of the equations of motion.
     - `family`: scene and initial state as functions of the p parameters.
     - `outputs`: the quantities to evaluate, by name.
     - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
@@ -351,8 +320,7 @@ def sampled(
     - `first_step`: s, length of the first step that is tried.
     - `max_steps`: largest number of attempts.
     - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
-      than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
-      more room, as `recorded_run` does.
+      than `kept.impacts`, the record lacks some of them; see `recorded_run`.
     """
     first = _first_compiled(scheme, family, t0, t_end, first_step)
     return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
@@ -361,13 +329,8 @@ def sampled(
 def recorded_run(
     arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
-    """Call `sampled`, with larger buffers each time until they have room for all impacts,
-    and return its last result as NumPy arrays.
-
-    **Arguments:** `arguments`: all arguments of `sampled` except `kept`; `states`,
-    `impacts`: whether to keep states and impacts; `sections`: recorders of crossings, by name of
-    the section.
-    """
+    """Call `sampled` with the `arguments` before `kept`, with larger buffers each time until they
+    have room for all impacts, and return its last result as NumPy arrays."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
@@ -379,8 +342,8 @@ def recorded_run(
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
     """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
-    512, 4096 ..., so that few programs are compiled (see `FEW_TIMES`). At least one copy is
-    appended, so that the run reaches its end even if the last of the times is earlier."""
+    512, 4096 ... (see `FEW_TIMES`). At least one copy is appended, so that the run reaches its end.
+    """
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

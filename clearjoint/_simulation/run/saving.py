@@ -25,8 +25,6 @@ from .sections import Section, SectionRecorder
 class Saving:
     """Selection of the results that a run keeps besides its final state.
 
-        cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True)
-
     **Arguments:**
 
     - `times`: (N,) s, strictly rising and within the run, times at which to save the state, in
@@ -82,11 +80,8 @@ class Saving:
     def check(self, scene: Scene, ledger: bool) -> None:
         """Check that a scene has the elements that the sections and the outputs name.
 
-        **Arguments:** `ledger`: whether the run keeps the energy ledger (the integrals of powers),
-        which some outputs need.
-
         **Raises:** `ValueError` that names the section or the output, for an element that the scene
-        lacks, and for an output that needs the ledger in a run without it.
+        lacks, and for an output that needs the energy `ledger` in a run without it.
         """
         check_reductions(self.outputs, scene, ledger)
         for name, section in self.sections.items():
@@ -94,12 +89,11 @@ class Saving:
                 section.check(scene)
 
     def section_recorders(self) -> dict[str, SectionRecorder]:
-        """Return for each section, by name, the recorder that tabulates its crossings in a run."""
+        """Return the recorder of the crossings of each section, by name."""
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
-        there are none.
+        """Return the times to save at, (N,) s, or ``None`` if there are none.
 
         Times outside of the run by rounding errors alone are moved to its start or end. If JAX
         traces the times, only their shape is checked; if it traces the start or the end of the run,
@@ -113,13 +107,11 @@ class Saving:
         return checked_times(start_time, end_time, self.times, "times")
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
-        """Check that results which a kind of run cannot keep are not requested.
+        """Check that no results are requested by the fields `names`, which a kind of run cannot
+        keep.
 
-        **Arguments:** `names`: names of the fields of `Saving` that request these results; `where`:
-        the kind of run in words for the error message, such as "of a run with derivatives";
-        `remedy`: the remedy that the message names.
-
-        **Raises:** `ValueError` that names the first field that requests something.
+        **Raises:** `ValueError` that names the first such field, with `where`, such as "of a run
+        with derivatives", and the `remedy`.
         """
         for name in names:
             value = getattr(self, name)
@@ -133,7 +125,7 @@ EXCEPT_TIMES = ("steps", "impacts", "sections", "outputs")
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return `save`, or a `Saving` that requests no results if `save` is ``None``.
+    """Return `save`, or a `Saving` that requests no results if it is ``None``.
 
     **Raises:** `ValueError` for an argument of another type.
     """
