@@ -1,12 +1,5 @@
-"""States inside an accepted step by dense output, the solver's interpolant between the step's ends.
-
-Where the stabilisation projects states onto the constraints, interpolated states are projected too.
-Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
-without an origin it shows the scene's time. Functions that take a `Method` need the one with which
-the step was made, because it contains the solver. An `Attempt` is a trial step with its data for
-dense output. The entry speed of a contact is its penetration rate at its onset. A time map gives
-the part of a step's time that has elapsed at each of the solver's stages; without one, this part is
-the node of the solver's tableau, and time is called uniform in the step.
+"""States inside an accepted step by dense output, projected onto the constraints where the
+stabilisation projects the ends of steps. Functions that take a `Method` need the one of the step.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,13 +39,8 @@ def look_inside(
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
-    """Return the time, s, that must be passed to diffrax's dense output to obtain the state at the
-    time t, s.
-
-    diffrax assumes that time is uniform in the step. With a time map it is not: t is therefore
-    mapped to the fraction x of the step at which the solver would place a stage, and x linearly to
-    a time.
-    """
+    """Return the time, s, that must be passed to diffrax's dense output, which assumes that time is
+    uniform in the step, to obtain the state at the time t, s."""
     if attempt.time_map is None:
         return t
     length = attempt.step.t - attempt.t_start
@@ -83,15 +71,13 @@ def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at a time t, s, inside a step, with the motion corrected by the
-    stabilisation. The energy ledger is not changed, because the correction of a state inside a step
-    does not enter later steps."""
+    stabilisation. The energy ledger stays, because this correction does not enter later steps."""
     return replace(y, motion=stabilised(system, y, t).motion)
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that the solver of a `Method` is an `UnrolledExplicit`, the form that explicit
-    Runge-Kutta methods have there. The package computes quantities inside steps, and derivatives,
-    with these solvers only.
+    """Check that the solver of a `Method` is an `UnrolledExplicit`, the only one with which
+    quantities inside steps, and derivatives, are computed.
 
     **Raises:** `ValueError` that names the solver's class.
     """
@@ -105,20 +91,18 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
 
 
 class Snapshot(eqx.Module):
-    """The state of a run at one time: the time t, s, on the clock of the run's system, the
-    variables `y`, and the entry speeds of contacts, m/s."""
+    """The state of a run at one time: the time t, s, the variables `y`, and the entry speeds of
+    contacts, m/s."""
 
     t: Scalar
     y: Variables
     entry_speeds: EntrySpeeds
 
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
-        """Return the snapshot as an `Instant`, from which quantities, such as the position of a
-        body, are computed.
+        """Return the snapshot as an `Instant`.
 
-        **Arguments:** `system`: the system of the run; `inside`: a function that returns the
-        `Instant` after a part, 0 to 1, of the time of the step that ends here; ``None`` if
-        quantities need no instants inside steps.
+        **Arguments:** `inside`: a function that returns the `Instant` after a part, 0 to 1, of the
+        time of the step that ends here; ``None`` if quantities need no instants inside steps.
         """
         motion, work = self.y.motion, self.y.work
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
@@ -133,12 +117,10 @@ class Snapshot(eqx.Module):
 class DenseStep(eqx.Module):
     """The latest accepted step of a run, with the data for dense output.
 
-    - `start`, `end`: the states at its ends; `gaps`: the contact gaps at its end.
-    - `stages`: for each stage of the solver, the time derivatives of the variables, per s,
-      multiplied by the slope of the time map if there is one.
-    - `time_map`: function of the fraction x at which the solver's tableau places a stage, 0 to 1.
-      Its value is the part of the step's time, 0 to 1, that has elapsed at this stage. With
-      ``None`` the two are equal. See `.time_map`.
+    - `gaps`: the contact gaps at its end.
+    - `stages`: for each stage of the solver, the rates, multiplied by the slope of the time map if
+      there is one.
+    - `time_map`: see `.time_map`; ``None`` if time is uniform in the step.
     """
 
     start: Snapshot
@@ -149,8 +131,7 @@ class DenseStep(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
-        """Return the step of an accepted attempt. The solver of the run must be an
-        `UnrolledExplicit`, an explicit Runge-Kutta method whose stages can be kept."""
+        """Return the step of an accepted attempt by an `UnrolledExplicit`."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
@@ -179,9 +160,9 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, of the step, on the clock of the run's system,
-        corrected by the stabilisation in the same way as the end of a step. At the end of the step
-        it is the stored `end`; before, it has the entry speeds of `entry_speeds_inside`."""
+        """Return the snapshot at a time t, s, of the step, corrected by the stabilisation. At the
+        end of the step it is the stored `end`; before, it has the entry speeds of
+        `entry_speeds_inside`."""
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)

@@ -1,10 +1,5 @@
 """Numerical scheme of a run: the integration method, and the formulation of the equations of motion
-(coordinates, stabilisation of the constraints, and energy ledger).
-
-Scenes have two forms: packed, with each vector as an array (3,), and scalar, with each vector as
-three separate scalars (a `Vector`). Runs receive packed scenes; the equations of motion are
-evaluated in scalar form.
-"""
+(coordinates, stabilisation of the constraints, and energy ledger)."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -29,11 +24,7 @@ from .step_state import Method
 
 class Scheme(eqx.Module):
     """Integration method and formulation of the equations of motion of a run. It contains no data
-    of a scene, so that runs of different scenes may use the same scheme.
-
-    - `method`: solver, step-size controller, and the rule by which steps end at contact events.
-    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
-    """
+    of a scene, so that runs of different scenes may use the same scheme."""
 
     method: Method
     formulation: Formulation
@@ -79,18 +70,13 @@ class Scheme(eqx.Module):
         return System(scene, self.formulation)
 
     def system_of_packed(self, folded_scene: ConstantFolded) -> System:
-        """Return the system of equations that a run integrates, for a scene in packed form.
-
-        **Arguments:** `folded_scene`: the scene, with marks at vector components that are exactly 0
-        or 1. These become constants of the compiled program.
-        """
+        """Return the system of equations that a run integrates, for a folded scene in
+        packed form."""
         return self.system(unpack(folded_scene))
 
 
 @cached_by_numbers
 def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
-    """Return `Scheme.of` with NumPy arrays. The fields of `Settings` are passed in a dictionary, a
-    PyTree, as the cache requires."""
     return keep_flattened(jax.device_get(Scheme.of(Settings(**settings), redundant)))
 
 
@@ -102,9 +88,8 @@ class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of p parameters.
 
     - `family`: the scene and its initial state as functions of the parameters' coordinates, such as
-      the logarithm of a parameter on a logarithmic scale. All derivatives of this class are with
-      respect to these coordinates.
-    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
+      the logarithm of a parameter on a logarithmic scale, with respect to which all derivatives are
+      taken.
     - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
       the scene's time.
     """
@@ -134,11 +119,9 @@ class SystemFamily(eqx.Module):
         - `function`: function of the system and of `primals`. It returns a pair of PyTrees: the
           value, which is differentiated, and an auxiliary result, which is not.
         - `primals`: the arguments of `function` after the system.
-        - `tangents`: derivatives of `primals` with respect to the parameters: PyTrees of the same
-          structures, whose leaves have an additional first axis of length p.
+        - `tangents`: derivatives of `primals` with respect to the parameters.
 
-        **Returns:** the value, the auxiliary result, and the value's derivatives, with a first axis
-        of length p in each leaf.
+        **Returns:** the value, the auxiliary result, and the value's derivatives.
         """
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:

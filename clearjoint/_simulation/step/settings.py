@@ -25,12 +25,10 @@ from .solvers import require_ordinary
 from .types import Numbers
 
 FIRST_SHARE = 1e-6
-"""Default length of the first step, relative to the duration of the run. It is short enough for
-stiff contacts. In motions that allow longer steps, the controller lengthens each of the next steps
-up to tenfold."""
+"""Default length of the first step, relative to the duration of the run: short enough for stiff
+contacts. The controller lengthens each of the next steps up to tenfold."""
 
 NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
-"""Types that are accepted as numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +49,9 @@ class Settings:
     - `controller`: a diffrax step-size controller. The default, ``None``, is a
       `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
     - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
-      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`. It is
-      so small because impacts amplify errors of variables that are nearly zero, such as the
-      misalignment of a journal. Give a smaller `atol` if all speeds of the motion are below
-      1e4 `atol`.
+      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`,
+      because impacts amplify errors of variables that are nearly zero, such as the misalignment of
+      a journal. Give a smaller `atol` if all speeds of the motion are below 1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
     - `landing_tolerance`: m; steps end at each onset and end of a contact. The penetration there
       differs from that of the event by at most this value; in slow contacts, steps end at most
@@ -139,11 +136,9 @@ class Settings:
 
     def check_numbers(self) -> None:
         """Check that each tolerance, and the length of the first step, is a number in its range.
+        Numbers that JAX traces raise no error; the compiled program checks them.
 
-        **Raises:** `ValueError` that names the setting, if it is not a single finite number, is
-        negative, or is zero. `rtol` or `atol` may be zero, but not both; `atol`, `first_step` and
-        `landing_tolerance` may be ``None``. Numbers that JAX traces raise no error; the compiled
-        program checks them.
+        **Raises:** `ValueError` that names the setting.
         """
         # Name of each setting, remedy in the error message, and whether the setting may be zero.
         for name, remedy, zero in (
@@ -174,19 +169,14 @@ class Settings:
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step of a run from `start_time` to `end_time`, all in s:
-        the setting `first_step`, or its default.
-
-        For several runs, with end times (N,), the default has the shape (N,), but `first_step` is
-        returned as one number.
-        """
+        """Return the length of the first step of a run from `start_time` to `end_time`, s; the
+        default has the shape of the end times."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`, for runs
-        that are faster or that are compared with more accurate ones.
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`.
 
         **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
         """
@@ -197,9 +187,7 @@ class Settings:
     def require_tolerances(self, where: str) -> None:
         """Check that no `controller` is set, so that `rtol` and `atol` control the steps.
 
-        **Arguments:** `where`: the reason, for the message "... must be None where <reason>".
-
-        **Raises:** `ValueError` if a `controller` is set.
+        **Raises:** `ValueError` "... must be None where `where`".
         """
         given, remedy = self.controller, "leave it out, and give rtol and atol"
         require(given is None, "controller", given, f"None where {where}", remedy)
@@ -229,8 +217,7 @@ ROUNDINGS = 4.0
 in single precision, and times that a user computes as sums of steps, are wrong by that much."""
 SHORTEST = 1e10
 """Shortest duration of a run, in multiples of the smallest normal floating-point number. Processors
-may take numbers below the smallest normal one as zero, and steps are much shorter than the run: the
-first one is by default a millionth of the duration."""
+may take numbers below the smallest normal one as zero, and steps are much shorter than the run."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
@@ -255,17 +242,14 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
-    """Check that times lie within a run from `start` to `end`, s, and return them as an array.
+    """Return `times`, (N,) s, of a run from `start` to `end`, s, in double precision, with those
+    outside of the run by rounding errors alone moved to its start or end.
 
-    **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
+    If JAX traces the times, only their shape is checked; if it traces the start or the end of the
+    run, the times are not compared with these. In both cases, the times are returned unchanged.
 
-    **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
-    alone are moved to its start or end. If JAX traces the times, only their shape is checked; if it
-    traces the start or the end of the run, the times are not compared with these. In both cases,
-    the times are returned unchanged.
-
-    **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
-    outside of the run, and for an empty array.
+    **Raises:** `ValueError` that names the `argument`, for times that decrease, are not finite, are
+    not one-dimensional or are outside of the run, and for an empty array.
     """
     row = rising_times(times, argument)
     if (known := checkable(row, start, end)) is not None:
@@ -279,13 +263,11 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
 
 
 def rising_times(times: ArrayLike, argument: str) -> Column:
-    """Check that times, s, do not decrease, and return them as an array, (N,). Of traced times only
-    the shape is checked.
+    """Return `times`, (N,) s, as an array, after a check that they do not decrease. Of traced times
+    only the shape is checked.
 
-    **Arguments:** `argument`: the times' name in error messages.
-
-    **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional,
-    and for an empty array.
+    **Raises:** `ValueError` that names the `argument`, for times that decrease, are not finite, or
+    are not one-dimensional, and for an empty array.
     """
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
@@ -300,13 +282,10 @@ def rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
-    """Check that each of several times, s, is later than the one before, and return them as an
-    array, (N,). They must be known numbers, which JAX does not trace.
+    """Return `times`, (N,) s, as an array, after a check that each, known to Python, is later than
+    the one before.
 
-    **Arguments:** `argument`: the times' name in error messages.
-
-    **Raises:** `ValueError` for times that decrease, are repeated, are not finite, or are not
-    one-dimensional, and for an empty array.
+    **Raises:** `ValueError` as `rising_times`, and for repeated times.
     """
     row = rising_times(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
@@ -316,10 +295,7 @@ def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
     """Return by how much, s, `times` may be outside of a run from `start` to `end` because of
-    rounding errors alone.
-
-    The least precise floating-point type among the arguments determines the rounding error.
-    """
+    rounding errors, in the least precise floating-point type among the arguments."""
     arrays = [v if isinstance(v, jax.Array) else np.asarray(v) for v in (start, end, times)]
     kinds = [v.dtype if jnp.issubdtype(v.dtype, jnp.floating) else float for v in arrays]
     precision = max(float(jnp.finfo(kind).eps) for kind in kinds)
