@@ -41,12 +41,7 @@ lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
-    """Integration method and outputs that all lanes of a batch share.
-
-    - `reductions`, `sections`, `impacts`: by name of the output.
-    - `saves`: whether states are saved at given times.
-    - `max_steps`: largest number of attempted steps of a lane.
-    """
+    """Integration method and outputs, by name, that all lanes of a batch share."""
 
     scheme: Scheme
     reductions: dict[str, AbstractReduction]
@@ -146,11 +141,9 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
-    """Return a lane before its first step at `start_time`, s, from a packed `state`.
-
-    A lane whose state violates the constraints, or cannot be represented by the coordinates of the
-    run, gets the result code `not_assembled` and takes no step.
-    """
+    """Return a lane before its first step at `start_time`, s, from a packed `state`. A lane whose
+    state violates the constraints, or cannot be represented by the coordinates of the run, gets the
+    result code `not_assembled` and takes no step."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
@@ -170,10 +163,8 @@ def begin_lane(
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
-    """Return a lane after one turn.
-
-    In a turn, the lane tries one step, unless its run has ended, it waits for the host, or a state
-    within its latest step is still to be saved. After that, it saves at most one state.
+    """Return a lane after one turn: it tries one step, unless its run has ended, it waits for the
+    host, or a state within its latest step is still to be saved; then it saves at most one state.
     """
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))

@@ -69,10 +69,9 @@ OnCells = BoundFunction | XlaFunction
 class Ended:
     """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
 
-    - `lanes`: (n,), the numbers of the lanes.
-    - `logs[log]`: the recorded columns by name, (n, rows, ...), for the largest number of rows of
-      the log, with NaN behind the rows that a lane has recorded; and the numbers of recorded rows,
-      (n,).
+    `logs[log]` has the recorded columns by name, (n, rows, ...), for the largest number of rows of
+    the log, with NaN behind the rows that a lane has recorded; and the numbers of recorded rows,
+    (n,).
     """
 
     lanes: np.ndarray
@@ -82,13 +81,9 @@ class Ended:
 
 @dataclass(frozen=True)
 class Running:
-    """Progress of the lanes that have begun and not ended.
-
-    - `earliest`, `latest`: s, smallest and largest simulated time that one of them has reached; the
-      start time if there are none.
-    - `seconds_left`: s, estimated computing time until all lanes of the batch have ended; ``None``
-      if there is no estimate yet.
-    """
+    """Progress of the lanes that have begun and not ended: their number, the smallest and the
+    largest simulated time that one of them has reached, s, and the estimated computing time until
+    all lanes of the batch have ended, s; ``None`` if there is no estimate yet."""
 
     lanes: int
     earliest: float
@@ -99,10 +94,8 @@ class Running:
 class Batch:
     """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA.
 
-    **Arguments:** `tasks`: data of the L lanes, in NumPy arrays with a first axis of length L;
-    `threads`: number of threads, as set by `clearjoint.configure` unless given.
-
-    The attribute `lengths[log]` is the largest number of rows of each log.
+    `tasks` are NumPy arrays with a first axis of length L. The attribute `lengths[log]` is the
+    largest number of rows of each log.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
@@ -148,13 +141,13 @@ class Batch:
     ) -> None:
         """Run some lanes of the batch, in the given order.
 
-        **Arguments:** `on_ended`: receives lanes soon after they have ended, while others still
-        run; `on_progress`: receives the progress several times a second. Both are called in the
-        thread that calls `run`.
+        **Arguments:** `on_ended`: receives lanes soon after they have ended; `on_progress`:
+        receives the progress several times a second. Both are called in the thread that calls
+        `run`.
 
-        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
-        has received all lanes that had ended. After a second Ctrl-C, some of these lanes may be
-        missing. An error in a thread or a callback stops all threads and is raised.
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when `on_ended` has received all lanes that
+        had ended. After a second Ctrl-C, some of them may be missing. An error in a thread or a
+        callback stops all threads and is raised.
         """
         if not lanes:
             return
@@ -198,17 +191,14 @@ class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
     - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
-      its request; `task_cells`: number of cells of a task.
+      its request.
     - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
-    - `begin`, `outcome`, `columns[log]`: functions without arguments, each of which makes a
-      compiled function: for a lane's start, for its outcome, and for the columns of a log. Each
-      thread makes functions of its own, because two threads must not call one at the same time.
-    - `outcome_cells`, `column_cells[log]`: layout of the results of these functions.
+    - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
+      start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
+      because two threads must not call one at the same time.
     - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
       and of the count of rows.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
-
-    **Raises:** `UnsupportedPrimitiveError` if native code lacks a primitive of the programs.
     """
 
     def __init__(self, batch: Batch, native: bool):

@@ -40,15 +40,10 @@ def width() -> int:
 class XlaLaneLoop(AbstractLaneLoop):
     """A loop over lanes compiled by XLA.
 
-    **Arguments:**
-
-    - `turn`: function (shared, own, state) that returns the state of a lane after a turn. If the
-      lane waits, the function must return an equal state, because the turns of other lanes may go
-      on.
-    - `status`: function (shared, own, state) that returns scalars by name, among them "moves",
-      which is false if the lane waits.
-    - `shared`: data of all lanes, a PyTree of arrays.
-    - `own`, `state`: examples of the constant data and of the state of one lane.
+    **Arguments:** `turn`: function (shared, own, state) that returns the state of a lane after a
+    turn, an equal one if the lane waits, because the turns of other lanes may go on; `status`:
+    function of the same that returns scalars by name, among them "moves", which is false if the
+    lane waits; `shared`: data of all lanes; `own`, `state`: examples of those of one lane.
     """
 
     def __init__(

@@ -267,13 +267,10 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows`, and the relative residual,
         which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of three: that of the normal impulses, that of the friction
-        impulses, and the opening velocity by which the two do not fit each other. Each is relative
-        to the largest velocity at closed contacts that the impulses of its problem have to change:
-        along the normals, along the slip directions, or along both, but at least to `ROUNDED` times
-        the largest of all, and to `NEGLIGIBLE`.
-
-        **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
+        The residual is the largest of those of the normal impulses, of the friction impulses, and
+        of the opening velocity by which the two do not fit each other, each relative to the largest
+        velocity at closed contacts that the impulses of its problem have to change, but at least to
+        `ROUNDED` times the largest of all, and to `NEGLIGIBLE`. `slips` are the velocities along
         the slip directions without impulses.
         """
         if not slips:
@@ -339,12 +336,8 @@ def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
-    """Check that every contact has a coefficient of restitution: the given number or, for ``None``,
-    that of its law.
-
-    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a contact law
-    without a method `delivered_restitution`.
-    """
+    """Check that every contact has a coefficient of restitution: the given number, 0 to 1, or, for
+    ``None``, that of its law; raise a `ValueError` if not."""
     if restitution is not None:
         require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
         return

@@ -48,13 +48,8 @@ both are far smaller."""
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps.
-
-    - `touching[joint][contact]`: whether the contact had an impulse in the last step.
-    - `totals[joint][contact]`: sums and extreme values since the start of the run.
-    - `residual`: largest relative residual of the contact problem in any step that did not fail.
-    - `result`: the result code so far; `steps`: number of steps that did not fail.
-    """
+    """A run between two steps: whether each contact had an impulse in the last step, its totals
+    since the start, and the largest residual and the number of steps that did not fail."""
 
     t: Scalar
     variables: MotionVariables
@@ -83,18 +78,12 @@ def run(
     restitution: Scalar | None,
     admissible: Condition | None = None,
 ) -> tuple[RigidRun, RigidStop]:
-    """Run a scene from the first to the last of S stops, and return the run at its end, and the S -
-    1 stops after the first.
+    """Run a scene from the first to the last of S stops, (S,) s, and return the run at its end, and
+    the S - 1 stops after the first.
 
-    **Arguments:**
-
-    - `state`: the initial state, packed.
-    - `stops`: (S,) s, not decreasing: the start, the times to save at, and the end.
-    - `longest`: s, length of the longest step.
-    - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
-      the contact laws.
-    - `admissible`: whether all numbers are within their ranges; if not, the run takes no step, and
-      its result is `RESULTS.domain`. ``None`` if the numbers have been checked.
+    **Arguments:** `longest`: s, length of the longest step; `restitution`: coefficient of every
+    contact, or ``None`` for those of the contact laws; `admissible`: whether all numbers are within
+    their ranges; if not, the run takes no step, and its result is `RESULTS.domain`.
     """
     system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))

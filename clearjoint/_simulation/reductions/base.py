@@ -108,11 +108,7 @@ class AbstractReduction(AbstractConverting):
 
 def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
     """Check that a run of a scene, with or without energy `ledger`, can compute the reductions
-    among its outputs.
-
-    **Raises:** `ValueError` that names the output, if the scene lacks an element that the reduction
-    names, or if the reduction needs the ledger and the run has none.
-    """
+    among its outputs, or raise a `ValueError` that names the output."""
     for name, output in outputs.items():
         if not isinstance(output, AbstractReduction):
             continue
@@ -124,10 +120,8 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
 
 
 def optional_time(value: Instants) -> Instants:
-    """Convert a time, s, to a Python float, and return ``None`` and functions unchanged.
-
-    **Raises:** `ValueError` if `value` is NaN or not a single number.
-    """
+    """Convert a time, s, to a Python float, and return ``None`` and functions unchanged; raise a
+    `ValueError` if it is NaN or not a single number."""
     if value is None or callable(value):
         return value
     time = np.asarray(as_number(value))
@@ -179,11 +173,8 @@ class TimeSpan:
 
 @dataclass(frozen=True)
 class Window:
-    """Window of time, whose edges may be functions of the run's scene; `at` returns the window in a
-    run.
-
-    **Raises:** `ValueError` as for `AbstractWindowedReduction`.
-    """
+    """Window of time, whose edges may be functions of the run's scene. It raises the errors of
+    `AbstractWindowedReduction`."""
 
     after: Instants
     until: Instants

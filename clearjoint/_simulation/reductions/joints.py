@@ -86,12 +86,8 @@ class ImpactCount(AbstractWindowedReduction):
 
 class LossTally(NamedTuple):
     """Tally of a reduction of losses: the start of the run and the end of the latest step, s, and
-    the energies, J, dissipated up to the edges of the window.
-
-    An energy is that up to the end of the latest step as long as the run has not reached the edge,
-    and that up to the start of the run if the run starts later. `time` and `at_end` are ``None`` if
-    the window is the whole run.
-    """
+    the energies, J, dissipated so far up to the edges of the window. `time` and `at_end` are
+    ``None`` if the window is the whole run."""
 
     begin: Scalar
     at_begin: Scalar

@@ -54,8 +54,7 @@ class ContactTotals(AbstractReadable):
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate_nonsmooth`.
 
-    - `time`, `final`: the time in s at which the run ended, and the `State` at that time.
-    - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
+    - `time`, `final`, `result`, `formulation`, `redundant_constraints`: as of `Solution`.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
@@ -63,14 +62,11 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `saved_count`: number of requested times that the run reached. In `saved` and `history`, the
       rows of times that it did not reach repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions in any step that did not fail. The
-      conditions are that no contact approaches after the impact faster than its restitution allows,
-      that impulses do not pull and vanish at contacts that open faster, and that friction obeys
-      Coulomb's law. Violations are relative to the largest velocity at closed contacts that the
-      impulses, or the projection of the positions, have to change, but at least to 1e-9 m/s.
-    - `formulation`: coordinates and stabilisation of the constraints.
-    - `redundant_constraints`: names of constraint equations that depend linearly on others. If
-      there are any, the reactions are not unique.
+    - `residual`: largest violation of the contact conditions in any step that did not fail: that no
+      contact approaches after the impact faster than its restitution allows, that impulses do not
+      pull and vanish at contacts that open faster, and that friction obeys Coulomb's law. It is
+      relative to the largest velocity at closed contacts that the impulses, or the projection of
+      the positions, have to change, but at least to 1e-9 m/s.
 
     `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes while a contact
     touches, and the accelerations and reactions that follow from them, are meaningless.

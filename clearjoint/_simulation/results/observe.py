@@ -59,10 +59,8 @@ VARIABLES = {
 class MotionMode(enum.IntEnum):
     """Mode of motion of a journal: which of its two end circles (bases) touch the bearing's wall.
 
-    - `FREE_FLIGHT`: neither base touches the wall.
-    - `ONE_BASE`: one base touches the wall.
-    - `LINE_CONTACT`: both bases touch the wall on the same side of the bearing.
-    - `OPPOSITE_SIDES`: both bases touch the wall, on opposite sides, so the journal is tilted.
+    `LINE_CONTACT`: both on the same side of the bearing; `OPPOSITE_SIDES`: both, so the journal is
+    tilted.
 
     >>> cj.results.MotionMode(2).name
     'LINE_CONTACT'
@@ -112,21 +110,16 @@ class ContactObservation(eqx.Module):
 
 
 class Load(eqx.Module):
-    """Reaction of an ideal joint on one of its bodies at N times.
-
-    - `force`: (N, 3) N, in global axes.
-    - `moment`: (N, 3) N m, about the body's centre of mass, in body axes.
-    """
+    """Reaction of an ideal joint on one of its bodies at N times: `force`, (N, 3) N, in global
+    axes, and `moment`, (N, 3) N m, about the body's centre of mass, in body axes."""
 
     force: Vectors = described("N", "force of an ideal joint on a body, global")
     moment: Vectors = described("N m", "its moment about the centre of mass, body axes")
 
 
 class AccelerationSeries(eqx.Module):
-    """Acceleration of a body at N times.
-
-    - `linear`: (N, 3) m/s^2, of the centre of mass, in global axes.
-    - `angular`: (N, 3) rad/s^2, time derivative of the angular velocity, in body axes.
+    """Acceleration of a body at N times: `linear`, (N, 3) m/s^2, of the centre of mass, in global
+    axes, and `angular`, (N, 3) rad/s^2, the time derivative of the angular velocity, in body axes.
     """
 
     linear: Vectors = described("m/s^2", "of the centre of mass, global")
@@ -368,12 +361,9 @@ def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
 def in_chunks(
     programs: "ByNumber[Parts]", fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a compiled program to N times and states, `CHUNK` of them in each call, and return the
-    results as NumPy arrays with a first axis of length N.
-
-    **Arguments:** `programs`: the program, a function of `fixed`, of the number of states to look
-    at, and of `CHUNK` times and states; `rows`: times, (N,) s, and states.
-    """
+    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call, and return the
+    results as NumPy arrays. It is a function of `fixed`, of the number of states to look at, and of
+    `CHUNK` rows."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
 
     def chunk(rows: np.ndarray, first: int) -> np.ndarray:
@@ -529,12 +519,9 @@ def values_along(
     trajectory: Trajectory,
     rates: bool = False,
 ) -> np.ndarray:
-    """Return the values of a quantity at the N states of a trajectory, (N,), in its unit, or with
-    `rates` their time derivatives, in this unit per s.
-
-    Time derivatives are total derivatives along the motion, by the chain rule through time,
-    positions and velocities. Entry speeds of contacts, deflections of bristles and integrals of the
-    energy ledger count as constant.
+    """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
+    total time derivatives along the motion, by the chain rule through time, positions and
+    velocities. Entry speeds, bristles and the energy ledger count as constant.
 
     **Raises:** `ValueError` if the quantity names an element that the scene lacks.
     """
@@ -554,8 +541,7 @@ def along_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the values of a quantity at the first `count` of N times and states, (N,), or with
-    `rates` their time derivatives."""
+    """Return the results of `values_along` at the first `count` of N times and states."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:

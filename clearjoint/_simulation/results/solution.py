@@ -63,12 +63,8 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return states as arrays with dimensions and units, by name of variable.
-
-    **Arguments:** `states`: one state, or a state whose arrays have additional first dimensions;
-    `rows`: names of these dimensions, such as ("time",); `prefix`: text in front of each variable's
-    name.
-    """
+    """Return states as arrays by name of variable, with the names `rows` of additional first
+    dimensions, such as ("time",), and with `prefix` in front of each variable's name."""
     # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
     # components of vectors.
     arrays = {}
@@ -117,12 +113,8 @@ Rows = Int[np.ndarray, " M"]
 
 
 def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
-    """Choose times, (M,) s, such that the states at these times, joined by straight lines, look
-    like a smooth curve.
-
-    They are the N `times` of the states, at the ends of steps, and equidistant times inside those
-    steps in which the path of a body is curved or a body rotates.
-    """
+    """Choose times, (M,) s, such that the states there, joined by straight lines, look like a
+    smooth curve: the N `times` at the ends of steps, and equidistant times inside curved steps."""
     lengths = np.diff(times)
     # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
     # 8 times the largest distance between curve and chord.
@@ -146,14 +138,8 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Interpolate the N `states` at the `times` of the ends of steps, (N,) s, N ≥ 2, at the times
-    `wanted`, (M,) s; see `Trajectory.between`.
-
-    At a time that is repeated in `times`, the last of its states is taken.
-
-    **Raises:** `ValueError` if `wanted` is empty, not one-dimensional, or decreases, or has times
-    that are not finite, or not between the first and the last of `times`.
-    """
+    """Interpolate states as `Trajectory.between`, which names the errors. At a time that is
+    repeated in `times`, the last of its states is taken."""
     wanted = checked_times(times[0], times[-1], wanted, "times")
     # The step of a wanted time begins at the last row whose time is not later. No step begins at
     # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
@@ -242,20 +228,18 @@ class Trajectory(AbstractReadable, AbstractTabular):
         """Interpolate the states between the ends of accepted steps, to draw smooth curves.
 
         Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
-        far below the clearances. Bristle deflections and the energy ledger are interpolated
-        linearly, and entry speeds keep their values until the end of the step. Call this method for
-        `solution.steps` only: between two states of `solution.saved` there may be impacts, at which
-        velocities change abruptly.
+        far below the clearances, bristle deflections and the energy ledger linearly; entry speeds
+        keep their values until the end of the step. Call this method for `solution.steps` only:
+        between two states of `solution.saved` there may be impacts, at which velocities change
+        abruptly.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside steps in which a
         body rotates by more than 0.05 rad, or its velocity changes much compared with other steps.
 
-        **Returns:** a `Trajectory` of M times and states.
-
         **Raises:** `ValueError` if `times` is empty, not one-dimensional, or decreases, or has
-        times that are not finite, or not between the first and last time of the trajectory; and for
-        a trajectory of fewer than two states.
+        times that are not finite, or outside of the trajectory; and for a trajectory of fewer than
+        two states.
         """
         ends = np.asarray(self.times)
         remedy = "pass save=Saving(steps=True) to simulate(), and take solution.steps"
@@ -379,18 +363,12 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def times(self) -> Numbers:
-        """The requested times that the run reached, (N,) s; short for `saved.times`.
-
-        **Raises:** `AttributeError` if no times were requested.
-        """
+        """The requested times that the run reached, (N,) s; `AttributeError` if there are none."""
         return self._requested().times
 
     @property
     def states(self) -> State:
-        """The `State` at the N `times`; short for `saved.states`.
-
-        **Raises:** `AttributeError` if no times were requested.
-        """
+        """The `State` at the N `times`; `AttributeError` if there are none."""
         return self._requested().states
 
     @override
@@ -443,8 +421,7 @@ class FinishedRun(Protocol):
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether text cannot show the values in a PyTree, because JAX traces a leaf or the tree
-    has the results of several runs, as from `jax.vmap`."""
+    """Return whether JAX traces a leaf, or a result is that of several runs, as from `jax.vmap`."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -452,8 +429,8 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text that `repr` shows for the result of a run: its type, end time and result
-    code, `lines`, names of `redundant` constraints, and the bodies of the `final` state."""
+    """Return the text that `repr` shows for the result of a run, with `lines` after the
+    first line."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]
@@ -491,11 +468,8 @@ class SimulationError(RuntimeError):
 def raise_failure(
     solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
 ) -> None:
-    """Raise a `SimulationError` unless a run ended successfully.
-
-    **Arguments:** `message`: text in place of the result code's message; `causes`: sentences on the
-    cause, which follow the message.
-    """
+    """Raise a `SimulationError` unless a run ended successfully, with `message` in place of the
+    result code's message, and the sentences `causes` after it."""
     if result_number(solution.result) != SUCCESSFUL:
         start = f"The run ended at t = {float(solution.time):.9g} s:"
         message = RESULTS[solution.result] if message is None else message

@@ -100,12 +100,9 @@ def segment(
     attempts: Scalar,
     loops: Loops = PLAIN,
 ) -> tuple[Progress, tuple[State, jax.Array] | None]:
-    """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
-    time to save at, whichever comes first.
-
-    **Arguments:** `now`: the run so far; `save_times`: (N,) s, not decreasing, times to save at, or
-    ``None``. With times, `recorders` must contain a `LatestAttempt` at the key `LATEST`;
-    `attempts`: largest number of attempts since the start of the run.
+    """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
+    buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
+    must contain a `LatestAttempt` at the key `LATEST`.
 
     **Returns:** the run after the segment, and, unless `save_times` is ``None``, a pair of the
     states at the N times, in scalar form, and whether the run has reached each time, (N,). A state
@@ -173,14 +170,9 @@ class Run:
     def in_one_piece(
         self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
     ) -> Solution:
-        """Run to the end inside a computation that JAX traces, such as under `jax.grad`.
-
-        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
-        save at, or ``None``; `max_steps`: largest number of attempts.
-
-        **Returns:** a `Solution` of traced arrays. Saved states at times that the run did not reach
-        are meaningless. Steps, impacts, sections and outputs are not kept.
-        """
+        """Run to the end inside a computation that JAX traces, such as under `jax.grad`, and return
+        a `Solution` of traced arrays, without steps, impacts, sections and outputs. Saved states at
+        times `save_at`, (N,) s, that the run did not reach are meaningless."""
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
@@ -210,11 +202,9 @@ class Run:
     ) -> tuple[Solution, bool, bool]:
         """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
 
-        **Arguments:** as of `in_one_piece`; `sections`: the Poincaré sections by name; `notes`: the
-        settings, for the field `settings` of the solution.
-
-        **Returns:** the solution; whether Ctrl-C was pressed, which stops the run after the current
-        segment; and whether a journal has slid out of its bearing in the final state.
+        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
+        stops the run after the current segment; and whether a journal has slid out of its bearing
+        in the final state.
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s

@@ -30,14 +30,8 @@ run of a sweep has its own buffers."""
 
 class RowBuffer(eqx.Module, Generic[R]):
     """A buffer of fixed size that compiled code fills with rows, each a PyTree of numbers, such as
-    finished impacts.
-
-    - `rows`: a PyTree with the structure of a row, whose leaves have an additional first axis. It
-      is longer by one than the number of rows for which the buffer has room; its last row is never
-      read.
-    - `count`: number of rows written since the buffer was empty, including rows for which there was
-      no room.
-    """
+    finished impacts. The last of the `rows` is never read; `count` includes rows for which there
+    was no room."""
 
     rows: R
     count: jax.Array
@@ -97,11 +91,9 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 
 class TangentPeak(NamedTuple):
-    """Largest derivative of a speed of the motion by each of p parameters over all accepted steps.
-
-    - `size`, `time`: (p,) the derivative, and when it was reached, s since the start of the run.
-    - `positions`: (p,) largest derivative of a position since then.
-    """
+    """Largest derivative of a speed of the motion by each of p parameters over all accepted steps,
+    the time when it was reached, s since the start of the run, and the largest derivative of a
+    position since then, (p,) each."""
 
     size: jax.Array
     time: jax.Array

@@ -73,10 +73,8 @@ constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
-    """Check that JAX computes in 64 bits, unless single precision is allowed.
-
-    **Raises:** `ValueError` if JAX computes in 32 bits.
-    """
+    """Check that JAX computes in 64 bits, unless single precision is allowed, or raise a
+    `ValueError`."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
@@ -85,32 +83,23 @@ def check_precision(allow_float32: bool) -> None:
 
 
 def is_traced(tree: PyTree) -> bool:
-    """Return whether JAX traces a leaf of a PyTree, so that its value is not known in Python.
-
-    Inside a transformation, such as `jax.jit` or `jax.vmap`, the result is ``True`` for every
-    PyTree: under `jax.jit`, results of computations with known numbers are traced too.
-    """
+    """Return whether JAX traces a leaf of a PyTree. Inside a transformation, the result is ``True``
+    for every PyTree: under `jax.jit`, results of computations with known numbers are traced too."""
     return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check that the numbers of a scene satisfy the conditions of its constructors, and that a
     state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
-    norm. Traced numbers raise no error; see `in_domain`.
-
-    **Raises:** `ValueError` that names the element.
-    """
+    norm, or raise a `ValueError`. Traced numbers raise no error; see `in_domain`."""
     _recheck(scene)
     check_names(scene, state)
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
     """Return a traced bool, which is true if the numbers pass a `check` that raises errors for
-    known numbers; ``None`` if the check meets no traced numbers.
-
-    A run that JAX traces cannot raise errors, so its program evaluates this condition before the
-    first step.
-    """
+    known numbers; ``None`` if the check meets no traced numbers. A run that JAX traces cannot raise
+    errors, so its program evaluates this condition before the first step."""
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
 
@@ -123,15 +112,11 @@ def check_start(
     flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
     """Check all numbers of a scene and a state, and the state against the constraints at
-    `start_time`, s.
+    `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
+    constraints.
 
-    **Arguments:** `coordinates`: the coordinates of the run, which must be able to represent the
-    state; `flat`: scene and state, if they are flattened already and all of their leaves are arrays
-    of floats.
-
-    **Returns:** the names of the redundant constraints.
-
-    **Raises**, **Warns:** as `check_numbers` and `check_structure`.
+    **Arguments:** `flat`: scene and state, if they are flattened already and all of their leaves
+    are arrays of floats.
     """
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
@@ -142,10 +127,8 @@ def check_start(
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check an initial state against the constraints of a scene at a time t, s. Nothing is checked
-    in a scene without joints.
-
-    **Returns:** the names of the redundant constraints.
+    """Check an initial state against the constraints of a scene, if it has joints, at a time t, s,
+    and return the names of the redundant constraints.
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
     orientation, if a contact is deeper than its joint allows, as for a journal far outside its
@@ -235,8 +218,7 @@ def _passes(
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:** whether the start passes all checks except those of redundancy and of the scene's
-    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`, from
-    which redundant constraints are found.
+    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`.
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
@@ -298,11 +280,9 @@ def flat_start(
 
 
 class _Starts:
-    """Fast checks of starts by native programs, of which there is one for each structure.
-
-    A native program says only whether a start passes all checks. A start that fails is checked
-    again in Python, where the errors name the cause.
-    """
+    """Fast checks of starts by native programs, of which there is one for each structure. They say
+    only whether a start passes all checks; one that fails is checked again in Python, where the
+    errors name the cause."""
 
     def __init__(self) -> None:
         self._function = NativeFunction(_passes, few_runs=True)
@@ -345,10 +325,7 @@ class _Starts:
     def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks; ``None``
         if it fails a check, if redundancy is uncertain, or if there is no native program for its
-        structure, as for the first starts of a structure.
-
-        **Raises:** `ValueError` for numbers of the scene that its constructors refuse.
-        """
+        structure."""
         scene, unfolded = given.arguments[0], given.parts[0]
         given = FlatArguments.joined((flattened(folded(unfolded)), *given.parts[1:]))
         self._seen[given.key] += 1

@@ -57,13 +57,9 @@ class RunStart:
 
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
-    """The outcome of an attempt to take a step, as recorders receive it. The properties are
-    computed only if used.
-
-    - `before`, `after`: the complete state of the run before and after the attempt. If the step was
-      not accepted, time and variables are the same in both.
-    - `kept`: whether the step was accepted; false for a lane that waits.
-    """
+    """The outcome of an attempt to take a step, as recorders receive it. If the step was not
+    accepted (`kept`), or the lane waits, time and variables are the same `before` and `after`. The
+    properties are computed only if used."""
 
     method: Method
     system: System
@@ -148,11 +144,8 @@ class RunLoop:
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
     def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
-        """Return the run after one attempt to take a step.
-
-        If the step is rejected, time and variables stay as they are, and the next attempt is
-        shorter. Where `goes` is false, as in a lane that waits, the run stays unchanged.
-        """
+        """Return the run after one attempt to take a step; unchanged where `goes` is false, as in a
+        lane that waits."""
         family_if_any = () if self.family is None else (self.family,)
         method = self._method(now.step)
         tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
@@ -213,11 +206,8 @@ def _map_recorders(
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run before its first step, from a packed `state`.
-
-    Entry speeds, bristles and energy ledger that the state lacks are initialised. The ledger is
-    left out if the formulation keeps none.
-    """
+    """Return the complete state of a run before its first step, from a packed `state`, whose entry
+    speeds, bristles and ledger are initialised where it lacks them."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles))

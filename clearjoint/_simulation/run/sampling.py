@@ -47,12 +47,8 @@ computed only once."""
 
 
 class Kept(eqx.Module):
-    """Results that a run with tangents keeps besides the values of quantities.
-
-    - `states`: whether to keep the state at each of the times.
-    - `impacts`: number of impacts of each contact for which the buffers have room, or ``None`` to
-      record no impacts. Further impacts of a contact are counted, but not kept.
-    - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
+    """Results that a run with tangents keeps besides the values of quantities: the state at each
+    time, the impacts of each contact up to a number for which the buffers have room, and crossings.
     """
 
     states: bool = eqx.field(default=False, static=True)
@@ -71,13 +67,10 @@ has more, the run is repeated with `GROWTH` times as much room."""
 class Sampled(eqx.Module):
     """Values of quantities at N times, and their derivatives with respect to p parameters.
 
-    - `values[name]`: (N,), in the quantity's unit.
-    - `derivatives[name]`: (N, p), in the quantity's unit, with respect to the coordinates of the
-      parameters on their scales, such as logarithms of the parameters' values.
+    - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
+      coordinates of the parameters on their scales, such as logarithms.
     - `reached`: (N,), whether the run reached each time. Values, derivatives and states at times
       that it did not reach are meaningless.
-    - `time`: s, the time at which the run ended; `result`: its result code.
-    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
     - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
       derivatives to that of the speeds' derivatives at their peak: this peak times the time since
       then, over the largest derivative of a position since then.
@@ -102,12 +95,8 @@ class Sampled(eqx.Module):
 def start_with_tangents(
     method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run with tangents before its first step.
-
-    **Arguments:** `family`: the systems and initial states as functions of p parameters; `t0`,
-    `t_end`: start and end of the run, s, on the clock of the systems, which is zero at
-    `family.origin`; `first_step`: length of the first step, s.
-    """
+    """Return the complete state of a run with tangents before its first step. Times are in s, on
+    the clock of the systems, which is zero at `family.origin`."""
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family_of_scenes.start(values)
@@ -158,13 +147,11 @@ def start_with_tangents(
 def look_at_tangents(
     method: Method, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
-    """Return the derivatives of variables and entry speeds with respect to p parameters, at a time
-    t, s since the start of the run, in the accepted step of an `attempt`.
+    """Return the derivatives of variables and entry speeds at a time t, s since the start of the
+    run, in the accepted step of an `attempt`, where `look_inside` returns `entry_speeds`.
 
     Inside the step they are derivatives of dense output, and at its end those of the stored state.
     The correction by which `look_inside` satisfies the constraints is not differentiated.
-
-    **Arguments:** `entry_speeds`: the entry speeds at t from `look_inside`.
     """
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
@@ -309,18 +296,10 @@ def sampled(
     """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
     given times. This is the whole run of `sensitivities` and fits.
 
-    **Arguments:**
-
-    - `family`: scene and initial state as functions of the p parameters.
-    - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
-      last time. So the last time must be `t_end` or later, as `padded` ensures; if it is earlier,
-      the run may count as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
-    - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
-    - `first_step`: s, length of the first step that is tried.
-    - `max_steps`: largest number of attempts.
-    - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
-      than `kept.impacts`, the record lacks some of them; see `recorded_run`.
+    **Arguments:** `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that
+    reaches the last time, so that this must be `t_end` or later, as `padded` ensures; times after
+    `t_end` are not reached. `kept`: results to keep besides the values of the quantities. If a
+    contact has more impacts than `kept.impacts`, the record lacks some of them; see `recorded_run`.
     """
     first = _first_compiled(scheme, family, t0, t_end, first_step)
     return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)

@@ -78,11 +78,9 @@ class Saving:
                 require_type(f"{argument}[{name!r}]", entry, kind, expected, remedy)
 
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has the elements that the sections and the outputs name.
-
-        **Raises:** `ValueError` that names the section or the output, for an element that the scene
-        lacks, and for an output that needs the energy `ledger` in a run without it.
-        """
+        """Check that a scene has the elements that the sections and the outputs name, and that
+        outputs that need the energy `ledger` have it; raise a `ValueError` that names the section
+        or the output."""
         check_reductions(self.outputs, scene, ledger)
         for name, section in self.sections.items():
             with errors_about(f"Section {name!r}"):
@@ -93,26 +91,14 @@ class Saving:
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Return the times to save at, (N,) s, or ``None`` if there are none.
-
-        Times outside of the run by rounding errors alone are moved to its start or end. If JAX
-        traces the times, only their shape is checked; if it traces the start or the end of the run,
-        the times are not compared with these.
-
-        **Raises:** `ValueError` for times before `start_time` or after `end_time`, s, by more than
-        rounding errors, and for traced times that are not one-dimensional or are empty.
-        """
+        """Return the times to save at as `checked_times`, or ``None`` if there are none."""
         if self.times is None:
             return None
         return checked_times(start_time, end_time, self.times, "times")
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
-        """Check that no results are requested by the fields `names`, which a kind of run cannot
-        keep.
-
-        **Raises:** `ValueError` that names the first such field, with `where`, such as "of a run
-        with derivatives", and the `remedy`.
-        """
+        """Check that the fields `names` request nothing, which a kind of run cannot keep, or raise
+        a `ValueError` that names the field, the kind of run (`where`) and the `remedy`."""
         for name in names:
             value = getattr(self, name)
             is_flag = isinstance(value, bool)
@@ -125,10 +111,8 @@ EXCEPT_TIMES = ("steps", "impacts", "sections", "outputs")
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return `save`, or a `Saving` that requests no results if it is ``None``.
-
-    **Raises:** `ValueError` for an argument of another type.
-    """
+    """Return `save`, a `Saving` that requests no results for ``None``; raise a `ValueError` for
+    another type."""
     remedy = "pass cj.Saving(times), with times in s"
     require_type("save", save, Saving | None, "a Saving or None", remedy)
     return _NOTHING if save is None else save

@@ -34,11 +34,8 @@ PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 
 def check_channels(channels: Channels) -> None:
-    """Check that channels are pairs of a quantity and a unit, and that their names, which become
-    names of arrays in results and files, are valid.
-
-    **Raises:** `ValueError` as for `Section`.
-    """
+    """Check that channels are pairs of a quantity and a unit, with names that results and files can
+    have, or raise a `ValueError` as `Section`."""
     require_array_names("channels", channels, PASS_CHANNELS)
     fine = bool(channels) and all(
         isinstance(one, tuple) and len(one) == 2 and callable(one[0]) and isinstance(one[1], str)
@@ -51,10 +48,8 @@ def check_channels(channels: Channels) -> None:
 
 
 def check_quantities(channels: Channels, scene: Scene) -> None:
-    """Check that a scene has the elements that the quantities of channels name.
-
-    **Raises:** `ValueError` that names the first channel with an element that the scene lacks.
-    """
+    """Check that a scene has the elements that the quantities of channels name, or raise a
+    `ValueError` that names the channel."""
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)
 
@@ -80,12 +75,11 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
       crossing if the level is negative at its start, and positive or zero at its end; also if the
-      level has the same sign at both ends, and the other one where it turns in between. If the
-      level passes through zero more often in a step, at most one crossing is found.
+      level has the same sign at both ends, and the other one where it turns in between. At most one
+      crossing is found in a step.
     - `earliest`: s, time of the scene before which crossings are ignored.
-    - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
-      values of all quantities, by name; if `channels` is ``None``, as in lanes, it is a `Snapshot`.
-    - `capacity`: number of rows of the buffer.
+    - `channels`: pairs of a name and a quantity, whose values, and the time, make a row of the
+      record; if `channels` is ``None``, as in lanes, a row is a `Snapshot`.
     - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
       until the buffer is emptied, by default `capacity`.
     """
@@ -252,10 +246,7 @@ class Section:
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that `crossing` and `channels` name.
-
-        **Raises:** `ValueError` for an element that the scene lacks; the message begins with
-        "crossing", or with "channel" and its name.
-        """
+        """Check that a scene has the elements that `crossing` and `channels` name, or raise a
+        `ValueError` that begins with "crossing", or with "channel" and its name."""
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

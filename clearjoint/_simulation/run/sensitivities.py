@@ -57,14 +57,10 @@ class Sensitivities(AbstractTabular):
     - `derivatives[name]`: (N, p), derivatives of these values, in the order of `parameters`. They
       are with respect to the coordinates of the parameters' scales: for a parameter with the scale
       `Log`, with respect to its natural logarithm.
-    - `time`: s, the time at which the run ended; `result`: its `RESULTS` code.
-    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `saved`: the `Trajectory` at `Saving.times`; `impacts`: the table of finished contacts; each
-      is ``None`` unless requested.
-    - `sections[name]`: the `Crossings` of each requested Poincaré section.
+    - `saved`: the `Trajectory` at `Saving.times`, ``None`` unless requested.
+    - `time`, `result`, `attempts`, `accepted`, `impacts`, `sections`, `settings`: as of `Solution`.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
-    - `settings`: the settings of the run, as pairs of a name and a text or number.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> found.values["x"].shape, found.derivatives["x"].shape
@@ -154,9 +150,9 @@ def sensitivities(
 
     **Arguments:**
 
-    - `scene`, `state`: the mechanism and its initial state, as in `simulate`. The derivatives are
-      taken at the values that the parameters have there.
-    - `start_time`, `end_time`: s.
+    - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
+      place of the `Solution`. The derivatives are taken at the values that the parameters have
+      there.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: the quantities to evaluate, scalar functions of an `Instant` such as those of
@@ -165,12 +161,7 @@ def sensitivities(
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
     - `save`: further results to keep: states at given times, impacts and sections. The states after
       every step, and reductions such as `Peak`, cannot be kept.
-    - `throw`: whether a run that fails raises `SimulationError`, whose `solution` is the
-      `Sensitivities` up to the failure. If false, these are returned, and their `result` is the
-      code of the failure.
     - `progress`: show the time spent compiling.
-
-    **Returns:** `Sensitivities`.
 
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
@@ -313,11 +304,8 @@ def _growth_of_derivatives(run: Sensitivities) -> str | None:
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
-    """Check that outputs are functions by name, and that the scene has the elements that they name.
-
-    **Raises:** `ValueError` if `outputs` is not a mapping, is empty, or has a name that is not a
-    non-empty string; and for the first output that is invalid, whose name is in the message.
-    """
+    """Check that outputs are functions by name, and that the scene has the elements that they name;
+    raise a `ValueError` that names the first one that is invalid."""
     example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
     require_names("outputs", outputs, example)
     require(len(outputs) > 0, "outputs", {}, "not empty", example)

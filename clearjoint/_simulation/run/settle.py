@@ -35,12 +35,6 @@ SECTION = "settle"
 class Settling(enum.Enum):
     """How a motion settled. The value of each member is a description in words.
 
-    - `PERIODIC`: it repeats after a number of periods.
-    - `STEADY`: it is at rest.
-    - `STATIONARY`: it does not repeat, but its means and standard deviations are constant.
-    - `UNSETTLED`: none of these after the largest number of periods.
-    - `FAILED`: a run ended with a failure.
-
     >>> cj.Settling.UNSETTLED.value
     'not settled'
     """
@@ -56,15 +50,14 @@ class Settling(enum.Enum):
 class Settled:
     """Result of `settle`: how a motion settled, and the state and time at the end.
 
-    - `kind`: a `Settling`. A `STATIONARY` motion is chaotic, quasi-periodic, or periodic with a
-      larger multiple than was tried. No finite run can exclude that it is a long transient whose
-      statistics are constant.
+    - `kind`: a `Settling`. A `STATIONARY` motion, whose means and standard deviations are constant,
+      is chaotic, quasi-periodic, or periodic with a larger multiple than was tried. No finite run
+      can exclude that it is a long transient.
     - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
-      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. If a `period` was
-      given and no run failed, the simulated time is a whole number of periods. If all drivers and
-      loads repeat with the period, a further run may then start from `state` at the first run's
-      `start_time` instead.
-    - `start_time`: s, the start of the first run.
+      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. With a `period`,
+      and if no run failed, the simulated time is a whole number of periods; if all drivers and
+      loads repeat with it, a further run may start from `state` at the first run's `start_time`
+      instead.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
@@ -123,29 +116,21 @@ of the times between crossings, s, and of each channel, in its unit."""
 
 @dataclass(frozen=True)
 class Strobe:
-    """A motion as D numbers for each of n periods, in which `settle` looks for repetition.
-
-    - `rows`: (n, D), the numbers, such as positions and velocities at some phases of the period.
-    - `scales`: (D,), the numbers by which changes in each column are divided, such as the range of
-      the motion.
-    """
+    """A motion as D numbers for each of n periods, `rows`, (n, D), in which `settle` looks for
+    repetition. Changes in each column are divided by `scales`, (D,)."""
 
     rows: Float[np.ndarray, "n D"]
     scales: Float[np.ndarray, " D"]
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
-        """Return, for the periods after the first `multiple` ones, the largest scaled change in any
-        column since `multiple` periods earlier, (n - multiple,)."""
+        """Return the largest scaled change since `multiple` periods earlier, (n - multiple,)."""
         difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
         return np.max(difference / self.scales, axis=1, initial=0.0)
 
     def multiple(self, largest: int, tolerance: float) -> int | None:
         """Return the smallest number m of periods, up to `largest`, after which the motion repeats,
-        or ``None``.
-
-        The motion repeats if each of the last m periods, and at least of the last `CONFIRMING`,
-        equals the period m periods earlier, with changes of at most `tolerance`.
-        """
+        or ``None``: each of the last m periods, and at least of the last `CONFIRMING`, equals the
+        period m periods earlier, with changes of at most `tolerance`."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
@@ -155,8 +140,7 @@ class Strobe:
 
     def statistics_settled(self) -> bool:
         """Return whether means and standard deviations in the third and the last quarter of the
-        periods differ by at most `SETTLED_STATISTICS` times `scales` in each column; ``False`` for
-        fewer than eight periods."""
+        periods are the same; ``False`` for fewer than eight periods."""
         quarter = len(self.rows) // 4
         # The standard deviation of a single period would be zero.
         if quarter < 2:
@@ -168,12 +152,9 @@ class Strobe:
 
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
-    """Return "position" (m), "velocity" (m/s), "spin" (rad/s) and "orientation" of all bodies in N
-    states, each (N, bodies, components).
-
-    The 16 components of an orientation are all products p_i p_j of its Euler parameters, since
-    these do not depend on the common sign of the parameters.
-    """
+    """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
+    states, by name. Orientations are all products p_i p_j of Euler parameters, since these do not
+    depend on their common sign."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
@@ -185,14 +166,13 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
     """Return the largest range of any component of each array from `columns`, but at least `STILL`,
-    and 1 for orientations, whose components are at most 1."""
+    and 1 for orientations."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
 
 def strobe_of(states: State, phases: int) -> Strobe:
-    """Return a motion of n periods as a table, from states at `phases` instants of each period. The
-    scales are the ranges in the last `CONFIRMING` periods."""
+    """Return a motion of n periods as a table, from states at `phases` instants of each period."""
     parts = columns(states)
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
     whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
@@ -201,8 +181,7 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the range of a motion in its `last` states, relative to the range in all states: the
-    largest of those of positions, velocities, spins and orientations."""
+    """Return the range of a motion in its `last` states, relative to the range in all states."""
     parts = columns(states)
     sizes = ranges(parts)
     return max(
@@ -212,11 +191,8 @@ def stillness(states: State, last: int) -> float:
 
 def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
     """Return a motion as a table with a row for each crossing of a section except the first: the
-    time since the previous crossing, s, and the value of each channel.
-
-    The scales are the mean time between crossings (1 s with fewer than two crossings), and the
-    largest magnitude of each channel, but at least `STILL`.
-    """
+    time since the previous crossing, s, and the value of each channel. The scales are the mean time
+    (1 s with fewer than two crossings), and the largest magnitude of each channel."""
     waits = np.diff(times)
     rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
     wait = np.mean(waits) if len(waits) else 1.0
@@ -242,18 +218,16 @@ def settle(
 
     With the `period` of a drive, the states at 16 phases of each period are compared with the
     states one period before, two periods before, and so on up to `largest_multiple`. With a
-    `section`, the values of its channels at each crossing, and the time since the last crossing,
-    are compared with those one crossing before, two crossings before, and so on. A motion that does
-    not repeat within all `periods` is stationary if the means and standard deviations in the third
-    quarter of the periods (or crossings) differ from those in the last quarter by at most a tenth
-    of the sizes to which changes are relative (see `tolerance`). At least eight periods, or nine
-    crossings, are needed for this.
+    `section`, the same is done with the values of its channels at each crossing, and the time since
+    the last crossing. A motion that does not repeat within all `periods` is stationary if the means
+    and standard deviations in the third quarter of the periods (or crossings) differ from those in
+    the last quarter by at most a tenth of the sizes to which changes are relative (see
+    `tolerance`). At least eight periods, or nine crossings, are needed for this.
 
     **Arguments:**
 
-    - `scene`, `state`: the mechanism and its initial state, as in `simulate`.
-    - `start_time`: s, time of the initial state.
-    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.accurate` unless given.
+    - `scene`, `state`, `start_time`, `progress`: as in `simulate`.
+    - `settings`: `clearjoint.presets.accurate` unless given.
     - `period`: s, the period of all drivers and loads: 2 pi over a drive's speed in rad/s.
     - `section`: a `Section`, used instead of `period` for motions without a drive. Its fields
       `count` and `after` are ignored.
@@ -268,7 +242,6 @@ def settle(
       between crossings and to the largest magnitude of each channel. A motion is at rest if its
       ranges in the last three periods are at most `tolerance` times those of the whole motion.
       `settings.rtol` must be well below `tolerance`.
-    - `progress`: show a progress bar.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.

@@ -48,14 +48,12 @@ step."""
 def decide_step(
     method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS]:
-    """Decide whether a trial step is accepted, and which step is tried next.
+    """Decide whether a trial step is accepted, and return also the step to try next and the result
+    code.
 
     The step-size controller decides first. A trial that the controller accepts is still rejected if
     a driver is not smooth over the step, if bodies rotate too far in it, or if it passes a contact
     event at which it must end. It is then repeated with a shorter step, or up to the event.
-
-    **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
-    so far.
     """
     t1, last, after = trial.t1, step.proposal, trial.gaps
     keep, t_next, made_jump, controller_state, controller_result = _controller_decision(

@@ -77,10 +77,8 @@ def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
     """Check that the solver of a `Method` is an `UnrolledExplicit`, the only one with which
-    quantities inside steps, and derivatives, are computed.
-
-    **Raises:** `ValueError` that names the solver's class.
-    """
+    quantities inside steps, and derivatives, are computed, or raise a `ValueError` that names its
+    class."""
     fine, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
     expected = (
         "an explicit Runge-Kutta method for sections, for values inside the steps of a sweep "
@@ -115,13 +113,7 @@ class Snapshot(eqx.Module):
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step of a run, with the data for dense output.
-
-    - `gaps`: the contact gaps at its end.
-    - `stages`: for each stage of the solver, the rates, multiplied by the slope of the time map if
-      there is one.
-    - `time_map`: see `.time_map`; ``None`` if time is uniform in the step.
-    """
+    """The latest accepted step of a run, with the data for dense output."""
 
     start: Snapshot
     end: Snapshot
@@ -151,10 +143,8 @@ class DenseStep(eqx.Module):
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
         """Return the snapshot after a part `elapsed`, 0 to 1, of the step's time, with the entry
-        speeds of the step's start and without correction by the stabilisation.
-
-        **Raises:** `ValueError` if the solver is not an explicit Runge-Kutta method.
-        """
+        speeds of the step's start and without correction by the stabilisation. Raise a `ValueError`
+        if the solver is not an explicit Runge-Kutta method."""
         require_dense(method.solver)
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)

@@ -31,11 +31,8 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays.
-
-        **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
-        used if `settings.redundant` is ``None``.
-        """
+        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays;
+        `redundant` is used if `settings.redundant` is ``None``."""
         redundant = redundant if settings.redundant is None else settings.redundant
         # The arguments of `Formulation`.
         choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
@@ -109,17 +106,12 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Auxiliary, Value]:
-        """Evaluate a function of the system, and differentiate it with respect to the parameters.
+        """Evaluate a function of the system, and differentiate it with respect to the parameters,
+        through the system and through the function's further arguments.
 
-        The derivatives are total ones: through the system, which depends on the parameters, and
-        through the function's further arguments.
-
-        **Arguments:**
-
-        - `function`: function of the system and of `primals`. It returns a pair of PyTrees: the
-          value, which is differentiated, and an auxiliary result, which is not.
-        - `primals`: the arguments of `function` after the system.
-        - `tangents`: derivatives of `primals` with respect to the parameters.
+        **Arguments:** `function`: function of the system and of `primals`, which returns a value
+        and an auxiliary result, which is not differentiated; `tangents`: derivatives of `primals`
+        with respect to the parameters.
 
         **Returns:** the value, the auxiliary result, and the value's derivatives.
         """

@@ -185,28 +185,20 @@ class Settings:
         return replace(self, rtol=factor * self.rtol, atol=atol)
 
     def require_tolerances(self, where: str) -> None:
-        """Check that no `controller` is set, so that `rtol` and `atol` control the steps.
-
-        **Raises:** `ValueError` "... must be None where `where`".
-        """
+        """Check that no `controller` is set, or raise a `ValueError` "... must be None where
+        `where`"."""
         given, remedy = self.controller, "leave it out, and give rtol and atol"
         require(given is None, "controller", given, f"None where {where}", remedy)
 
     def require_double(self) -> None:
-        """Check that `allow_float32` is ``False``, for runs that need double precision.
-
-        **Raises:** `ValueError` if single precision is allowed.
-        """
+        """Check that `allow_float32` is ``False``, or raise a `ValueError`."""
         expected = "False for sweeps and runs with derivatives"
         remedy = "leave it out, and call clearjoint.configure() first"
         require(not self.allow_float32, "allow_float32", True, expected, remedy)
 
 
 def settings_or(settings: Settings | None, default: Settings) -> Settings:
-    """Return `settings`, or `default` if `settings` is ``None``.
-
-    **Raises:** `ValueError` if `settings` is of another type.
-    """
+    """Return `settings`, or `default` for ``None``; raise a `ValueError` for another type."""
     remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"
     require_type("settings", settings, Settings | None, "Settings or None", remedy)
     return default if settings is None else settings
@@ -221,8 +213,8 @@ may take numbers below the smallest normal one as zero, and steps are much short
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the `start` and `end` time of a run, s. If JAX traces one of them, only their types and
-    shapes are checked.
+    """Check the `start` and `end` time of a run, s; of traced times only types and shapes are
+    checked.
 
     **Raises:** `ValueError` if a time is not a single finite number, or if the end is not after the
     start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
@@ -266,8 +258,7 @@ def rising_times(times: ArrayLike, argument: str) -> Column:
     """Return `times`, (N,) s, as an array, after a check that they do not decrease. Of traced times
     only the shape is checked.
 
-    **Raises:** `ValueError` that names the `argument`, for times that decrease, are not finite, or
-    are not one-dimensional, and for an empty array.
+    **Raises:** `ValueError` as `checked_times`.
     """
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
@@ -282,11 +273,8 @@ def rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
-    """Return `times`, (N,) s, as an array, after a check that each, known to Python, is later than
-    the one before.
-
-    **Raises:** `ValueError` as `rising_times`, and for repeated times.
-    """
+    """Return `times`, (N,) s, as `rising_times`, but refuse repeated ones. JAX must not
+    trace them."""
     row = rising_times(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
@@ -294,8 +282,8 @@ def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
-    """Return by how much, s, `times` may be outside of a run from `start` to `end` because of
-    rounding errors, in the least precise floating-point type among the arguments."""
+    """Return by how much, s, `times` may be outside of a run because of rounding errors, in the
+    least precise floating-point type among the arguments."""
     arrays = [v if isinstance(v, jax.Array) else np.asarray(v) for v in (start, end, times)]
     kinds = [v.dtype if jnp.issubdtype(v.dtype, jnp.floating) else float for v in arrays]
     precision = max(float(jnp.finfo(kind).eps) for kind in kinds)

@@ -60,16 +60,9 @@ def lengths_after_contacts(
     """Return the fields `full_length`, `begins_contact` and `entry_length` of the next `Proposal`,
     in a scene with contacts.
 
-    **Arguments:**
-
-    - `step`: the state before the trial.
-    - `after`: the contact gaps at the end of the trial, at the time `t1`, s.
-    - `keep`: whether the trial is accepted.
-    - `lands`: whether the trial is rejected because it passes an event, and repeated up to this
-      event.
-    - `proposed`: length of the next step, s, without regard to events: that of the step-size
-      controller, adapted to the time map, or a shorter one after a trial in which a driver was not
-      smooth.
+    **Arguments:** `after`: the contact gaps at the end of the trial, at the time `t1`, s; `keep`:
+    whether it is accepted; `lands`: whether it is rejected because it passes an event, and repeated
+    up to this event; `proposed`: length of the next step, s, without regard to events.
     """
     last = step.proposal
     length_tried = t1 - step.t

@@ -42,12 +42,8 @@ class AbstractTimeMap(eqx.Module):
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try after a step with this map, s; by default the length
-        that the step-size controller proposes.
-
-        **Arguments:** `proposed`: s, the controller's proposal, which assumes that the next step
-        has the same time map; `keep`: whether the step with this map is accepted. A rejected step
-        is repeated from its start.
-        """
+        `proposed` by the controller, which assumes that the next step has the same time map. A step
+        that is not kept is repeated from its start."""
         del keep
         return proposed
 
@@ -88,13 +84,9 @@ class WithinContact(AbstractTimeMap):
     def of(
         length: Scalar, touches: Condition, begins: Condition, since: Scalar, until_end: Scalar
     ) -> "WithinContact":
-        """Return the time map of a step.
-
-        **Arguments:** `touches`, `begins`: whether any contact exists, and begins, at the start of
-        the step; `since`: time from the latest onset to the start of the step, s, infinite if there
-        was none; `until_end`: predicted time from the start of the step until the first contact
-        ends, s, infinite if none is expected to end.
-        """
+        """Return the time map of a step of some `length`, s: whether any contact `touches`, and one
+        `begins`, at its start, the time `since` the latest onset, s, and `until_end`, s, the
+        predicted end of the first contact, both infinite if there is none."""
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
         # begins now, `since` is not exactly zero, because the step before ended slightly after the
         # onset. The map then starts from exactly zero, and does not follow a predicted end, however

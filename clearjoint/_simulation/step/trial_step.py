@@ -34,11 +34,7 @@ def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
     """Return the rates of all integrated variables `y` at the time t, s, as arrays of the dtype of
-    `t`; stacked if the variables are.
-
-    **Arguments:** `closed`: whether each contact has a force, by joint and contact; by default
-    those that penetrate do.
-    """
+    `t`; stacked if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     powers = system.powers(dynamics, t)
@@ -92,15 +88,9 @@ class SolverStep(eqx.Module):
 
 
 class Trial(eqx.Module):
-    """A trial step as the solver computed it.
-
-    - `t1`: end of the step, s.
-    - `time_map`: see `.time_map`; ``None`` if time is uniform in the step.
-    - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
-    - `gaps`: penetration, m, and its rate, m/s, of each contact at the end of the step.
-    - `finite`: whether the variables and errors of `outcome` and `tangents` are finite. If not, the
-      variables are those at the start of the step, and the errors are `REJECTED_ERROR`.
-    """
+    """A trial step as the solver computed it: its end `t1`, s, the results of the solver, and the
+    contact gaps at the end. If it is not `finite`, the variables are those at the start of the
+    step, and the errors are `REJECTED_ERROR`."""
 
     t1: Scalar
     time_map: AbstractTimeMap | None
@@ -133,11 +123,7 @@ def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables.
-
-    **Arguments:** `family`: the system as a function of the parameters; ``None`` in runs without
-    tangents.
-    """
+    the constraints, and normalise the variables."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -235,11 +221,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
     contact begins or ends, so that the tangents of the rates that the solver has kept are not
-    valid.
-
-    It is ``False`` if steps go across the events of contacts, and with solvers other than
-    `UnrolledExplicit`, which runs with tangents do not use.
-    """
+    valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
