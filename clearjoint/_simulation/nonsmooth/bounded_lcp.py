@@ -38,12 +38,9 @@ Impulses = Sequence[Scalar]
 
 class BoxProblem:
     """A complementarity problem of n rows, with the lower triangle of W, 1/kg, and n lower and
-    upper bounds of the impulses, N s, which may be infinite.
-
-    A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
-    diagonal element that is zero, as for a centred journal, whose contact has no direction, counts
-    as 1.
-    """
+    upper bounds of the impulses, N s, which may be infinite. A row with equal bounds is fixed: its
+    impulse is this bound, and its velocity is free. A diagonal element that is zero, as for a
+    centred journal, whose contact has no direction, counts as 1."""
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
         self._bounds = list(zip(lower, upper, strict=True))
@@ -53,12 +50,10 @@ class BoxProblem:
 
     def solve(self, start: Sequence[Scalar], least: Scalar) -> tuple[Impulses, Scalar]:
         """Return the n impulses x, N s, that solve the problem for the velocities q without
-        impulses, `start`, m/s, and the residual.
-
-        The residual is the largest violation of a condition, relative to the largest magnitude of q
-        among rows that are not fixed, or to `least`, m/s, if that is larger. A residual above
-        `TOLERANCE` means that the iteration did not converge.
-        """
+        impulses, `start`, m/s, and the residual. The residual is the largest violation of a
+        condition, relative to the largest magnitude of q among rows that are not fixed, or to
+        `least`, m/s, if that is larger. A residual above `TOLERANCE` means that the iteration did
+        not converge."""
         scale = jnp.maximum(self._scale(start), least)
 
         def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
@@ -98,11 +93,8 @@ class BoxProblem:
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
         """Return the impulses that minimise the energy over the free rows, found by Newton steps
-        from x.
-
-        A row is free unless its impulse is at a bound and its velocity has the sign that the
-        conditions demand there.
-        """
+        from x. A row is free unless its impulse is at a bound and its velocity has the sign that
+        the conditions demand there."""
         velocities = self._velocities(x, start)
         free: list[Condition] = [
             jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))

@@ -153,12 +153,9 @@ def _projection(
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
     """Return speeds that move the positions out of the wall, in addition to the speeds of the
-    motion, and the relative residual of the contact problem for them.
-
-    Gaps are linearised in the displacement. `after` are the opening velocities after the impulses,
-    and `sinks`, zero or positive, the velocities towards the wall that the forces add in the step,
-    m/s.
-    """
+    motion, and the relative residual of the contact problem for them. Gaps are linearised in the
+    displacement. `after` are the opening velocities after the impulses, and `sinks`, zero or
+    positive, the velocities towards the wall that the forces add in the step, m/s."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:

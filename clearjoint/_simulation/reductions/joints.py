@@ -96,11 +96,9 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window of time.
-
-    They need `Settings(ledger=True)`. Energy that bristles store is not included, nor is energy
-    dissipated in an earlier run whose ledger the run continues.
-    """
+    """Base class of reductions of the energy that joints dissipate in a window of time. They need
+    `Settings(ledger=True)`. Energy that bristles store is not included, nor is energy dissipated in
+    an earlier run whose ledger the run continues."""
 
     needs_ledger = True
 
@@ -308,10 +306,8 @@ class ArchardWear(AbstractWindowedReduction):
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
     """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other.
-
     It is computed from the motion, since forces of contacts without friction contain no sliding
-    speed.
-    """
+    speed."""
     contact = now.contacts[joint][label].contact
     pair = now.scene.contact_joints()[joint].pair()
     first, second = (now.motions[name] for name in pair)

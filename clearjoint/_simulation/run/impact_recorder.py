@@ -76,11 +76,8 @@ def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> tuple[Point, Scalar]:
     """Return the largest normal force, N, of a contact in a step of length h, s, as a `Point` at
-    the elapsed part of the step's time, 0 to 1, and the largest depth, m.
-
-    The entry speed at `start` is used in the whole step; if it is zero, the current rate replaces
-    it.
-    """
+    the elapsed part of the step's time, 0 to 1, and the largest depth, m. The entry speed at
+    `start` is used in the whole step; if it is zero, the current rate replaces it."""
     first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
     quintic = Quintic.through(first, last, h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
@@ -109,11 +106,8 @@ def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
     """Return the fraction, 0 to 1, of a step of length h, s, after which a contact ends; 1 if it
-    does not.
-
-    The depth is interpolated by the cubic through depths and rates at `start`, where the contact
-    must exist, and at `end`.
-    """
+    does not. The depth is interpolated by the cubic through depths and rates at `start`, where the
+    contact must exist, and at `end`."""
     before, after = _depths(law, start, end)
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 

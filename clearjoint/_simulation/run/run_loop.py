@@ -182,11 +182,9 @@ class RunLoop:
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
         """Return the run after further steps, of which the last one ends at or after the time
-        `stop`, s.
-
-        The steps end earlier at a failure, at the end of the run, after `attempts` attempts since
-        the start of the run, and if `goes`, called with the run before each attempt, returns false.
-        """
+        `stop`, s. The steps end earlier at a failure, at the end of the run, after `attempts`
+        attempts since the start of the run, and if `goes`, called with the run before each attempt,
+        returns false."""
 
         def continues(now: Progress) -> Condition:
             more = (now.step.t < stop) & running(now.step, self.t_end, attempts)

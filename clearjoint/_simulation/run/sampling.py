@@ -148,11 +148,9 @@ def look_at_tangents(
     method: Method, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`, where `look_inside` returns `entry_speeds`.
-
-    Inside the step they are derivatives of dense output, and at its end those of the stored state.
-    The correction by which `look_inside` satisfies the constraints is not differentiated.
-    """
+    run, in the accepted step of an `attempt`, where `look_inside` returns `entry_speeds`. Inside
+    the step they are derivatives of dense output, and at its end those of the stored state. The
+    correction by which `look_inside` satisfies the constraints is not differentiated."""
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)

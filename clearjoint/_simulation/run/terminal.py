@@ -79,11 +79,9 @@ _watch = _Watch()
 
 
 class ProgressBar(tqdm):
-    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
-
-    A caller may set `seconds_left`, the estimated time left, s; the field ``{left}`` in a
-    `bar_format` shows it.
-    """
+    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere. A
+    caller may set `seconds_left`, the estimated time left, s; the field ``{left}`` in a
+    `bar_format` shows it."""
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
     _lock = threading.RLock()
@@ -105,12 +103,9 @@ class ProgressBar(tqdm):
 
     @override
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Show `msg`, or by default the text of the bar, and return whether it was shown.
-
-        Where text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD`
-        seconds after the start or the latest line, nor for an empty `msg`, with which tqdm clears a
-        bar.
-        """
+        """Show `msg`, or by default the text of the bar, and return whether it was shown. Where
+        text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD` seconds
+        after the start or the latest line, nor for an empty `msg`, with which tqdm clears a bar."""
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
         now = time.time()
@@ -174,13 +169,10 @@ class RunInterrupted(KeyboardInterrupt):
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     """Note the first Ctrl-C in the block instead of raising an error, so that a run can stop when
-    compiled code next returns to Python, and keep its results.
-
-    The value is a function that returns whether Ctrl-C has been pressed. A further Ctrl-C raises
-    `KeyboardInterrupt`, also only when compiled code returns. Outside the main thread, and in a
-    program with its own handler of SIGINT, the handling of the signal is not changed, and the
-    function returns ``False``.
-    """
+    compiled code next returns to Python, and keep its results. The value is a function that returns
+    whether Ctrl-C has been pressed. A further Ctrl-C raises `KeyboardInterrupt`, also only when
+    compiled code returns. Outside the main thread, and in a program with its own handler of SIGINT,
+    the handling of the signal is not changed, and the function returns ``False``."""
     requested = threading.Event()
     # Python delivers signals to the main thread only, and the handler of a program is respected.
     ours = threading.current_thread() is threading.main_thread()

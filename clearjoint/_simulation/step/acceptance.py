@@ -49,12 +49,10 @@ def decide_step(
     method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS]:
     """Decide whether a trial step is accepted, and return also the step to try next and the result
-    code.
-
-    The step-size controller decides first. A trial that the controller accepts is still rejected if
-    a driver is not smooth over the step, if bodies rotate too far in it, or if it passes a contact
-    event at which it must end. It is then repeated with a shorter step, or up to the event.
-    """
+    code. The step-size controller decides first. A trial that the controller accepts is still
+    rejected if a driver is not smooth over the step, if bodies rotate too far in it, or if it
+    passes a contact event at which it must end. It is then repeated with a shorter step, or up to
+    the event."""
     t1, last, after = trial.t1, step.proposal, trial.gaps
     keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
         method, system, step, trial
@@ -155,11 +153,9 @@ def _controller_decision(
 ) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
     """Return the decision of diffrax's step-size controller about a trial step from `step`: whether
     it is accepted; the proposed end of the next step, s; whether the rates may jump at the start of
-    the next step; the controller's new state; and its result code.
-
-    The controller gets the errors of variables and tangents together. Since it has one tolerance
-    for both, errors of tangents are first divided by `method.derivative_tolerance`.
-    """
+    the next step; the controller's new state; and its result code. The controller gets the errors
+    of variables and tangents together. Since it has one tolerance for both, errors of tangents are
+    first divided by `method.derivative_tolerance`."""
 
     def scaled(y: PyTree) -> PyTree:
         return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
@@ -207,13 +203,11 @@ def _result(
     controller_result: diffrax.RESULTS,
     t_end: Scalar,
 ) -> RESULTS:
-    """Return the result code of the run after a trial step.
-
-    If several checks fail, the last of these decides: the step is too small, a journal is too deep
-    in the wall, a driver or ideal joint is not followed, a variable is not finite, the solver or
-    the controller failed. If none fails, the code in `step` stays. `refused` says whether the trial
-    was rejected because of a driver; it is ``None`` without drivers.
-    """
+    """Return the result code of the run after a trial step. If several checks fail, the last of
+    these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint
+    is not followed, a variable is not finite, the solver or the controller failed. If none fails,
+    the code in `step` stays. `refused` says whether the trial was rejected because of a driver; it
+    is ``None`` without drivers."""
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps
     # A step shorter than the spacing of the numbers at its start makes no progress. At t = 0 that

@@ -31,11 +31,9 @@ T = TypeVar("T")
 
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly between their values at two times,
-    `before` and `after`, s of the scene, by `share`, 0 to 1.
-
-    With times just before and just after a breakpoint, the derivative of the rates with respect to
-    `share` is the change of the rates at the breakpoint.
-    """
+    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and just after
+    a breakpoint, the derivative of the rates with respect to `share` is the change of the rates at
+    the breakpoint."""
 
     force: AbstractForce
     before: Scalar
@@ -141,11 +139,8 @@ def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables with velocities that satisfy the constraints at the time t, s, just
     after a kink in the angle or distance that a driver prescribes, and differ least from the old
-    ones, in the metric of the mass matrix.
-
-    The kinetic energy that the impulse of the constraints adds is added to the integral "supplied"
-    of the energy ledger.
-    """
+    ones, in the metric of the mass matrix. The kinetic energy that the impulse of the constraints
+    adds is added to the integral "supplied" of the energy ledger."""
     motion = system.project_velocities(y.motion, t)
     work = y.work
     if "supplied" in work:

@@ -25,11 +25,9 @@ def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
-    s, of the accepted step of an `attempt`.
-
-    Before the end of the step, entry speeds are those of `entry_speeds_inside`. At the end, the
-    stored variables and entry speeds are taken, which contain the corrections for events there.
-    """
+    s, of the accepted step of an `attempt`. Before the end of the step, entry speeds are those of
+    `entry_speeds_inside`. At the end, the stored variables and entry speeds are taken, which
+    contain the corrections for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     y = choose(t >= end, step.y, dense.evaluate(dense_time(attempt, t)))
@@ -50,11 +48,8 @@ def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
 
 def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at the end t, s, of a step, corrected by the stabilisation of the
-    constraints.
-
-    The energy that a projection onto the constraints removes, J, is added to the integral
-    "stabilisation" of the energy ledger, if the run has one.
-    """
+    constraints. The energy that a projection onto the constraints removes, J, is added to the
+    integral "stabilisation" of the energy ledger, if the run has one."""
 
     def energy(motion: MotionVariables) -> Scalar:
         return sum(system.energies(motion, t).values())

@@ -94,11 +94,9 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
-    """Return the traced program of an element's forces or constraint rates.
-
-    Its arguments are the time, and one number that stands for every component of the motion: for
-    the search it does not matter on which component a comparison depends.
-    """
+    """Return the traced program of an element's forces or constraint rates. Its arguments are the
+    time, and one number that stands for every component of the motion: for the search it does not
+    matter on which component a comparison depends."""
 
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
@@ -164,12 +162,10 @@ matrix spreads from the largest rate to all others."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:
-    """Return whether a scene has an element that may jump without declaring it.
-
-    Such an element is of a class from outside this package, or contains a part of such a class, and
-    it either compares or rounds numbers of the motion or is a contact joint. All contact joints
-    count, because the search covers their constraint rows but not their contact forces.
-    """
+    """Return whether a scene has an element that may jump without declaring it. Such an element is
+    of a class from outside this package, or contains a part of such a class, and it either compares
+    or rounds numbers of the motion or is a contact joint. All contact joints count, because the
+    search covers their constraint rows but not their contact forces."""
 
     def is_foreign(part: PyTree) -> bool:
         return isinstance(part, eqx.Module) and not is_of_package(part)
@@ -183,11 +179,9 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 
 
 def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial) -> Condition:
-    """Return whether any rate of the motion jumps within a trial step from `step`.
-
-    The check is skipped if the step ends at the onset or the end of a contact whose force, or its
-    slope, may jump there.
-    """
+    """Return whether any rate of the motion jumps within a trial step from `step`. The check is
+    skipped if the step ends at the onset or the end of a contact whose force, or its slope, may
+    jump there."""
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
     def rates(t: Scalar, motion: object) -> object:

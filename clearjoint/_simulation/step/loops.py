@@ -48,11 +48,9 @@ class Loops(eqx.Module):
     checkpoints: int | None = eqx.field(default=None, static=True)
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step from `step`, at most to `t_end`, s, and return its outcome.
-
-        In loops with checkpoints, the derivatives of a trial whose numbers are not finite are left
-        out, so that they do not spoil those of the run.
-        """
+        """Try one step from `step`, at most to `t_end`, s, and return its outcome. In loops with
+        checkpoints, the derivatives of a trial whose numbers are not finite are left out, so that
+        they do not spoil those of the run."""
         function = attempt if self.checkpoints is None else _attempt_with_finite_derivatives
         return function(method, system, step, t_end)
 
@@ -112,10 +110,8 @@ def _attempt_jvp(
 ) -> tuple[Attempt, Attempt]:
     """Return the attempt and its tangents. For a trial that overflowed, the field `step` of the
     attempt keeps the tangents from before the trial, and the tangents of all other fields are zero.
-
     Such a trial is rejected, so its tangents are multiplied by zero. In the reverse pass, zero
-    times the infinite derivatives of the trial would be NaN.
-    """
+    times the infinite derivatives of the trial would be NaN."""
     # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
     tangents = jax.tree.map(

@@ -69,11 +69,9 @@ def longest_step(method: Method, system: System, step: Step) -> Scalar:
 
 
 def rotation_in(method: Method, system: System, step: Step, trial: Trial) -> Scalar:
-    """Return the length of a trial step from `step` times the fastest rotation rate in it, rad.
-
-    The rates are those at both ends and, with a solver that has dense output for it, in the middle:
-    a motion may be at rest at both ends of a step.
-    """
+    """Return the length of a trial step from `step` times the fastest rotation rate in it, rad. The
+    rates are those at both ends and, with a solver that has dense output for it, in the middle: a
+    motion may be at rest at both ends of a step."""
     motions = [step.y.motion, trial.outcome.y.motion]
     if isinstance(method.solver, UnrolledExplicit):
         inside = trial.outcome.information

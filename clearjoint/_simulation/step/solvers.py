@@ -226,12 +226,9 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 @cache
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
     """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method, x from 0 to
-    1, as coefficients, (stages, degree + 1), lowest power first.
-
-    diffrax does not provide them, but its interpolant is linear in the stages. It is therefore
-    evaluated at Chebyshev nodes x with one stage equal to 1 and the others 0, and a polynomial is
-    passed through the values.
-    """
+    1, as coefficients, (stages, degree + 1), lowest power first. diffrax does not provide them, but
+    its interpolant is linear in the stages. It is therefore evaluated at Chebyshev nodes x with one
+    stage equal to 1 and the others 0, and a polynomial is passed through the values."""
     tableau = _tableau(method)
     stages = tableau.num_stages
     # diffrax's interpolants have at most the order of the method as degree, but methods of low
@@ -262,10 +259,8 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
     """Return the largest absolute value in a PyTree, (), which step-size controllers use as the
-    norm of an error.
-
-    A mean would hide the error of one impact behind the small errors of bodies without contact.
-    """
+    norm of an error. A mean would hide the error of one impact behind the small errors of bodies
+    without contact."""
     # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
     # gathered into an array, which would keep the loop from becoming one native function.
     largest: dict[tuple[int, ...], Scalar] = {}
@@ -298,13 +293,10 @@ def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
     """Return a solver whose method `step` can be called directly, without the preparations that
-    `diffrax.diffeqsolve` makes.
-
-    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods, unless their
-    `scan_kind` is set, loop over their stages by `lax.scan`, which forward differentiation
-    supports. Implicit methods iterate their stages to `rtol` and `atol`, unless their root finder
-    has tolerances of its own.
-    """
+    `diffrax.diffeqsolve` makes. Explicit Runge-Kutta methods become `UnrolledExplicit`. Other
+    Runge-Kutta methods, unless their `scan_kind` is set, loop over their stages by `lax.scan`,
+    which forward differentiation supports. Implicit methods iterate their stages to `rtol` and
+    `atol`, unless their root finder has tolerances of its own."""
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
         solver = eqx.tree_at(

@@ -31,12 +31,10 @@ a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
-    """Return the end of the next trial, s.
-
-    It is the earliest of five times: the proposed end in `step.proposal`, the next breakpoint, the
-    predicted next event of a contact (with `method.landing`), the end of the longest step that
-    `.rotation_limit` allows, and the end `t_end` of the run.
-    """
+    """Return the end of the next trial, s. It is the earliest of five times: the proposed end in
+    `step.proposal`, the next breakpoint, the predicted next event of a contact (with
+    `method.landing`), the end of the longest step that `.rotation_limit` allows, and the end
+    `t_end` of the run."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
@@ -131,12 +129,9 @@ def magnitudes(y: Variables) -> Variables:
 
 def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of tangents, from the
-    `magnitudes` of the variables, `sizes`, and of the tangents, `along`.
-
-    They are those of the tangents, plus a share of the speeds for those of the speeds: a parameter
-    that changes the positions by a hundredth per unit is expected to change the speeds by about a
-    hundredth too.
-    """
+    `magnitudes` of the variables, `sizes`, and of the tangents, `along`. They are those of the
+    tangents, plus a share of the speeds for those of the speeds: a parameter that changes the
+    positions by a hundredth per unit is expected to change the speeds by about a hundredth too."""
 
     # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far

@@ -61,11 +61,9 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Derivatives of three fields of a `Step` with respect to p parameters.
-
-    They are with respect to the parameters' coordinates, such as the logarithm of a parameter on a
-    logarithmic scale. Coordinates are pure numbers, so that each leaf has the unit of the variable.
-    """
+    """Derivatives of three fields of a `Step` with respect to p parameters. They are with respect
+    to the parameters' coordinates, such as the logarithm of a parameter on a logarithmic scale.
+    Coordinates are pure numbers, so that each leaf has the unit of the variable."""
 
     y: Variables
     entry_speeds: EntrySpeeds

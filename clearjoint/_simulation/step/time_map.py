@@ -118,12 +118,10 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of the step to try next, s.
-
-        The rates are smooth in the square root of time, so the controller's ratio of lengths is
-        applied to the difference of the square roots over this step. If a step with the new
-        difference would go past the end of the contact, `proposed` is returned.
-        """
+        """Return the length of the step to try next, s. The rates are smooth in the square root of
+        time, so the controller's ratio of lengths is applied to the difference of the square roots
+        over this step. If a step with the new difference would go past the end of the contact,
+        `proposed` is returned."""
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
         # Length of a step with this difference of roots: (root + change)^2 - root^2, up to its

@@ -181,11 +181,9 @@ def try_step(
 def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
-    """Return variables normalised by `System.without_drift`, and the solver's state for them.
-
-    The solver keeps rates of the variables for its next step. Normalising is a change of variables,
-    so these rates are multiplied by its Jacobian.
-    """
+    """Return variables normalised by `System.without_drift`, and the solver's state for them. The
+    solver keeps rates of the variables for its next step. Normalising is a change of variables, so
+    these rates are multiplied by its Jacobian."""
 
     def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
@@ -206,13 +204,11 @@ def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> Solver
 
 def may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates may be discontinuous from the end of one step to the start of the next,
-    so that the rates which the solver has kept must be computed anew.
-
-    Rates are discontinuous at breakpoints and where a contact begins to drag bristles. If steps end
-    at contact events, they are also discontinuous where a force jumps at the onset or end of a
-    contact; if the force does not jump, it is still zero at the onset, and a new entry speed does
-    not change the rates. If steps go across contact events, a new entry speed changes them.
-    """
+    so that the rates which the solver has kept must be computed anew. Rates are discontinuous at
+    breakpoints and where a contact begins to drag bristles. If steps end at contact events, they
+    are also discontinuous where a force jumps at the onset or end of a contact; if the force does
+    not jump, it is still zero at the onset, and a new entry speed does not change the rates. If
+    steps go across contact events, a new entry speed changes them."""
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
