@@ -51,8 +51,8 @@ def default_cache() -> Path:
     """Return the default folder of compiled programs: that of the environment variable
     ``CLEARJOINT_CACHE`` or, if it is unset or empty, ``clearjoint`` in the user's cache folder,
     which is ``XDG_CACHE_HOME`` if that is an absolute path, else ``~/.cache``."""
-    if given := os.environ.get("CLEARJOINT_CACHE"):
-        return Path(given)
+    if folder := os.environ.get("CLEARJOINT_CACHE"):
+        return Path(folder)
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return (base if base.is_absolute() else Path.home() / ".cache") / "clearjoint"
 

@@ -109,8 +109,8 @@ class Lane(eqx.Module):
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
         for name, record in records[IMPACTS].items():
             for joint, family in record.items():
-                for contact, one in family.items():
-                    buffers[impact_log(name, joint, contact)] = one.rows
+                for contact, contact_record in family.items():
+                    buffers[impact_log(name, joint, contact)] = contact_record.rows
         return buffers
 
 
@@ -183,12 +183,12 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     step = lane.run.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return Outcome(
-        step.t,
-        final_result(step, end_time),
-        step.attempts,
-        step.accepted,
-        final_state(system, step),
-        {
+        time=step.t,
+        result=final_result(step, end_time),
+        attempts=step.attempts,
+        accepted=step.accepted,
+        final=final_state(system, step),
+        results={
             name: reduction.results(lane.run.records[REDUCTIONS][name], now)
             for name, reduction in plan.reductions.items()
         },

@@ -294,12 +294,12 @@ class _Shared:
     def next_lanes(self, count: int) -> list[int]:
         """Remove the next lanes to begin from `waiting`, at most `count`, and return their
         numbers."""
-        found: list[int] = []
+        lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
-            while len(found) < count:
-                found.append(self.waiting.popleft())
-        return found
+            while len(lanes) < count:
+                lanes.append(self.waiting.popleft())
+        return lanes
 
     def wait_for_caller(self) -> None:
         """Wait while lanes that have ended have not been handed over for `LONGEST_WAIT`."""
@@ -431,8 +431,8 @@ class _Group:
         blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
         if rows:
             np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
-        given = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
-        return self._read[name](given), count
+        arguments = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
+        return self._read[name](arguments), count
 
 
 def _deliver(
@@ -474,16 +474,16 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     # The blocks of all lanes are converted at once, and then divided again by lane. The last block
     # of a lane may contain rows of zeros, which are cut off.
     for name, length in shared.batch.lengths.items():
-        found = [of_lane[name] for of_lane in logs_of_lanes]
-        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
-        ends = np.cumsum([len(cells) for cells, _ in found])[:-1]
+        tables = [of_lane[name] for of_lane in logs_of_lanes]
+        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in tables]))
+        ends = np.cumsum([len(cells) for cells, _ in tables])[:-1]
         columns = {}
         for key, blocks in read.items():
             columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
             parts = np.split(blocks, ends)
-            for table, part, (_, count) in zip(columns[key], parts, found, strict=True):
-                table[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
-        logs[name] = columns, np.array([count for _, count in found])
+            for rows, part, (_, count) in zip(columns[key], parts, tables, strict=True):
+                rows[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
+        logs[name] = columns, np.array([count for _, count in tables])
     return Ended(np.array(numbers), programs.outcome_cells.trees(np.stack(outcomes)), logs)
 
 

@@ -107,7 +107,7 @@ class XlaFunction:
         self.results = Cells(zeros_like(shapes))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        found, width = [np.zeros((0, self.results.size))], self._width
+        results, width = [np.zeros((0, self.results.size))], self._width
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
         # results of the repeated ones are dropped.
@@ -116,8 +116,8 @@ class XlaFunction:
             parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
             trees = [cells.trees(p) for cells, p in zip(self._arguments, parts, strict=True)]
             result = _for_all(self._function, self._shared, *trees)
-            found.append(self.results.rows(result)[: len(part)])
-        return np.concatenate(found)
+            results.append(self.results.rows(result)[: len(part)])
+        return np.concatenate(results)
 
 
 def zeros_like(shapes: PyTree) -> PyTree:

@@ -115,7 +115,7 @@ class BoxProblem:
             # velocities.
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
-            meets = [(one <= share) & (one < 1.0) for one in shares]
+            meets = [(part <= share) & (part < 1.0) for part in shares]
             # A row that meets a bound gets exactly this bound, so that later comparisons with the
             # bound do not depend on rounding.
             moved = [

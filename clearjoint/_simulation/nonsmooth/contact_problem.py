@@ -15,7 +15,7 @@ unilateral contact and friction boundary value problem, 1975). One computation o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
@@ -145,9 +145,17 @@ def _touch(
     # force along the normal.
     if contact.turning is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
-    size = -contact.gap.depth, contact.gap.clearance
+    touch = Touch(
+        joint=name,
+        label=label,
+        gap=-contact.gap.depth,
+        clearance=contact.gap.clearance,
+        normal=normal,
+        slip=(),
+        coefficient=0.0,
+    )
     if contact.slip is None:
-        return Touch(name, label, *size, normal, (), 0.0)
+        return touch
     along = _slip_direction(contact.slip, contact.normal)
     across = contact.normal.cross(along)
     # Friction laws are regularised at low slip; far above that they give Coulomb's coefficient. It
@@ -155,7 +163,7 @@ def _touch(
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
-    return Touch(name, label, *size, normal, (row(along), row(across)), coefficient)
+    return replace(touch, slip=(row(along), row(across)), coefficient=coefficient)
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
@@ -305,16 +313,32 @@ class ContactProblem:
             residual = largest([normal_residual, slip_residual, opening])
             factor, turns = _extrapolation(now, change), now.turns + 1
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(normal, tangential, residual, turns, following, change, factor)
+            return Alternation(
+                normal=normal,
+                tangential=tangential,
+                residual=residual,
+                turns=turns,
+                tried=following,
+                change=change,
+                factor=factor,
+            )
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
         # The first turn is taken before the loop, because no residual is known until then.
-        zero, none, nothing = jnp.zeros(()), jnp.zeros((), int), [jnp.zeros(())] * (size - count)
-        start = Alternation([zero] * count, nothing, zero, none, nothing, nothing, zero + 1)
-        found = jax.lax.while_loop(goes, go, go(start))
-        return [*found.normal, *found.tangential], found.residual
+        zero = jnp.zeros(())
+        start = Alternation(
+            normal=[zero] * count,
+            tangential=[zero] * (size - count),
+            residual=zero,
+            turns=jnp.zeros((), int),
+            tried=[zero] * (size - count),
+            change=[zero] * (size - count),
+            factor=zero + 1,
+        )
+        last = jax.lax.while_loop(goes, go, go(start))
+        return [*last.normal, *last.tangential], last.residual
 
 
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
@@ -332,7 +356,7 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
 
 
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])
+    return largest([jnp.where(is_live, x, 0.0) for is_live, x in zip(live, numbers, strict=True)])
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
@@ -343,10 +367,10 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
         return
     for name, family in scene.laws().items():
         for label, law in family.items():
-            fine, given = hasattr(law, "delivered_restitution"), type(law).__name__
+            delivers, kind = hasattr(law, "delivered_restitution"), type(law).__name__
             expected = f"of a law with delivered_restitution() at {label!r}"
             remedy = "pass restitution=, or give the law such a method"
-            require(fine, f"scene.joints[{name!r}]", given, expected, remedy)
+            require(delivers, f"scene.joints[{name!r}]", kind, expected, remedy)
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:

@@ -94,13 +94,14 @@ def run(
 
     def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
         now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
-        return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
+        bodies = pack(system.decode(now.variables))
+        return now, RigidStop(bodies=bodies, totals=now.totals, result=now.result)
 
     # The scan goes from breakpoint to breakpoint too; only the states at stops are kept.
-    end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
+    end, states = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
     if rows is not None:
-        kept = jax.tree.map(lambda leaf: leaf[rows], kept)
-    return end, kept
+        states = jax.tree.map(lambda leaf: leaf[rows], states)
+    return end, states
 
 
 run_compiled = Compiled(run)
@@ -167,17 +168,24 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
-    zero, none = jnp.zeros(()), jnp.zeros((), int)
-    nothing = ContactTotals(none, zero, zero, zero, zero, zero)
+    zero, no_count = jnp.zeros(()), jnp.zeros((), int)
+    no_totals = ContactTotals(
+        impacts=no_count,
+        impulse=zero,
+        dissipated=zero,
+        hardest=zero,
+        fastest=zero,
+        penetration=zero,
+    )
     laws = rigid.system.scene.laws()
     return RigidRun(
         t=t,
         variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
         touching=each_label(lambda name, label: jnp.asarray(False), laws),
-        totals=each_label(lambda name, label: nothing, laws),
+        totals=each_label(lambda name, label: no_totals, laws),
         residual=zero,
         result=RESULTS.successful,
-        steps=none,
+        steps=no_count,
     )
 
 

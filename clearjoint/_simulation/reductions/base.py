@@ -113,8 +113,8 @@ def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) 
         if not isinstance(output, AbstractReduction):
             continue
         expected = f"True for outputs[{name!r}]"
-        fine = ledger or not output.needs_ledger
-        require(fine, "ledger", ledger, expected, "pass Settings(ledger=True)")
+        suffices = ledger or not output.needs_ledger
+        require(suffices, "ledger", ledger, expected, "pass Settings(ledger=True)")
         with errors_about(f"Output {name!r}"):
             output.check(scene)
 
@@ -125,9 +125,9 @@ def optional_time(value: Instants) -> Instants:
     if value is None or callable(value):
         return value
     time = np.asarray(as_number(value))
-    known = time.shape == () and not bool(np.isnan(time))
+    is_time = time.shape == () and not bool(np.isnan(time))
     remedy = "give one number, or a function of the scene"
-    require(known, "after or until", value, "a time in s", remedy)
+    require(is_time, "after or until", value, "a time in s", remedy)
     return float(time)
 
 

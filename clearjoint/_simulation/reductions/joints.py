@@ -105,7 +105,12 @@ class AbstractLossReduction(AbstractWindowedReduction):
     @override
     def start(self, now: Instant) -> LossTally:
         lost, whole = _lost(now), self._window(now).is_whole
-        return LossTally(now.time, lost, None if whole else now.time, None if whole else lost)
+        return LossTally(
+            begin=now.time,
+            at_begin=lost,
+            time=None if whole else now.time,
+            at_end=None if whole else lost,
+        )
 
     @override
     def update(self, tally: LossTally, now: Instant) -> LossTally:
@@ -115,15 +120,15 @@ class AbstractLossReduction(AbstractWindowedReduction):
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
         at_begin, at_end = [
-            jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), known))
-            for edge, inside, known in zip(
+            jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), before))
+            for edge, inside, before in zip(
                 (window.start, window.end),
                 map(now.inside, window.fractions(tally.time, now.time)),
                 (tally.at_begin, tally.at_end),
                 strict=True,
             )
         ]
-        return LossTally(tally.begin, at_begin, now.time, at_end)
+        return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)
 
     def _inside(self, tally: LossTally, now: Instant) -> Scalar:
         return (_lost(now) if tally.at_end is None else tally.at_end) - tally.at_begin
@@ -242,8 +247,8 @@ class ArchardWear(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> WearTally:
-        none: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
-        return now.time, self._rates(now), none
+        unworn: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
+        return now.time, self._rates(now), unworn
 
     @override
     def update(self, tally: WearTally, now: Instant) -> WearTally:

@@ -83,7 +83,14 @@ class Peak(AbstractQuantityReduction):
         highest = value
         if not window.is_whole:
             highest = jnp.where(window.holds(now.time), value, -jnp.inf)
-        return PeakTally(highest, now.time, value, now.time, value, now.time)
+        return PeakTally(
+            highest=highest,
+            time=now.time,
+            last=value,
+            now=now.time,
+            last_before=value,
+            before=now.time,
+        )
 
     @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
@@ -110,12 +117,12 @@ class Peak(AbstractQuantityReduction):
         if not window.is_whole:
             rises = rises & (last.x > first.x)
         return PeakTally(
-            jnp.where(rises, peak.value, tally.highest),
-            jnp.where(rises, time, tally.time),
-            end.value,
-            now.time,
-            start.value,
-            tally.now,
+            highest=jnp.where(rises, peak.value, tally.highest),
+            time=jnp.where(rises, time, tally.time),
+            last=end.value,
+            now=now.time,
+            last_before=start.value,
+            before=tally.now,
         )
 
     @override

@@ -96,7 +96,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         if self.saved is not None:
             lines.append(f"saved: {self.saved}")
         for joint, family in self.contacts.items():
-            counts = (f"{one.impacts} at {contact!r}" for contact, one in family.items())
+            counts = (f"{totals.impacts} at {contact!r}" for contact, totals in family.items())
             lines.append(f"impacts of {joint!r}: {', '.join(counts)}")
         return run_text(self, self.final, self.redundant_constraints, lines)
 
@@ -114,13 +114,13 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         remedy = "pass times to simulate_nonsmooth()"
         require(self.saved is not None, "solution", "without saved states", "with some", remedy)
         assert self.saved is not None and self.history is not None and self.saved_count is not None
-        found = self.saved.to_xarray()
+        dataset = self.saved.to_xarray()
         contacts = by_contact(self.history)
         if contacts:
             for f in fields(ContactTotals):
                 values = np.stack([np.asarray(getattr(c, f.name)) for c in contacts.values()], 1)
-                found[f.name] = ("time", RIGID), values, {"units": f.metadata["unit"]}
-            found = found.assign_coords({RIGID: list(contacts)})
+                dataset[f.name] = ("time", RIGID), values, {"units": f.metadata["unit"]}
+            dataset = dataset.assign_coords({RIGID: list(contacts)})
         notes = {
             "title": "motion of a mechanism with rigid contacts",
             "result": RESULTS[self.result],
@@ -128,4 +128,4 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
             "steps": int(self.steps),
         }
         # Rows after the last reached time repeat the last state, and are left out.
-        return found.isel(time=slice(int(self.saved_count))).assign_attrs(notes)
+        return dataset.isel(time=slice(int(self.saved_count))).assign_attrs(notes)

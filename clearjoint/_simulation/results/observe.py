@@ -282,9 +282,9 @@ def _stacked(
 ) -> Labelled:
     """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
     is ``None`` becomes NaN; not all may be."""
-    known = next(np.asarray(one) for one in series if one is not None)
-    lacking = np.full(known.shape, np.nan)
-    values = np.stack([lacking if one is None else np.asarray(one) for one in series], 1)
+    shape = next(np.shape(row) for row in series if row is not None)
+    lacking = np.full(shape, np.nan)
+    values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
     return Labelled(("time", dim, COMPONENT)[: values.ndim], values, unit, text, attributes)
 
 
@@ -327,9 +327,9 @@ def observe(
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
-    expected, given = "one with states to observe", "without saved states"
+    expected, shown = "one with states to observe", "without saved states"
     remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
-    require(trajectory is not None, "solution", given, expected, remedy)
+    require(trajectory is not None, "solution", shown, expected, remedy)
     assert trajectory is not None
     absolute, states = absolute_formulation(solution), trajectory.states
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
@@ -493,8 +493,8 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
-            one = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
-            modes[name] = jnp.where(touches_v & touches_w, both, one)
+            either = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
+            modes[name] = jnp.where(touches_v & touches_w, both, either)
     return modes
 
 

@@ -83,7 +83,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
     if states.work:
         text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
-        values = np.stack([np.asarray(one) for one in states.work.values()], -1)
+        values = np.stack([np.asarray(integral) for integral in states.work.values()], -1)
         arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
     return arrays
 
@@ -386,7 +386,7 @@ class Solution(AbstractReadable, AbstractTabular):
         assert self.saved is not None
         # The final state has no dimension of time, so it gets variables of its own, which `merge`
         # adds to those of the saved states.
-        found = self.saved.to_xarray()
+        dataset = self.saved.to_xarray()
         final = state_arrays(self.final, (), "final_")
         reached = labelled_dataset("state reached", final, state_labels(self.final))
         notes = {
@@ -398,7 +398,7 @@ class Solution(AbstractReadable, AbstractTabular):
             "redundant_constraints": ", ".join(self.redundant_constraints) or "none",
             **dict(self.settings),
         }
-        return found.merge(reached).assign_attrs(notes)
+        return dataset.merge(reached).assign_attrs(notes)
 
     def _requested(self) -> Trajectory:
         if self.saved is None:

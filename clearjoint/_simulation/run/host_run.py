@@ -186,10 +186,19 @@ class Run:
             # Leave out the last row, the state at the end of the run, which was added above.
             states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
             trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
-        counts = now.step.attempts, now.step.accepted
-        ran = self.scheme.formulation, self.redundant
-        # Neither steps nor impacts are kept: both are `None`.
-        return Solution(now.step.t, final, result, *counts, trajectory, count, None, None, *ran)
+        return Solution(
+            time=now.step.t,
+            final=final,
+            result=result,
+            attempts=now.step.attempts,
+            accepted=now.step.accepted,
+            saved=trajectory,
+            saved_count=count,
+            steps=None,
+            impacts=None,
+            formulation=self.scheme.formulation,
+            redundant_constraints=self.redundant,
+        )
 
     def on_host(
         self,
@@ -269,17 +278,17 @@ class Run:
             rows = _joined(steps)
             trajectory = Trajectory(rows.t, pack(rows.state))
         solution = Solution(
-            time,
-            final,
-            result,
-            attempts,
-            accepted,
-            saved,
-            None if saved is None else saved_count,
-            trajectory,
-            Impacts.of_rows(impacts) if IMPACTS in now.records else None,
-            self.scheme.formulation,
-            self.redundant,
+            time=time,
+            final=final,
+            result=result,
+            attempts=attempts,
+            accepted=accepted,
+            saved=saved,
+            saved_count=None if saved is None else saved_count,
+            steps=trajectory,
+            impacts=Impacts.of_rows(impacts) if IMPACTS in now.records else None,
+            formulation=self.scheme.formulation,
+            redundant_constraints=self.redundant,
             sections=crossings_of(now.records[SECTIONS], sections),
             outputs={
                 f"{name}_{part}" if part else name: float(value)

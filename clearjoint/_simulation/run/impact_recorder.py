@@ -175,13 +175,13 @@ class ContactSoFar(eqx.Module):
         # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
         # steps land at the ends of contacts, the rate there needs no interpolation.
         row = ImpactRow(
-            row.onset,
-            t0 + h * over,
-            row.entry_speed,
-            -(end.gap.rate if lands else hermite_rate(over, before, after, h)),
-            jnp.where(stronger, peak.value, row.peak_force),
-            jnp.where(stronger, t0 + h * peak.x, row.peak_time),
-            jnp.maximum(row.largest_penetration, depth),
+            onset=row.onset,
+            separation=t0 + h * over,
+            entry_speed=row.entry_speed,
+            exit_speed=-(end.gap.rate if lands else hermite_rate(over, before, after, h)),
+            peak_force=jnp.where(stronger, peak.value, row.peak_force),
+            peak_time=jnp.where(stronger, t0 + h * peak.x, row.peak_time),
+            largest_penetration=jnp.maximum(row.largest_penetration, depth),
         )
         begins = touches & jnp.logical_not(touched)
         if lands:
@@ -191,16 +191,24 @@ class ContactSoFar(eqx.Module):
             onset, speed = t1 - since_onset, end.speed()
             # The peaks of a contact that began in this step are minus infinity, so that its first
             # whole step, the next one, sets them. Hardly any part of the contact is in this step.
-            nothing = jnp.full_like(row.peak_force, -jnp.inf)
-            peaks = nothing, t1, nothing
+            unset = jnp.full_like(row.peak_force, -jnp.inf)
+            peak_force, peak_time, depth = unset, t1, unset
         else:
             # The contact may have begun long before the end of the step, and may already recede
             # there.
             x = hermite_root(before, after, h)
             onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
-            peaks = peak.value, t0 + h * peak.x, depth
+            peak_force, peak_time = peak.value, t0 + h * peak.x
         # The separation and the exit speed are still unknown, so these fields get any numbers.
-        fresh = ImpactRow(onset, t1, speed, end.gap.rate, *peaks)
+        fresh = ImpactRow(
+            onset=onset,
+            separation=t1,
+            entry_speed=speed,
+            exit_speed=end.gap.rate,
+            peak_force=peak_force,
+            peak_time=peak_time,
+            largest_penetration=depth,
+        )
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
         contact = ContactSoFar(end, begun, choose(begins, fresh, row))
@@ -258,18 +266,18 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         count = sum(map(len, laws.values()))
 
         def after(name: str, label: str) -> ContactRecord:
-            one = record[name][label]
+            recorded = record[name][label]
             law, end = laws[name][label], ends[name][label]
-            given = one.contact, law, t0, t1, end, lands
-            contact, over, row = shared_by_many(count, ContactSoFar.after, *given)
+            arguments = recorded.contact, law, t0, t1, end, lands
+            contact, over, row = shared_by_many(count, ContactSoFar.after, *arguments)
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = kept & over
             if self.window is not None:
                 written = written & self.window.at(now).holds(system.clock(row.onset))
             if self.wanted is not None:
-                written = written & (self.wanted[contact_label(name, label)] > one.rows.count)
-            rows = one.rows.with_row(row, written)
-            return ContactRecord(choose(kept, contact, one.contact), rows)
+                written = written & (self.wanted[contact_label(name, label)] > recorded.rows.count)
+            rows = recorded.rows.with_row(row, written)
+            return ContactRecord(choose(kept, contact, recorded.contact), rows)
 
         return each_label(after, record)
 
@@ -307,8 +315,8 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 def most(record: ImpactRecord) -> int:
     """Return the number of impacts of the contact that has most of them, including those for which
     its buffer had no room; zero without contacts."""
-    counts = (int(one.rows.count) for family in record.values() for one in family.values())
-    return max(counts, default=0)
+    contacts = (contact for family in record.values() for contact in family.values())
+    return max((int(contact.rows.count) for contact in contacts), default=0)
 
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
@@ -316,8 +324,8 @@ def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str 
     time at which the clock of the run was zero, `origin`, s, is added to all times."""
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
-        for contact, one in family.items():
-            columns = one.rows.filled().columns()
+        for contact, recorded in family.items():
+            columns = recorded.rows.filled().columns()
             columns |= {name: columns[name] + origin for name in INSTANTS}
             numbers = (np.asarray(columns[name]).tolist() for name in IMPACT_UNITS)
             rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]

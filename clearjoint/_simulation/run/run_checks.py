@@ -258,9 +258,9 @@ def _assembled(state: State, start: StartValues) -> Condition:
     for name, body in state.bodies.items():
         # As in `require_representable`, only orientations are compared: with an axis reversed, a
         # state may satisfy all constraints, but its orientation after the conversion is another.
-        given, same = body.orientation, start.orientations[name]
+        p, q = body.orientation, start.orientations[name]
         # Both signs of Euler parameters are the same orientation.
-        apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
+        apart = jnp.minimum(jnp.abs(p - q).max(), jnp.abs(p + q).max())
         holds.append(apart < REPRESENTED)
     return reduce(and_, holds, jnp.asarray(True))
 
@@ -306,14 +306,14 @@ class _Starts:
         coordinates: AbstractCoordinates,
         flat: FlatArguments | None = None,
     ) -> tuple[str, ...]:
-        given = flat_start(scene, state, t, coordinates, flat)
-        key = given.key, given.numbers
+        arguments = flat_start(scene, state, t, coordinates, flat)
+        key = arguments.key, arguments.numbers
         redundant = self._passed.recent(key)
         if redundant is None:
             before = number_issued()
             # The native check is fast, but cannot say why a start fails. A start that fails is
             # therefore checked again in Python, which raises the error.
-            redundant = self.redundant(given)
+            redundant = self.redundant(arguments)
             if redundant is None:
                 check_numbers(scene, state)
                 redundant = check_structure(scene, state, t, coordinates)
@@ -322,40 +322,40 @@ class _Starts:
                 self._passed.add(key, redundant)
         return redundant
 
-    def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
+    def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks; ``None``
         if it fails a check, if redundancy is uncertain, or if there is no native program for its
         structure."""
-        scene, unfolded = given.arguments[0], given.parts[0]
-        given = FlatArguments.joined((flattened(folded(unfolded)), *given.parts[1:]))
-        self._seen[given.key] += 1
+        scene, unfolded = arguments.arguments[0], arguments.parts[0]
+        arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))
+        self._seen[arguments.key] += 1
         if not is_native():
             return None
-        if self._seen[given.key] == 1:
-            self._function.load(given)
+        if self._seen[arguments.key] == 1:
+            self._function.load(arguments)
         # Compiling takes longer than the checks of a few starts, so the first ones of a structure
         # are left to Python, unless another process has saved the program.
-        if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
+        if self._seen[arguments.key] <= BY_NUMPY and not self._function.is_made(arguments):
             return None
         try:
-            fine, (names, left) = self._function.run(given)
+            passes, (names, left) = self._function.run(arguments)
         except (UnsupportedPrimitiveError, ValueError):
             # Native code has no rule for an operation of the checks, or a check fails for any
             # numbers, for instance if a body lacks a state. Never try this structure again.
-            self._seen[given.key] = -sys.maxsize
+            self._seen[arguments.key] = -sys.maxsize
             return None
-        if not fine:
+        if not passes:
             return None
         self._recheck(scene, unfolded)
         # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
-        known = self._distances.setdefault(given.key, {})
-        if len(known) >= KEPT:
-            known.clear()
+        distances = self._distances.setdefault(arguments.key, {})
+        if len(distances) >= KEPT:
+            distances.clear()
         order = scene_order(names, scene)
         names, left = tuple(names[k] for k in order), left[order]
-        redundant, uncertain = dependent(names, left, known)
+        redundant, uncertain = dependent(names, left, distances)
         return None if uncertain else redundant
 
     def _recheck(self, scene: Scene, flat: FlatArguments) -> None:

@@ -124,8 +124,7 @@ def start_with_tangents(
         return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
 
     # The energy ledger does not depend on the parameters at the start.
-    none = jnp.zeros(count)
-    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, jnp.zeros(count)))
 
     # The entry speed of a contact that begins at the start is its penetration rate there, which
     # depends on the parameters like that of a later onset.
@@ -311,9 +310,9 @@ def recorded_run(
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
-        found: Sampled = jax.device_get(sampled(*arguments, kept=kept))
-        if found.impacts is None or room is None or most(found.impacts) <= room:
-            return found
+        result: Sampled = jax.device_get(sampled(*arguments, kept=kept))
+        if result.impacts is None or room is None or most(result.impacts) <= room:
+            return result
         room *= GROWTH
 
 

@@ -102,8 +102,8 @@ class Saving:
         for name in names:
             value = getattr(self, name)
             is_flag = isinstance(value, bool)
-            given, expected = (value, "False") if is_flag else (sorted(value), "none")
-            require(not value, name, given, f"{expected} {where}", remedy)
+            shown, expected = (value, "False") if is_flag else (sorted(value), "none")
+            require(not value, name, shown, f"{expected} {where}", remedy)
 
 
 EXCEPT_TIMES = ("steps", "impacts", "sections", "outputs")

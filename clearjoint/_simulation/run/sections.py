@@ -37,11 +37,14 @@ def check_channels(channels: Channels) -> None:
     """Check that channels are pairs of a quantity and a unit, with names that results and files can
     have, or raise a `ValueError` as `Section`."""
     require_array_names("channels", channels, PASS_CHANNELS)
-    fine = bool(channels) and all(
-        isinstance(one, tuple) and len(one) == 2 and callable(one[0]) and isinstance(one[1], str)
-        for one in channels.values()
+    are_pairs = bool(channels) and all(
+        isinstance(pair, tuple)
+        and len(pair) == 2
+        and callable(pair[0])
+        and isinstance(pair[1], str)
+        for pair in channels.values()
     )
-    require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
+    require(are_pairs, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
     # The results have arrays with the times of the crossings and the number of crossings.
     taken = sorted({"time", "count"} & set(channels))
     require(not taken, "channels", taken, "of names that the output does not use", "rename them")
@@ -180,12 +183,12 @@ def crossings_of(
 ) -> dict[str, Crossings]:
     """Return the crossings in the records of `sections`, by name of the section, as NumPy
     arrays."""
-    found = {}
+    crossings = {}
     for name, record in records.items():
         columns = record.rows.filled()
         units = {key: unit for key, (_, unit) in sections[name].channels.items()}
-        found[name] = Crossings(columns.pop(TIME), columns, units)
-    return found
+        crossings[name] = Crossings(columns.pop(TIME), columns, units)
+    return crossings
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ def strobe_of(states: State, phases: int) -> Strobe:
     parts = columns(states)
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
     whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
-    scales = [np.full(one.shape[1], sizes[name]) for name, one in zip(parts, whole, strict=True)]
+    scales = [np.full(row.shape[1], sizes[name]) for name, row in zip(parts, whole, strict=True)]
     return Strobe(np.concatenate(whole, axis=1), np.concatenate(scales))
 
 
@@ -347,9 +347,9 @@ def _joined(blocks: list[Solution]) -> Solution:
 
 
 def _period(period: float | None, section: Section | None, span: float | None) -> float:
-    one = (period is None) != (section is None)
+    is_one_given = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"
-    require(one, "period", period, "given if and only if `section` is not", remedy)
+    require(is_one_given, "period", period, "given if and only if `section` is not", remedy)
     if period is not None:
         number = as_number(period, "period", "s")
         require_positive("period", number, "give it in s: 2 pi over the drive's speed")

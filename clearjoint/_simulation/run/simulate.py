@@ -103,10 +103,10 @@ def simulate(
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
-    fine = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
+    is_adjoint = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
     remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
     expected = "a diffrax.RecursiveCheckpointAdjoint or None"
-    require(fine, "adjoint", adjoint, expected, remedy)
+    require(is_adjoint, "adjoint", adjoint, expected, remedy)
     # Scene and state are flattened once, which for thirty joints takes half a millisecond.
     flat = FlatArguments.of((scene, state))
     if not flat.all_floats:

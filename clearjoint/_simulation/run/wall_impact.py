@@ -100,13 +100,17 @@ def free_impact(
     remedy = "raise the entry speed, or the law's `entry_speed_floor`"
     require(rebounds, "law", law, expected, remedy)
     # The peaks are found from a second run with shorter steps.
-    fine = contact(jnp.asarray(duration / STEPS_A_CONTACT))
-    is_step = np.isfinite(np.asarray(fine.ts))
-    times, (depth, rate) = np.asarray(fine.ts)[is_step], np.asarray(fine.ys)[is_step].T
+    resolved = contact(jnp.asarray(duration / STEPS_A_CONTACT))
+    is_step = np.isfinite(np.asarray(resolved.ts))
+    times, (depth, rate) = np.asarray(resolved.ts)[is_step], np.asarray(resolved.ys)[is_step].T
     gap = Gap(depth, rate, bearing_radius, clearance)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
-    peaks = _crest(times, force), _crest(times, depth)
-    return FreeImpact(-float(rate[-1]) / entry_speed, *peaks, duration)
+    return FreeImpact(
+        restitution=-float(rate[-1]) / entry_speed,
+        peak_force=_crest(times, force),
+        largest_penetration=_crest(times, depth),
+        duration=duration,
+    )
 
 
 @Compiled

@@ -89,8 +89,8 @@ def across_breakpoints(
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
 
-    # Shares of zero: all forces are as they were before their breakpoints.
-    none = {name: jnp.zeros(()) for name in forces}
+    # With these, all forces are as they were before their breakpoints.
+    no_shares = {name: jnp.zeros(()) for name in forces}
 
     def corrected(y: Variables) -> Variables:
         if joints:
@@ -104,15 +104,15 @@ def across_breakpoints(
             # but their drift from the constraints.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
             time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
-            y = _moved_on(y, rates(none, y, before), -time)
-            y = _past_kink(_with_shares(system, before, after, none), y, after - time)
-            y = _moved_on(y, rates(none, y, after), time)
+            y = _moved_on(y, rates(no_shares, y, before), -time)
+            y = _past_kink(_with_shares(system, before, after, no_shares), y, after - time)
+            y = _moved_on(y, rates(no_shares, y, after), time)
         if forces:
             # The rates depend linearly on the share of each switched force. So the derivative of
             # the rates, in the direction in which each share grows by the time since the force's
             # breakpoint, is the sum of the changes of the rates times these times.
             times = {name: time for name, (_, time) in forces.items()}
-            y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
+            y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (no_shares,), (times,))[1], 1.0)
         return y
 
     # Few steps land on a breakpoint; a single run computes the correction for these only.
@@ -124,9 +124,10 @@ def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
     """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`."""
-    sides = system.clock(before), system.clock(after)
     forces = {
-        name: SwitchedForce(force, *sides, shares[name]) if name in shares else force
+        name: SwitchedForce(force, system.clock(before), system.clock(after), shares[name])
+        if name in shares
+        else force
         for name, force in system.scene.forces.items()
     }
     return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))

@@ -74,13 +74,13 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
     """Check that the solver of a `Method` is an `UnrolledExplicit`, the only one with which
     quantities inside steps, and derivatives, are computed, or raise a `ValueError` that names its
     class."""
-    fine, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
+    is_explicit, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
     expected = (
         "an explicit Runge-Kutta method for sections, for values inside the steps of a sweep "
         "(saved states, peaks, statistics, impacts), and for derivatives"
     )
     remedy = "take one such as diffrax.Tsit5(), or leave these outputs out"
-    require(fine, "solver", kind, expected, remedy)
+    require(is_explicit, "solver", kind, expected, remedy)
 
 
 class Snapshot(eqx.Module):

@@ -34,8 +34,12 @@ class Scheme(eqx.Module):
         """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays;
         `redundant` is used if `settings.redundant` is ``None``."""
         redundant = redundant if settings.redundant is None else settings.redundant
-        # The arguments of `Formulation`.
-        choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
+        formulation = Formulation(
+            coordinates=settings.coordinates,
+            stabilisation=settings.stabilisation,
+            redundant=redundant,
+            ledger=settings.ledger,
+        )
         rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
         # Impacts amplify errors of variables that are nearly zero, such as the misalignment of a
         # journal. The relative tolerance must hold for these too, so `atol` is far below `rtol`.
@@ -54,7 +58,7 @@ class Scheme(eqx.Module):
             is_number = isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)
             return jax.device_put(leaf) if is_number else leaf
 
-        return jax.tree.map(array, Scheme(method, Formulation(*choices)))
+        return jax.tree.map(array, Scheme(method, formulation))
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":

@@ -17,7 +17,7 @@ from jaxtyping import PyTree
 from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.vectors import Scalar, larger
-from .solvers import DenseOutput, UnrolledExplicit
+from .solvers import UnrolledExplicit
 from .step_state import Method, Step
 from .trial_step import Trial
 
@@ -74,8 +74,7 @@ def rotation_in(method: Method, system: System, step: Step, trial: Trial) -> Sca
     motion may be at rest at both ends of a step."""
     motions = [step.y.motion, trial.outcome.y.motion]
     if isinstance(method.solver, UnrolledExplicit):
-        inside = trial.outcome.information
-        stages = inside["y0"], inside["stages"]
-        motions.append(DenseOutput(method.solver.method, step.t, trial.t1, *stages).at(0.5).motion)
+        dense = method.solver.interpolation_cls(t0=step.t, t1=trial.t1, **trial.outcome.information)
+        motions.append(dense.at(0.5).motion)
     rates = [fastest_rotation(method, system, motion) for motion in motions]
     return (trial.t1 - step.t) * reduce(larger, rates)

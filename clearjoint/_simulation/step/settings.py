@@ -122,11 +122,11 @@ class Settings:
         # Steps that end early, at contact events, would miss the times at which a
         # `ClipStepSizeController` wants steps to end.
         clip = self.controller
-        fine = not isinstance(clip, diffrax.ClipStepSizeController) or (
+        keeps_steps = not isinstance(clip, diffrax.ClipStepSizeController) or (
             clip.step_ts is None and clip.jump_ts is None
         )
         remedy = "save at times by cj.Saving(times); functions of time declare their `breakpoints`"
-        require(fine, "controller", clip, "without `step_ts` and `jump_ts`", remedy)
+        require(keeps_steps, "controller", clip, "without `step_ts` and `jump_ts`", remedy)
         require_ordinary(self.solver)
         self.check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
@@ -152,15 +152,22 @@ class Settings:
             # These two must be numbers; for the others ``None`` has a meaning.
             if name not in ("rtol", "derivative_tolerance") and value is None:
                 continue
-            fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
-            require(fine, name, value, "a number", remedy)
+            is_number = isinstance(value, NUMBERS) and not isinstance(value, bool)
+            require(is_number, name, value, "a number", remedy)
             require_positive(name, value, remedy, zero=zero)
         # Errors are divided by atol + rtol |variable|, so one of both must be positive. Traced
         # tolerances cannot be compared.
-        known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
-        if known is not None:
-            fine, remedy = (known[0] > 0) | (known[1] > 0), "give a relative tolerance such as 1e-6"
-            require(fine, "rtol", self.rtol, "positive unless `atol` is", remedy)
+        tolerances = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
+        if tolerances is not None:
+            relative, absolute = tolerances
+            remedy = "give a relative tolerance such as 1e-6"
+            require(
+                (relative > 0) | (absolute > 0),
+                "rtol",
+                self.rtol,
+                "positive unless `atol` is",
+                remedy,
+            )
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
@@ -187,8 +194,8 @@ class Settings:
     def require_tolerances(self, where: str) -> None:
         """Check that no `controller` is set, or raise a `ValueError` "... must be None where
         `where`"."""
-        given, remedy = self.controller, "leave it out, and give rtol and atol"
-        require(given is None, "controller", given, f"None where {where}", remedy)
+        controller, remedy = self.controller, "leave it out, and give rtol and atol"
+        require(controller is None, "controller", controller, f"None where {where}", remedy)
 
     def require_double(self) -> None:
         """Check that `allow_float32` is ``False``, or raise a `ValueError`."""
@@ -222,11 +229,11 @@ def check_span(start: Scalar, end: Scalar) -> None:
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
         require(number, name, value, "a single number", "pass one time in s")
-    if (known := checkable(start, end)) is not None:
-        first, last = known
+    if (ends := checkable(start, end)) is not None:
+        first, last = ends
         after = f"after start_time = {as_shown(start)}"
-        fine = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
-        require(fine, "end_time", end, f"finite and {after}", "give times in s")
+        is_span = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
+        require(is_span, "end_time", end, f"finite and {after}", "give times in s")
         shortest = SHORTEST * float(jnp.finfo(jnp.result_type(float)).tiny)
         expected = f"at least {shortest:.1g} s {after}"
         remedy = "give times in s; the processor takes shorter spans as zero"
@@ -244,12 +251,12 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     not one-dimensional or are outside of the run, and for an empty array.
     """
     row = rising_times(times, argument)
-    if (known := checkable(row, start, end)) is not None:
-        row, first, last = known
+    if (numbers := checkable(row, start, end)) is not None:
+        row, first, last = numbers
         room = rounding(start, end, times)
-        fine = (row[0] >= first - room) & (row[-1] <= last + room)
+        is_inside = (row[0] >= first - room) & (row[-1] <= last + room)
         expected = f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}"
-        require(fine, argument, [row[0], row[-1]], expected, "leave out the times outside")
+        require(is_inside, argument, [row[0], row[-1]], expected, "leave out the times outside")
         return row.astype(float).clip(first, last)
     return row
 
@@ -264,11 +271,11 @@ def rising_times(times: ArrayLike, argument: str) -> Column:
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
     require(row.ndim == 1 and row.size > 0, argument, row, expected, remedy)
-    if (known := checkable(row)) is None:
+    if (numbers := checkable(row)) is None:
         return row
-    (row,) = known
-    fine = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
-    require(fine, argument, row, expected, remedy)
+    (row,) = numbers
+    rises = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
+    require(rises, argument, row, expected, remedy)
     return row
 
 

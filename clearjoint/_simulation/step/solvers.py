@@ -283,10 +283,10 @@ def require_ordinary(solver: diffrax.AbstractSolver) -> None:
     that splits the equations into several terms.
     """
     structure, kind = solver.term_structure, type(solver).__name__
-    fine = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
+    is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
     expected = "a solver of ordinary differential equations without splitting"
     remedy = "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5()"
-    require(fine, "solver", kind, expected, remedy)
+    require(is_ordinary, "solver", kind, expected, remedy)
 
 
 def ready_solver(

@@ -92,12 +92,12 @@ class WithinContact(AbstractTimeMap):
         # onset. The map then starts from exactly zero, and does not follow a predicted end, however
         # near.
         nears_end = ~begins & (until_end < since)
-        known = touches & jnp.isfinite(jnp.minimum(since, until_end))
+        is_known = touches & jnp.isfinite(jnp.minimum(since, until_end))
         start = jnp.where(nears_end, until_end, jnp.where(begins, 0.0, since))
         end = jnp.where(nears_end, jnp.maximum(until_end - length, 0.0), since + length)
-        roots = (jnp.sqrt(jnp.where(known, time, 1.0)) for time in (start, end))
+        start, end = (jnp.sqrt(jnp.where(is_known, time, 1.0)) for time in (start, end))
         # The solution does not depend on step sizes and time maps, so they are not differentiated.
-        return jax.lax.stop_gradient(WithinContact(length, *roots))
+        return jax.lax.stop_gradient(WithinContact(length, start, end))
 
     @override
     def elapsed(self, x: float) -> Scalar:

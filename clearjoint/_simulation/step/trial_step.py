@@ -231,7 +231,7 @@ def all_finite(tree: PyTree[Scalar]) -> Condition:
         # shape.
         families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
     sums = [_pairwise_sum(family) for family in families.values()]
-    return sum(one if jnp.ndim(one) == 0 else jnp.sum(one) for one in sums) == 0.0
+    return sum(part if jnp.ndim(part) == 0 else jnp.sum(part) for part in sums) == 0.0
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:
