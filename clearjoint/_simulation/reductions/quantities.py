@@ -26,7 +26,7 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     """Base class of reductions of one quantity over a window of time.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
-    `after`, `until`: as of `AbstractWindowedReduction`.
+    `after`, `until`: as in `AbstractWindowedReduction`.
 
     **Raises:** `ValueError` if `quantity` is not a function.
     """

@@ -61,7 +61,7 @@ class Impacts(AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the table as an `xarray.Dataset` along "impact", with a variable a column."""
+        """Return the columns as variables of an `xarray.Dataset` along "impact"."""
         names = {name: Labelled(("impact",), texts(getattr(self, name))) for name in NAMED}
         numbers = {
             name: Labelled(("impact",), getattr(self, name), unit, name.replace("_", " "))
@@ -72,8 +72,7 @@ class Impacts(AbstractTabular):
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
-        """Return the table made of `rows`: for each impact, in any order, a tuple in the order of
-        the fields."""
+        """Return the table made of `rows`, in any order: tuples of a value for each field."""
         # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
         ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
         columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))

@@ -54,7 +54,7 @@ class ContactTotals(AbstractReadable):
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate_nonsmooth`.
 
-    - `time`, `final`, `result`, `formulation`, `redundant_constraints`: as of `Solution`.
+    - `time`, `final`, `result`, `formulation`, `redundant_constraints`: as in `Solution`.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested

@@ -58,7 +58,7 @@ class Sensitivities(AbstractTabular):
       are with respect to the coordinates of the parameters' scales: for a parameter with the scale
       `Log`, with respect to its natural logarithm.
     - `saved`: the `Trajectory` at `Saving.times`, ``None`` unless requested.
-    - `time`, `result`, `attempts`, `accepted`, `impacts`, `sections`, `settings`: as of `Solution`.
+    - `time`, `result`, `attempts`, `accepted`, `impacts`, `sections`, `settings`: as in `Solution`.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
 

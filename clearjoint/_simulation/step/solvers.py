@@ -90,12 +90,12 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
         """Compute one step from `t0` to `t1`, s.
 
-        **Arguments:** as of diffrax. Only if `made_jump` is the Python value ``False`` are the
+        **Arguments:** as in diffrax. Only if `made_jump` is the Python value ``False`` are the
         rates at `t0` those of `solver_state`; otherwise they are computed again. `time_map`: the
         elapsed part of the step's time at each stage from the tableau's node; ``None`` if the two
         are equal.
 
-        **Returns:** as of diffrax; error and data for dense output are `Stacked` if the variables
+        **Returns:** as in diffrax; error and data for dense output are `Stacked` if the variables
         are many.
         """
         tableau = _tableau(self.method)
