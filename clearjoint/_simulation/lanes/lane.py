@@ -31,6 +31,7 @@ from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result
 from ..run.sections import SectionRecorder
 from ..step.dense_output import Snapshot
 from ..step.method import Scheme
+from ..step.step_state import without_weak_types
 from ..step.stepping import running
 from ..step.types import Integers, Numbers
 
@@ -156,10 +157,7 @@ def begin_lane(
     )
     row = Snapshot(step.t, step.y, step.entry_speeds)
     saved = RowBuffer.like(row, ROWS) if plan.saves else None
-    lane = Lane(plan.loop(system, request).start(step), saved)
-    # The loop over lanes returns lanes whose leaves have no weak types. The lanes that it gets must
-    # have the same types, so weak types are removed here.
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
+    return without_weak_types(Lane(plan.loop(system, request).start(step), saved))
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:

@@ -28,7 +28,7 @@ from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot, look_inside
 from ..step.loops import PLAIN, Loops
 from ..step.method import Scheme
-from ..step.step_state import Step
+from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
@@ -84,10 +84,7 @@ def begin(
     """Return a run before its first step, from a packed `state`; times are in s."""
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
-    now = RunLoop(method, system, t_end, recorders).start(step)
-    # The result of a loop has no weak types. If this result had some, the second segment would be
-    # compiled again.
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), now)
+    return without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
 
 
 def segment(

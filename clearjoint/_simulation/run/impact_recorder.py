@@ -34,7 +34,7 @@ from ..reductions.base import Window
 from ..results.impact_table import IMPACT_UNITS
 from ..results.solution import contact_label
 from ..step.solvers import UnrolledExplicit
-from ..step.step_state import Method, Step, choose
+from ..step.step_state import Method, Step, choose, without_weak_types
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
@@ -289,11 +289,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
         def instant(name: str, label: str) -> ContactInstant:
             speed = now.entry_speeds.get(name, {}).get(label)
-            # The state of a loop must keep its types, so the numbers have no weak type.
-            gap = jax.tree.map(
-                lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
-                now.contacts[name][label].contact.gap,
-            )
+            gap = without_weak_types(now.contacts[name][label].contact.gap)
             return ContactInstant(gap, second_rates[name][label], speed)
 
         return each_label(instant, {name: now.contacts[name] for name in names})

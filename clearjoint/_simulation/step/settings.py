@@ -159,15 +159,9 @@ class Settings:
         # tolerances cannot be compared.
         tolerances = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
         if tolerances is not None:
-            relative, absolute = tolerances
+            is_positive = (tolerances[0] > 0) | (tolerances[1] > 0)
             remedy = "give a relative tolerance such as 1e-6"
-            require(
-                (relative > 0) | (absolute > 0),
-                "rtol",
-                self.rtol,
-                "positive unless `atol` is",
-                remedy,
-            )
+            require(is_positive, "rtol", self.rtol, "positive unless `atol` is", remedy)
 
     @property
     def numbers(self) -> tuple[float | None, ...]:

@@ -7,6 +7,7 @@ from typing import TypeAlias, TypeVar
 import diffrax
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..._dynamics.contact_events import ContactGaps
@@ -152,3 +153,9 @@ def choose(condition: Condition, first: T, second: T) -> T:
     """Return the PyTree `first` if the scalar `condition` is true, otherwise `second`, leaf by
     leaf."""
     return jax.tree.map(partial(where, condition), first, second)
+
+
+def without_weak_types(tree: T) -> T:
+    """Return a PyTree whose leaves have no weak types, as in the results of loops. With weak types,
+    a program that gets such a result later would be compiled again."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), tree)
