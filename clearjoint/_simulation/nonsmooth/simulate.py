@@ -341,7 +341,15 @@ def simulate_nonsmooth(
     )
     inner = None if times is None else stops[1:-1]
     solution = _solution(*run, inner, formulation, redundant_constraints)
-    return solution if traced else _reported(jax.device_get(solution), scene, throw)
+    if traced:
+        return solution
+    solution = jax.device_get(solution)
+    saved = solution.saved
+    rows = [] if saved is None else [(saved.times, saved.states)]
+    warn_of_journals_outside(scene, solution.time, solution.final, rows)
+    if throw:
+        raise_failure(solution)
+    return solution
 
 
 def _solution(
@@ -375,15 +383,6 @@ def _solution(
         formulation=formulation,
         redundant_constraints=redundant_constraints,
     )
-
-
-def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
-    saved = solution.saved
-    rows = [] if saved is None else [(saved.times, saved.states)]
-    warn_of_journals_outside(scene, solution.time, solution.final, rows)
-    if throw:
-        raise_failure(solution)
-    return solution
 
 
 def _array(value: ArrayLike) -> jax.Array:

@@ -32,15 +32,7 @@ from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
-from .run_loop import (
-    Progress,
-    Recorders,
-    RunLoop,
-    begin_run,
-    final_result,
-    final_state,
-    state_of,
-)
+from .run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state, state_of
 from .saving import Saving
 from .sections import Section, crossings_of
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling

@@ -41,12 +41,7 @@ from ..._dynamics.constraint_report import (
     start_rows,
 )
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
-from ..._dynamics.journals import (
-    FAR_OUTSIDE,
-    FAST_APPROACH,
-    require_in_bearings,
-    starting_contacts,
-)
+from ..._dynamics.journals import FAR_OUTSIDE, FAST_APPROACH, require_in_bearings, starting_contacts
 from ..._fields.caching import cached_by_numbers
 from ..._fields.cautions import number_issued, warns
 from ..._fields.checks import conditions_of, recheck, recheck_changes, require
@@ -121,7 +116,21 @@ def check_start(
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
         return check_structure(scene, state, start_time, coordinates)
-    return starts.checked(scene, state, start_time, coordinates, flat)
+    arguments = flat_start(scene, state, start_time, coordinates, flat)
+    key = arguments.key, arguments.numbers
+    redundant = starts.passed.recent(key)
+    if redundant is None:
+        before = number_issued()
+        # The native check is fast, but cannot say why a start fails. A start that fails is
+        # therefore checked again in Python, which raises the error.
+        redundant = starts.redundant(arguments)
+        if redundant is None:
+            check_numbers(scene, state)
+            redundant = check_structure(scene, state, start_time, coordinates)
+        # A start that leads to a warning does so at each call.
+        if warns() and number_issued() == before:
+            starts.passed.add(key, redundant)
+    return redundant
 
 
 def check_structure(
@@ -280,9 +289,7 @@ def flat_start(
 
 
 class _Starts:
-    """Fast checks of starts by native programs, of which there is one for each structure. They say
-    only whether a start passes all checks; one that fails is checked again in Python, where the
-    errors name the cause."""
+    """Fast checks of starts by native programs, of which there is one for each structure."""
 
     def __init__(self) -> None:
         self._function = NativeFunction(_passes, few_runs=True)
@@ -291,36 +298,12 @@ class _Starts:
         # Caches of the function `dependent`, by structure.
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
         # Redundant constraints of recent starts that have passed all checks without a warning.
-        self._passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
+        self.passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
         # The latest scene of each structure whose numbers have passed their checks.
         self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
     def count(self) -> int:
         return self._function.count()
-
-    def checked(
-        self,
-        scene: Scene,
-        state: State,
-        t: Scalar,
-        coordinates: AbstractCoordinates,
-        flat: FlatArguments | None = None,
-    ) -> tuple[str, ...]:
-        arguments = flat_start(scene, state, t, coordinates, flat)
-        key = arguments.key, arguments.numbers
-        redundant = self._passed.recent(key)
-        if redundant is None:
-            before = number_issued()
-            # The native check is fast, but cannot say why a start fails. A start that fails is
-            # therefore checked again in Python, which raises the error.
-            redundant = self.redundant(arguments)
-            if redundant is None:
-                check_numbers(scene, state)
-                redundant = check_structure(scene, state, t, coordinates)
-            # A start that leads to a warning does so at each call.
-            if warns() and number_issued() == before:
-                self._passed.add(key, redundant)
-        return redundant
 
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks; ``None``
