@@ -61,22 +61,20 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     """Switch 64-bit floats on, and set the folder of compiled programs and the threads of sweeps.
 
     Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
-    precision. `configure` also appends the options `clearjoint.XLA_FLAGS` to the environment
-    variable ``XLA_FLAGS``, so that calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full
-    speed on CPUs. The options have no effect if JAX has computed something before. If the variable
-    already contains ``--xla_backend_extra_options``, it is not changed, so that the user's own
-    options hold.
+    precision, and the options `clearjoint.XLA_FLAGS`, which `configure` appends to the environment
+    variable ``XLA_FLAGS``, have no effect later. If the variable already contains
+    ``--xla_backend_extra_options``, it is not changed, so that the user's own options hold.
 
     The folder keeps machine code between processes. If the arguments of a call consist only of this
     package's classes, numbers, strings and arrays, the whole program is saved, and the next process
-    loads the program without tracing. A call with a user-defined class or function is traced in
-    each process, so that a change of the user's code always takes effect. A process also notices if
-    the package is upgraded, or if functions, classes or constants in its modules, or attributes of
-    its classes, are replaced; it then uses and saves no whole programs. It does not notice if
-    entries of this package's dictionaries and lists are replaced, or anything in other packages
-    (JAX, NumPy, Diffrax, ...), which are recognised by their versions. If you replace these, set
-    the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
-    whole programs. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
+    loads it without tracing. A call with a user-defined class or function is traced in each
+    process, so that a change of the user's code always takes effect. A process in which the package
+    is upgraded, or functions, classes or constants in its modules are replaced, uses and saves no
+    whole programs. It does not notice if entries of this package's dictionaries and lists are
+    replaced, or anything in other packages (JAX, NumPy, Diffrax, ...), which are recognised by
+    their versions. If you replace these, set the environment variable
+    ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then.
+    ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
     Files in the folder are executed. A new folder is accessible to you alone. A read-only folder is
     read, not written.
@@ -92,8 +90,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
     leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is set to another value than 0 and 1.
 
-    **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. The
-    folder is not used then, and no programs are saved.
+    **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. No
+    programs are saved then.
 
     >>> cj.configure()
     >>> jnp.asarray(1.0).dtype

@@ -75,9 +75,8 @@ class Plan(eqx.Module):
 class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
-    - `end_time`: s, end of the run; `first_step`: s, length of its first step.
-    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on: entry k is the
-      time of row k of the emptied buffer, or infinite where no such time is left.
+    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on, infinite where no
+      such time is left.
     - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
       impacts.
     """
@@ -89,12 +88,8 @@ class LaneRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns of the loop over lanes.
-
-    - `run`: the run after its latest attempt. If states are saved, its records include the latest
-      accepted step.
-    - `saved`: saved states that the host has not read yet; ``None`` unless states are saved.
-    """
+    """A run between two turns of the loop over lanes, and the `saved` states that the host has not
+    read yet; ``None`` unless states are saved."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
@@ -254,14 +249,12 @@ class Common(eqx.Module):
     """Data that all lanes of a batch share.
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
-    - `start_time`: s, start of all runs.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
     - `channels[log][name]`: quantities that are reported for each recorded state of a log.
     - `saved`: name of the log of saved states; empty if no states are saved.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: pairs of name and digest of the traced programs; empty if unknown. A compiled
-      program is reused only for equal digests, so that no program runs that was traced from code
-      that has changed since.
+    - `programs`: pairs of name and digest of the traced programs; empty if unknown. No compiled
+      program is reused that was traced from code that has changed since.
     """
 
     plan: Plan

@@ -270,11 +270,9 @@ of its result columns, (blocks, cells), and the number of recorded rows."""
 class _Shared:
     """State that the groups of a batch share.
 
-    - `waiting`: numbers of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
-    - `finished`: set when a group has ended.
     - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
     """
 

@@ -60,14 +60,10 @@ the factor could be negative, or arbitrarily large if two successive changes are
 
 
 class Alternation(NamedTuple):
-    """State after one turn of the alternation between normal and tangential impulses.
-
-    - `normal`, `tangential`: the impulses that the turn has found, N s.
-    - `residual`: their relative residual; `turns`: number of turns so far.
-    - `tried`: tangential impulses with which the next turn begins, N s.
-    - `change`: tangential impulses less those with which this turn began, N s.
-    - `factor`: the factor by which `change` was extrapolated to obtain `tried`.
-    """
+    """State after one turn of the alternation between normal and tangential impulses: the impulses
+    that the turn has found, N s, and their relative residual; the number of turns; the tangential
+    impulses with which the next turn begins, `tried`, which are those of this turn's beginning plus
+    `factor` times their `change`."""
 
     normal: Impulses
     tangential: Impulses

@@ -69,14 +69,13 @@ class Sampled(eqx.Module):
 
     - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
       coordinates of the parameters on their scales, such as logarithms.
-    - `reached`: (N,), whether the run reached each time. Values, derivatives and states at times
-      that it did not reach are meaningless.
+    - `reached`: (N,), whether the run reached each time. What is kept at other times is
+      meaningless.
     - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
       derivatives to that of the speeds' derivatives at their peak: this peak times the time since
       then, over the largest derivative of a position since then.
-    - `states`: the state at each time, in scalar form; ``None`` unless kept.
-    - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
-    - `sections`: the records of crossings, with times on the clock of the scene.
+    - `impacts`: the record of impacts, with times since the start of the run; `sections`: the
+      records of crossings, with times on the clock of the scene.
     """
 
     values: dict[str, Numbers]

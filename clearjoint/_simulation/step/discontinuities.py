@@ -49,11 +49,8 @@ BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or ha
 
 def require_declared(scene: Scene) -> None:
     """Check that every element of a scene that may change abruptly at some time, because it
-    compares, rounds or clips a number that depends on time, declares its breakpoints.
-
-    **Raises:** `ValueError` that names the first such element whose class, or the class of a
-    function of time in it, does not define the method `breakpoints`.
-    """
+    compares, rounds or clips a number that depends on time, declares its breakpoints; raise a
+    `ValueError` that names the first one that does not, or its function of time."""
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():

@@ -86,14 +86,9 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """A scene's equations of motion (`System`) and initial state as functions of p parameters.
-
-    - `family`: the scene and its initial state as functions of the parameters' coordinates, such as
-      the logarithm of a parameter on a logarithmic scale, with respect to which all derivatives are
-      taken.
-    - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
-      the scene's time.
-    """
+    """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
+    p parameters, such as the logarithm of a parameter on a logarithmic scale. The time of the
+    systems is zero at `origin`, s; it is the scene's time if `origin` is ``None``."""
 
     family: ParametrisedScene
     formulation: Formulation

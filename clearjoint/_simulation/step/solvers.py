@@ -277,11 +277,8 @@ def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver integrates ordinary differential equations, given as one term.
-
-    **Raises:** `ValueError` that names the class of a solver of stochastic equations, or of one
-    that splits the equations into several terms.
-    """
+    """Check that a solver integrates ordinary differential equations, given as one term, or raise a
+    `ValueError` that names its class, as for a solver of stochastic equations."""
     structure, kind = solver.term_structure, type(solver).__name__
     is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
     expected = "a solver of ordinary differential equations without splitting"

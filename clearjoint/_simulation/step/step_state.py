@@ -97,15 +97,12 @@ class Proposal(eqx.Module):
 
 
 class Step(eqx.Module):
-    """The complete state of a run between two steps.
+    """The complete state of a run between two steps: `t` is the end of the latest accepted step, s.
 
-    - `t`: end of the latest accepted step, s.
     - `entry_speeds`: m/s, by joint and contact. Contacts whose law uses no entry speed have no
       entry.
-    - `contact_gaps`: penetration, m, and its rate, m/s, of each contact at t.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
       zero if the solver keeps no rates.
-    - `attempts`, `accepted`: number of trials so far, and of those that were accepted.
     - `tangents`: derivatives of the state; ``None`` in runs without tangents.
     """
 
@@ -125,11 +122,9 @@ class Step(eqx.Module):
 class Attempt(eqx.Module):
     """The state after a trial step, with the data for dense output inside this step.
 
-    - `step`: the new state if the trial was accepted; otherwise the old one with a new proposal,
-      result code and number of attempts.
-    - `kept`: whether the trial was accepted.
+    - `step`: the new state if the trial was accepted (`kept`); otherwise the old one with a new
+      proposal, result code and number of attempts.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
-    - `time_map`: see `.time_map`; ``None`` if time is uniform in all steps.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
     """
 
