@@ -67,12 +67,10 @@ OnCells = BoundFunction | XlaFunction
 
 @dataclass(frozen=True)
 class Ended:
-    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
-
-    `logs[log]` has the recorded columns by name, (n, rows, ...), for the largest number of rows of
+    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n. Of each
+    log there are the recorded columns by name, (n, rows, ...), for the largest number of rows of
     the log, with NaN behind the rows that a lane has recorded; and the numbers of recorded rows,
-    (n,).
-    """
+    (n,)."""
 
     lanes: np.ndarray
     outcome: Outcome
@@ -92,10 +90,8 @@ class Running:
 
 
 class Batch:
-    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA.
-
-    `tasks` are NumPy arrays with a first axis of length L. The attribute `lengths[log]` is the
-    largest number of rows of each log.
+    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA. `tasks` are
+    arrays with a first axis of length L. `lengths[log]` is the largest number of rows of each log.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):

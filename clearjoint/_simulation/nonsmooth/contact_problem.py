@@ -100,10 +100,7 @@ class Touch:
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
     """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
-    bodies.
-
-    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
-    """
+    bodies. Raise a `ValueError` for a thrust face whose friction has a moment."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()

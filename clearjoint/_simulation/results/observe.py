@@ -521,10 +521,8 @@ def values_along(
 ) -> np.ndarray:
     """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
     total time derivatives along the motion, by the chain rule through time, positions and
-    velocities. Entry speeds, bristles and the energy ledger count as constant.
-
-    **Raises:** `ValueError` if the quantity names an element that the scene lacks.
-    """
+    velocities. Entry speeds, bristles and the energy ledger count as constant. Raise a `ValueError`
+    if the quantity names an element that the scene lacks."""
     check_quantity("quantity", quantity, scene)
     fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
     rows = np.asarray(trajectory.times), trajectory.states

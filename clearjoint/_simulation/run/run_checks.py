@@ -108,11 +108,8 @@ def check_start(
 ) -> tuple[str, ...]:
     """Check all numbers of a scene and a state, and the state against the constraints at
     `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
-    constraints.
-
-    **Arguments:** `flat`: scene and state, if they are flattened already and all of their leaves
-    are arrays of floats.
-    """
+    constraints. `flat` are scene and state, if they are flattened already and all leaves are arrays
+    of floats."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
         return check_structure(scene, state, start_time, coordinates)

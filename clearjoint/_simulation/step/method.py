@@ -105,15 +105,10 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Auxiliary, Value]:
-        """Evaluate a function of the system, and differentiate it with respect to the parameters,
-        through the system and through the function's further arguments.
-
-        **Arguments:** `function`: function of the system and of `primals`, which returns a value
-        and an auxiliary result, which is not differentiated; `tangents`: derivatives of `primals`
-        with respect to the parameters.
-
-        **Returns:** the value, the auxiliary result, and the value's derivatives.
-        """
+        """Evaluate a function of the system and of `primals`, and differentiate it with respect to
+        the parameters, through the system and through `primals`, whose derivatives are `tangents`.
+        The function returns a value and an auxiliary result, which is not differentiated; the
+        result contains both, and the derivatives of the value."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System(scene, self.formulation, self.origin), *primals)

@@ -135,11 +135,8 @@ class Settings:
             require(isinstance(value, kind), name, value, "True or False", "pass a bool")
 
     def check_numbers(self) -> None:
-        """Check that each tolerance, and the length of the first step, is a number in its range.
-        Numbers that JAX traces raise no error; the compiled program checks them.
-
-        **Raises:** `ValueError` that names the setting.
-        """
+        """Check that each tolerance, and the length of the first step, is a number in its range, or
+        raise a `ValueError` that names it. The compiled program checks numbers that JAX traces."""
         # Name of each setting, remedy in the error message, and whether the setting may be zero.
         for name, remedy, zero in (
             ("rtol", "give a relative tolerance such as 1e-6", True),
@@ -177,10 +174,8 @@ class Settings:
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`.
-
-        **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
-        """
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`. Raise a
+        `ValueError` if a `controller` is set, because it has its own tolerances."""
         self.require_tolerances("runs of several tolerances are made")
         atol = None if self.atol is None else factor * self.atol
         return replace(self, rtol=factor * self.rtol, atol=atol)
@@ -256,11 +251,8 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
 
 
 def rising_times(times: ArrayLike, argument: str) -> Column:
-    """Return `times`, (N,) s, as an array, after a check that they do not decrease. Of traced times
-    only the shape is checked.
-
-    **Raises:** `ValueError` as `checked_times`.
-    """
+    """Return `times`, (N,) s, as an array, after a check that they do not decrease, with the errors
+    of `checked_times`. Of traced times only the shape is checked."""
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
