@@ -75,8 +75,8 @@ class Plan(eqx.Module):
 class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
-    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on, infinite where no
-      such time is left.
+    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on, in the order of
+      the rows of the emptied buffer; infinite where no such time is left.
     - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
       impacts.
     """

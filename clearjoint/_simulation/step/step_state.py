@@ -151,6 +151,6 @@ def choose(condition: Condition, first: T, second: T) -> T:
 
 
 def without_weak_types(tree: T) -> T:
-    """Return a PyTree whose leaves have no weak types, as in the results of loops. With weak types,
-    a program that gets such a result later would be compiled again."""
+    """Return a PyTree whose leaves have no weak types, like the results of loops. A program that
+    first gets a weak type, and later the result of a loop, would be compiled twice."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), tree)

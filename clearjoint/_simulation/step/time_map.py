@@ -84,9 +84,9 @@ class WithinContact(AbstractTimeMap):
     def of(
         length: Scalar, touches: Condition, begins: Condition, since: Scalar, until_end: Scalar
     ) -> "WithinContact":
-        """Return the time map of a step of some `length`, s: whether any contact `touches`, and one
-        `begins`, at its start, the time `since` the latest onset, s, and `until_end`, s, the
-        predicted end of the first contact, both infinite if there is none."""
+        """Return the time map of a step from its `length`, s, from whether a contact `touches` or
+        `begins` at its start, and from two times, s, infinite if unknown: the one `since` the
+        latest onset, and the predicted one `until_end`, when the first contact ends."""
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
         # begins now, `since` is not exactly zero, because the step before ended slightly after the
         # onset. The map then starts from exactly zero, and does not follow a predicted end, however

@@ -223,8 +223,8 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
 
 
 def all_finite(tree: PyTree[Scalar]) -> Condition:
-    """Return whether all numbers of a PyTree are finite: 0 times a NaN or an infinity is NaN, so
-    the sum of all numbers times 0 is 0 only then."""
+    """Return whether all numbers of a PyTree are finite. 0 times a NaN or an infinity is NaN, so
+    the sum of all numbers times 0 is 0 only if they are."""
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         # Leaves of one shape are added elementwise first, so that there is one reduction for each
