@@ -71,10 +71,8 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """Return the whole number that stands for a result code, as a NumPy array of shape ().
-
-    For an array of N result codes, the array has shape (N,). Files and NumPy masks use these
-    numbers.
+    """Return the whole number that stands for a result code, (), or for each of N codes, (N,), as
+    files and NumPy masks use it.
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0
@@ -83,8 +81,7 @@ def result_number(result: RESULTS) -> np.ndarray:
 
 
 def result_numbers() -> dict[str, int]:
-    """Return the whole number of each result code, by the name of the code, to interpret the arrays
-    from `result_number`.
+    """Return the whole number of each result code, by the name of the code.
 
     >>> extend.result_numbers()["max_steps_reached"]
     1

@@ -27,8 +27,8 @@ fusion of operations: an attempted time step of the double pendulum took 1.3 ins
 `jax.jit`, and the program compiled in 2.4 instead of 58 s. The byte threshold makes the loop of a
 run count as small; multi-output fusion avoids computing shared terms repeatedly; the other options
 shorten compilation. XLA reads the variable when JAX first computes something; `configure` sets it,
-and must be called before that. These options cannot be passed to `jax.jit`. Calls of `simulate`,
-`sweep` and `sensitivities` outside of transformations do not need them.
+and must be called before that. Calls of `simulate`, `sweep` and `sensitivities` outside of
+transformations do not need these options.
 
 >>> "xla_cpu_small_while_loop_byte_threshold" in cj.XLA_FLAGS
 True
@@ -43,20 +43,16 @@ _SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
 _NATIVE = "CLEARJOINT_NATIVE"
 """Environment variable: with the value 0, XLA compiles everything, `clearjoint._native` nothing."""
 Setting = bool | float | str | None
-"""Type of a setting's value in the dict from `in_force`."""
 _threads: int | None = None
 """Number of threads of sweeps; ``None`` until `configure` or `adopt` sets it."""
 
 
 def default_cache() -> Path:
-    """Return the default folder of compiled programs.
-
-    The environment variable ``CLEARJOINT_CACHE`` names it. If this variable is unset or empty, it
-    is ``clearjoint`` in the user's cache folder: ``XDG_CACHE_HOME`` if that is an absolute path,
-    else ``~/.cache``.
-    """
-    if given := os.environ.get("CLEARJOINT_CACHE"):
-        return Path(given)
+    """Return the default folder of compiled programs: that of the environment variable
+    ``CLEARJOINT_CACHE`` or, if it is unset or empty, ``clearjoint`` in the user's cache folder,
+    which is ``XDG_CACHE_HOME`` if that is an absolute path, else ``~/.cache``."""
+    if folder := os.environ.get("CLEARJOINT_CACHE"):
+        return Path(folder)
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))
     return (base if base.is_absolute() else Path.home() / ".cache") / "clearjoint"
 
@@ -65,22 +61,20 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     """Switch 64-bit floats on, and set the folder of compiled programs and the threads of sweeps.
 
     Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
-    precision. `configure` also appends the options `clearjoint.XLA_FLAGS` to the environment
-    variable ``XLA_FLAGS``, so that calls inside of `jax.jit`, `jax.vmap` or `jax.grad` run at full
-    speed on CPUs. The options have no effect if JAX has computed something before. If the variable
-    already contains ``--xla_backend_extra_options``, it is not changed, so that the user's own
-    options hold.
+    precision, and the options `clearjoint.XLA_FLAGS`, which `configure` appends to the environment
+    variable ``XLA_FLAGS``, have no effect later. If the variable already contains
+    ``--xla_backend_extra_options``, it is not changed, so that the user's own options hold.
 
     The folder keeps machine code between processes. If the arguments of a call consist only of this
     package's classes, numbers, strings and arrays, the whole program is saved, and the next process
-    loads the program without tracing. A call with a user-defined class or function is traced in
-    each process, so that a change of the user's code always takes effect. A process also notices if
-    the package is upgraded, or if functions, classes or constants in its modules, or attributes of
-    its classes, are replaced; it then uses and saves no whole programs. It does not notice if
-    entries of this package's dictionaries and lists are replaced, or anything in other packages
-    (JAX, NumPy, Diffrax, ...), which are recognised by their versions. If you replace these, set
-    the environment variable ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then, and no
-    whole programs. ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
+    loads it without tracing. A call with a user-defined class or function is traced in each
+    process, so that a change of the user's code always takes effect. A process in which the package
+    is upgraded, or functions, classes or constants in its modules are replaced, uses and saves no
+    whole programs. It does not notice if entries of this package's dictionaries and lists are
+    replaced, or anything in other packages (JAX, NumPy, Diffrax, ...), which are recognised by
+    their versions. If you replace these, set the environment variable
+    ``CLEARJOINT_KEEP_PROGRAMS=0``: only machine code is saved then.
+    ``JAX_ENABLE_COMPILATION_CACHE=0`` switches all saving off.
 
     Files in the folder are executed. A new folder is accessible to you alone. A read-only folder is
     read, not written.
@@ -96,8 +90,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
     leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is set to another value than 0 and 1.
 
-    **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. The
-    folder is not used then, and no programs are saved.
+    **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. No
+    programs are saved then.
 
     >>> cj.configure()
     >>> jnp.asarray(1.0).dtype
@@ -126,12 +120,6 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
 
 
 def _keep() -> bool:
-    """Return whether whole programs are saved: not if ``CLEARJOINT_KEEP_PROGRAMS`` is "0".
-
-    An empty variable counts as unset.
-
-    **Raises:** `ValueError` if the variable has another value than "0" and "1".
-    """
     value = os.environ.get(_KEEP) or "1"
     if value not in ("0", "1"):
         raise ValueError(
@@ -143,10 +131,8 @@ def _keep() -> bool:
 
 def _usable(cache: str) -> str | None:
     """Return the path of the folder `cache`, which is made if it does not exist; ``None``, with a
-    warning, if it can't be made or if other users may write to it.
-
-    A "~" at the beginning stands for the user's home folder. A URL of cloud storage,
-    which contains "://", is returned as it is: JAX handles it.
+    warning, if it can't be made or if other users may write to it. A URL of cloud storage is
+    returned as it is.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
@@ -161,11 +147,9 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the runs of a sweep.
-
-    It is the number that `configure` or `adopt` has set. If none was set, it is the number of cores
-    that the process may use or, if JAX computes on accelerators, the number of these.
-    """
+    """Return the number of threads that share the runs of a sweep: the one that `configure` or
+    `adopt` has set or, by default, the number of cores that the process may use, or of
+    accelerators."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":
@@ -177,25 +161,17 @@ def threads_of_sweeps() -> int:
 
 def in_force() -> dict[str, Setting]:
     """Return the settings that all processes of a sweep share, by the names of JAX's settings and
-    of environment variables: 64-bit floats, the folder of compiled programs and the compile time
-    from which JAX writes to this folder, the variable that switches `clearjoint._native` off, and
-    whether whole programs are saved. The number of threads is left out, since each process has its
-    own.
-
-    A sweep sends these settings to its worker processes, which take them over with `adopt`.
-    """
+    of environment variables. The number of threads is left out, since each process has its own."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 
 
 def adopt(values: dict[str, Setting]) -> None:
-    """Take over the settings of another process, whose work this process shares.
+    """Take over the settings of another process, from its `in_force`, before a worker process of a
+    sweep computes runs.
 
-    **Arguments:** `values`: the dict that `in_force` returned in the other process.
-
-    A worker process of a sweep calls `adopt` before it computes runs. On CPUs, the worker then uses
-    one thread, since the processes share the cores, unless `configure` has set another number of
-    threads in the worker.
+    On CPUs, the worker then uses one thread, since the processes share the cores, unless
+    `configure` has set another number of threads in the worker.
     """
     global _threads
     for name in _SHARED:

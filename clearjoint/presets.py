@@ -1,9 +1,5 @@
 """Named settings of runs: `default`, `preview`, `accurate`, `reference`, `derivatives` and
-`identification`.
-
-They differ mainly in accuracy; `clearjoint._simulation.step.presets` tells what each of them is
-for.
-"""
+`identification`; `clearjoint._simulation.step.presets` tells what each of them is for."""
 
 from ._simulation.step.presets import accurate as accurate
 from ._simulation.step.presets import default as default

@@ -1,3 +1,8 @@
-"""Computation of the runs of a sweep side by side. Each run is a lane. The modules contain the
-steps and recorded data of a lane, a loop over lanes, and the scheduler that distributes lanes to
-compiled loops."""
+"""Computation of the runs of a sweep side by side: one lane, a loop over lanes, and the scheduler
+that distributes lanes to compiled loops.
+
+A turn is one iteration of the loop, in which each lane tries one step. A lane waits, unchanged,
+when it has ended or needs something from the host, such as an empty buffer. A log is a table that a
+lane writes: the crossings of a section, the impacts of a contact, or the saved states. A buffer
+holds the rows of a log that the host has not read yet.
+"""

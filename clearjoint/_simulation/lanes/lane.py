@@ -1,16 +1,7 @@
-"""One lane of a batch: one run of a sweep, which tries one step in each iteration of a loop over
-lanes.
+"""One lane of a batch, in scalar arithmetic and without loops.
 
-The functions of this module compute one lane in scalar arithmetic, without loops. One iteration of
-the loop over many lanes side by side is called a turn. The loop exists twice: as machine code in
-`clearjoint._native.lanes`, and for XLA in the module `xla_lanes` of this package. A lane
-that needs something from Python, such as an empty buffer, waits: it stays unchanged in further
-turns until Python (the host) has served it.
-
-A recorder collects the data of one output during a run; the data are called its record. A log is a
-table that a lane writes: the crossings of a Poincaré section, the impacts of a contact, or the
-saved states. A buffer holds the rows of a log that the host has not read yet. Packed states have
-vectors as arrays (3,); in scalar form a vector is three separate scalars.
+The loop over lanes exists twice: as machine code in `clearjoint._native.lanes`, and for XLA in
+`.xla_lanes`.
 """
 
 from collections.abc import Mapping
@@ -40,24 +31,18 @@ from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result
 from ..run.sections import SectionRecorder
 from ..step.dense_output import Snapshot
 from ..step.method import Scheme
+from ..step.step_state import without_weak_types
 from ..step.stepping import running
 from ..step.types import Integers, Numbers
 
 T = TypeVar("T")
 WINDOW = ROWS + 1
-"""Length of the array of save times in a `LaneRequest`. It is one more than a buffer has rows, so
-that a lane with a full buffer still knows whether more states are to be saved."""
+"""Length of the array of save times in a `LaneRequest`: one more than a buffer has rows, so that a
+lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
-    """Integration method and outputs that all lanes of a batch share.
-
-    - `scheme`: integration method and formulation of the equations of motion.
-    - `reductions`, `sections`, `impacts`: reductions such as a peak force, recorders of the
-      crossings of sections, and recorders of impacts, each by the name of its output.
-    - `saves`: whether states are saved at given times.
-    - `max_steps`: largest number of attempted steps, accepted or rejected, in a lane.
-    """
+    """Integration method and outputs, by name, that all lanes of a batch share."""
 
     scheme: Scheme
     reductions: dict[str, AbstractReduction]
@@ -68,11 +53,7 @@ class Plan(eqx.Module):
 
     def loop(self, system: System, request: "LaneRequest") -> RunLoop:
         """Return the loop that advances a lane by one attempted step at a time and records its
-        outputs.
-
-        **Arguments:** `system`: equations of motion of the lane's scene; `request`: the end time,
-        and the number of rows that each log may still get.
-        """
+        outputs."""
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
         recorders: dict[str, Recorders] = {
@@ -94,11 +75,10 @@ class Plan(eqx.Module):
 class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
-    - `end_time`: s, end of the run; `first_step`: s, length of its first step.
-    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on: entry k is the
-      time of row k of the emptied buffer, or infinite where no such time is left.
+    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on, in the order of
+      the rows of the emptied buffer; infinite where no such time is left.
     - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
-      impacts. It is compared with the number of rows in the buffer.
+      impacts.
     """
 
     end_time: Scalar
@@ -108,61 +88,43 @@ class LaneRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns of the loop over lanes.
-
-    - `run`: the run after its latest attempt: the complete state of the solver, and the records of
-      reductions, sections and tables of impacts by the name of the output. If states are saved, the
-      latest accepted step with its dense output is recorded too.
-    - `saved`: saved states that the host has not read yet; ``None`` unless states are saved.
-    """
+    """A run between two turns of the loop over lanes, and the `saved` states that the host has not
+    read yet; ``None`` unless states are saved."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Return whether the run goes on: it is before `end_time`, s, it has not failed, and it has
-        made fewer than `plan.max_steps` attempts."""
+        """Return whether the run goes on: before `end_time`, s, without a failure, and with
+        attempts left."""
         return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
-        """Return the buffers of crossings and of impacts, by the name of the log whose rows they
-        hold."""
+        """Return the buffers of crossings and of impacts, by name of the log."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
         for name, record in records[IMPACTS].items():
             for joint, family in record.items():
-                for contact, one in family.items():
-                    buffers[impact_log(name, joint, contact)] = one.rows
+                for contact, contact_record in family.items():
+                    buffers[impact_log(name, joint, contact)] = contact_record.rows
         return buffers
 
 
 def _under(prefix: str, wanted: Mapping[str, T]) -> dict[str, T]:
-    """Return those entries of `wanted` whose key starts with `prefix`, under the rest of the key.
-
-    With the prefix "hits/", for example, the entry of the log "hits/pin V" gets the key "pin V".
-    """
+    """Return those entries of `wanted` whose key starts with `prefix`, under the rest of
+    the key."""
     return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of one contact's impacts, such as "hits/pin V".
-
-    `name` is the name of the output, a table of impacts. No output can have the same name as a log,
-    since names of outputs must not contain a slash.
-    """
+    """Return the name of the log of one contact's impacts, such as "hits/pin V" for the output
+    "hits". Names of outputs contain no slash."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
 class Outcome(eqx.Module):
-    """Results of a lane.
-
-    - `time`: s, the time at which the run ended; `result`: its result code.
-    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `final`: the state at the end. The function `outcome` returns it in scalar form; in results
-      that the scheduler hands over, it is packed.
-    - `results[name][part]`: results of the reductions, by the name of the output and of the result,
-      such as `results["force"]["time"]`.
-    """
+    """Results of a lane: end time, s, result code, numbers of steps that were tried and accepted,
+    final state, and results[name][part] of the reductions."""
 
     time: Scalar
     result: RESULTS
@@ -175,14 +137,9 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
-    """Return a lane before its first step at `start_time`, s.
-
-    A lane whose state violates the constraints, or cannot be represented by the coordinates of the
-    run, gets the result code `not_assembled` and takes no step.
-
-    **Arguments:** `plan`: method and outputs; `scene`: the lane's scene, in scalar form; `state`:
-    the packed initial state; `request`: end time, first step, and rows to record.
-    """
+    """Return a lane before its first step at `start_time`, s, from a packed `state`. A lane whose
+    state violates the constraints, or cannot be represented by the coordinates of the run, gets the
+    result code `not_assembled` and takes no step."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
@@ -195,20 +152,12 @@ def begin_lane(
     )
     row = Snapshot(step.t, step.y, step.entry_speeds)
     saved = RowBuffer.like(row, ROWS) if plan.saves else None
-    lane = Lane(plan.loop(system, request).start(step), saved)
-    # The loop over lanes returns lanes whose leaves have no weak types. The lanes that it gets must
-    # have the same types, so weak types are removed here.
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), lane)
+    return without_weak_types(Lane(plan.loop(system, request).start(step), saved))
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
-    """Return a lane after one turn.
-
-    In a turn, the lane tries one step, unless its run has ended, it waits for the host, or a state
-    within its latest step is still to be saved. After that, it saves at most one state.
-
-    **Arguments:** `plan`: method and outputs; `scene`: the lane's scene, in scalar form; `lane`:
-    the lane before the turn; `request`: the latest data from the host.
+    """Return a lane after one turn: it tries one step, unless its run has ended, it waits for the
+    host, or a state within its latest step is still to be saved; then it saves at most one state.
     """
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))
@@ -222,20 +171,17 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lan
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """Return the outcome of a lane so far, which is final if the lane has ended.
-
-    **Arguments:** `scene`: the lane's scene, in scalar form; `end_time`: s, end of the lane's run.
-    """
+    """Return the outcome of a lane so far, which is final if the lane has ended."""
     system = plan.scheme.system(scene)
     step = lane.run.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     return Outcome(
-        step.t,
-        final_result(step, end_time),
-        step.attempts,
-        step.accepted,
-        final_state(system, step),
-        {
+        time=step.t,
+        result=final_result(step, end_time),
+        attempts=step.attempts,
+        accepted=step.accepted,
+        final=final_state(system, step),
+        results={
             name: reduction.results(lane.run.records[REDUCTIONS][name], now)
             for name, reduction in plan.reductions.items()
         },
@@ -243,10 +189,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 
 
 def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
-    """Return whether the next turn changes the lane, by a step or by a saved state.
-
-    If not, the lane has ended or waits for the host.
-    """
+    """Return whether the next turn changes the lane; if not, it has ended or waits for the host."""
     goes = _tries_step(plan, lane, request)
     if lane.saved is None:
         return goes
@@ -254,7 +197,6 @@ def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
 
 
 def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
-    """Return whether a lane tries a step in the next turn."""
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
         # A lane keeps the dense output of its latest step only. So it takes no step before the
@@ -273,18 +215,15 @@ def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
 
 
 def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
-    """Return the next time at which a state is to be saved, s; infinite if no such time is left."""
     assert lane.saved is not None
     return jnp.asarray(request.window)[lane.saved.count]
 
 
 def _save_is_due(lane: Lane, request: LaneRequest) -> Condition:
-    """Return whether the run has reached the next time at which a state is to be saved."""
     return _next_save(lane, request) <= lane.run.step.t
 
 
 def _saves(lane: Lane, request: LaneRequest) -> Condition:
-    """Return whether a state is due to be saved and the buffer of states has room for it."""
     assert lane.saved is not None
     return _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
 
@@ -294,7 +233,7 @@ class Task(eqx.Module):
 
     - `varied`: a PyTree with the structure of the scene, with those leaves that differ between
       lanes, and ``None`` in place of the others.
-    - `state`: the initial state, in packed form (vectors as arrays (3,)).
+    - `state`: the initial state, packed.
     - `end_time`, `first_step`: s, end of the run and length of its first step.
     - `save_at`: (K,) s, rising, times to save at, or ``None``.
     """
@@ -309,18 +248,13 @@ class Task(eqx.Module):
 class Common(eqx.Module):
     """Data that all lanes of a batch share.
 
-    - `plan`: integration method and outputs.
-    - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`. In the
-      other leaves, components of vectors that are exactly 0 or 1 are marked as constants.
-    - `start_time`: s, start of all runs.
+    - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities (scalar functions of a state, such as a position) whose
-      values are reported for each recorded state of a log.
+    - `channels[log][name]`: quantities that are reported for each recorded state of a log.
     - `saved`: name of the log of saved states; empty if no states are saved.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: pairs of name and digest of the traced programs; empty if unknown. A compiled
-      program is reused only for equal digests, so that no program runs that was traced from code
-      that has changed since.
+    - `programs`: pairs of name and digest of the traced programs; empty if unknown. No compiled
+      program is reused that was traced from code that has changed since.
     """
 
     plan: Plan
@@ -333,12 +267,11 @@ class Common(eqx.Module):
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, RowBuffer]:
-        """Return the buffers of a lane, by the name of the log whose rows they hold."""
+        """Return the buffers of a lane, by name of the log."""
         saved = {} if lane.saved is None else {self.saved: lane.saved}
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
-        """Return the scene of a lane, with its own leaves. Each vector is three separate
-        scalars."""
+        """Return the scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))

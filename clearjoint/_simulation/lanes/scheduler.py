@@ -1,13 +1,8 @@
-"""Scheduler of lanes: it puts lanes, the runs of a batch, into the columns of compiled loops.
+"""Scheduler of lanes: it puts the lanes of a batch into the columns of compiled loops.
 
-A loop advances a group of lanes side by side, each in its column of the group's memory, which is an
-array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next lane. Each
-thread has one group. By default there is a thread for each core, or for each accelerator.
-
-A lane records rows in logs: the crossings of a section, the impacts of a contact, or the saved
-states. It keeps the latest rows of each log in a buffer. When a buffer is full, the lane waits
-until this module (the host) has read and emptied it. A turn is one iteration of a loop, in which
-each lane tries one step.
+Each thread advances one group of lanes side by side, each lane in its column of the group's memory,
+an array (cells, columns) of 8 bytes a cell. When a lane has ended, its column gets the next one. By
+default there is a thread for each core, or for each accelerator.
 """
 
 import threading
@@ -53,8 +48,8 @@ from .lane import (
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Longest time, s, for which a batch waits before it reports its progress, and the lanes that have
-ended since the last report. It is short enough for a progress bar that moves evenly."""
+"""Longest time, s, between two reports of progress and of lanes that have ended; short enough for a
+progress bar that moves evenly."""
 LONGEST_WAIT = 0.25
 """Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
 limits what is lost if the process is killed while the caller stores results more slowly than they
@@ -64,22 +59,18 @@ KNOWN_SHARE = 0.01
 less would not be reliable."""
 BLOCK_ROWS = 256
 """Largest number of recorded rows of a lane that a compiled function converts at once to columns of
-results. With a smaller number, long logs would take more calls; with a larger one, more rows would
-be computed only to fill up the last block."""
+results. With fewer, long logs would take more calls; with more, more rows would be computed only to
+fill up the last block."""
 OnCells = BoundFunction | XlaFunction
 """A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
-
-    - `lanes`: (n,), the numbers of the lanes.
-    - `outcome`: end times, result codes, numbers of steps, final states and reductions.
-    - `logs[log]`: a pair for each log. The first entry has the recorded columns by name, (n, rows,
-      ...), for the largest number of rows of the log, `Batch.lengths[log]`, with NaN behind the
-      rows that a lane has recorded; the second has the numbers of recorded rows, (n,).
-    """
+    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n. Of each
+    log there are the recorded columns by name, (n, rows, ...), for the largest number of rows of
+    the log, with NaN behind the rows that a lane has recorded; and the numbers of recorded rows,
+    (n,)."""
 
     lanes: np.ndarray
     outcome: Outcome
@@ -88,14 +79,9 @@ class Ended:
 
 @dataclass(frozen=True)
 class Running:
-    """Progress of the lanes that have begun and not ended.
-
-    - `lanes`: the number of these lanes.
-    - `earliest`, `latest`: s, smallest and largest simulated time that one of them has reached; the
-      start time if there are none.
-    - `seconds_left`: s, estimated computing time until all lanes of the batch have ended; ``None``
-      if there is no estimate yet.
-    """
+    """Progress of the lanes that have begun and not ended: their number, the smallest and the
+    largest simulated time that one of them has reached, s, and the estimated computing time until
+    all lanes of the batch have ended, s; ``None`` if there is no estimate yet."""
 
     lanes: int
     earliest: float
@@ -104,16 +90,8 @@ class Running:
 
 
 class Batch:
-    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA.
-
-    **Arguments:**
-
-    - `common`: data that all lanes share, such as the integration method and the outputs.
-    - `tasks`: initial states, times and varied numbers of the L lanes, a `Task` of NumPy arrays
-      with a first axis of length L.
-    - `threads`: number of threads, as set by `clearjoint.configure` unless given.
-
-    The attribute `lengths[log]` is the largest number of rows of each log.
+    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA. `tasks` are
+    arrays with a first axis of length L. `lengths[log]` is the largest number of rows of each log.
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
@@ -137,20 +115,15 @@ class Batch:
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
-        """Return a batch of other lanes. If this batch has run, the new one uses its compiled
-        programs.
-
-        **Arguments:** `tasks`: data of any number of lanes. Apart from the first axis, its arrays
-        must have the shapes of this batch's arrays.
-        """
+        """Return a batch of other lanes, which uses the compiled programs of this one if this one
+        has run. Apart from the first axis, arrays must have the shapes of this batch's arrays."""
         other = Batch(self.common, tasks, self._threads)
         other._made = self._made
         return other
 
     def next_saves(self, lanes: int | slice, first: int) -> np.ndarray:
-        """Return the `WINDOW` times at which states of lanes are to be saved, s, from the time with
-        the index `first` on; infinite where no such time is left. The shape is (`WINDOW`,) for one
-        lane, and (n, `WINDOW`) for a slice of n lanes."""
+        """Return the next `WINDOW` times to save at, s, of one lane or of a slice of lanes, from
+        the time with the index `first` on; infinite where no time is left."""
         times = self._save_at[lanes, first : first + WINDOW]
         window = np.full((*times.shape[:-1], WINDOW), np.inf)
         window[..., : times.shape[-1]] = times
@@ -162,15 +135,15 @@ class Batch:
         on_ended: Callable[[Ended], None],
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> None:
-        """Run some lanes of the batch.
+        """Run some lanes of the batch, in the given order.
 
-        **Arguments:** `lanes`: numbers of the lanes, in the order in which they begin; `on_ended`:
-        receives lanes soon after they have ended, while others still run; `on_progress`: receives
-        the progress several times a second. Both are called in the thread that calls `run`.
+        **Arguments:** `on_ended`: receives lanes soon after they have ended; `on_progress`:
+        receives the progress several times a second. Both are called in the thread that calls
+        `run`.
 
-        **Raises:** `KeyboardInterrupt` after Ctrl-C, when all threads have stopped and `on_ended`
-        has received all lanes that had ended. After a second Ctrl-C, some of these lanes may be
-        missing. An error in a thread or a callback stops all threads and is raised.
+        **Raises:** `KeyboardInterrupt` after Ctrl-C, when `on_ended` has received all lanes that
+        had ended. After a second Ctrl-C, some of them may be missing. An error in a thread or a
+        callback stops all threads and is raised.
         """
         if not lanes:
             return
@@ -213,21 +186,12 @@ class Batch:
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
-    **Arguments:** `native`: whether the programs are native code; otherwise XLA compiles them.
-
-    **Raises:** `UnsupportedPrimitiveError` if native code lacks a primitive of the programs.
-
-    The attributes:
-
-    - `loop`: the loop over lanes.
     - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
       its request.
-    - `task_cells`: number of cells of a task.
     - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
-    - `begin`, `outcome`, `columns[log]`: functions without arguments, each of which makes a
-      compiled function: for a lane's start, for its outcome, and for the columns of a log. Each
-      thread makes functions of its own, because two threads must not call one at the same time.
-    - `outcome_cells`, `column_cells[log]`: layout of the results of these functions.
+    - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
+      start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
+      because two threads must not call one at the same time.
     - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
       and of the count of rows.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
@@ -278,45 +242,34 @@ class _Programs:
 
 
 def _shifted(cells: PyTree, by: int) -> PyTree:
-    """Return the PyTree `cells` of indices of cells, with `by` added to each index. The indices
-    then count from the start of a column, in which the data begin at the cell `by`."""
     return jax.tree.map(lambda cell: cell + by if eqx.is_array(cell) else cell, cells)
 
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column.
-
-    - `number`: the lane's number in the batch.
-    - `rows[log]`: arrays (n, numbers) of rows that the host has read, in the order of reading.
-    """
+    """A lane in a column: its number in the batch, and by log the arrays (n, numbers) of rows that
+    the host has read."""
 
     number: int
     rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
 
     def recorded(self, log: str) -> int:
-        """Return the number of rows that the host has read from a log."""
         return sum(map(len, self.rows[log]))
 
 
 _Record: TypeAlias = tuple[int, np.ndarray, dict[str, tuple[np.ndarray, int]]]
-"""A lane that has ended: its number, the cells of its outcome, (cells,), and a pair for each log.
-The pair has the cells of the log's result columns, (blocks, cells), where a block is up to
-`BLOCK_ROWS` recorded rows, and the number of recorded rows."""
+"""A lane that has ended: its number, the cells of its outcome, (cells,), and for each log the cells
+of its result columns, (blocks, cells), and the number of recorded rows."""
 
 
 @dataclass
 class _Shared:
     """State that the groups of a batch share.
 
-    - `batch`, `programs`: the batch and its compiled programs.
-    - `waiting`: numbers of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
-    - `finished`: set when a group has ended.
     - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
-    - `stops`: whether all groups are to stop.
     """
 
     batch: Batch
@@ -335,12 +288,12 @@ class _Shared:
     def next_lanes(self, count: int) -> list[int]:
         """Remove the next lanes to begin from `waiting`, at most `count`, and return their
         numbers."""
-        found: list[int] = []
+        lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
-            while len(found) < count:
-                found.append(self.waiting.popleft())
-        return found
+            while len(lanes) < count:
+                lanes.append(self.waiting.popleft())
+        return lanes
 
     def wait_for_caller(self) -> None:
         """Wait while lanes that have ended have not been handed over for `LONGEST_WAIT`."""
@@ -365,17 +318,8 @@ class _Shared:
 
 
 class _Group:
-    """A group of columns, whose lanes one thread runs.
-
-    **Arguments:** `shared`: state that all groups share; `number`: number of the group, from 0 on,
-    which selects its accelerator.
-
-    The attributes:
-
-    - `turns`: number of turns so far, the sum over all columns.
-    - `error`: the exception that ended the thread, or ``None``.
-    - `ended`: whether the thread has ended.
-    """
+    """A group of columns, whose lanes one thread runs. Its `number`, from 0 on, selects its
+    accelerator."""
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
@@ -423,7 +367,6 @@ class _Group:
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _serve(self) -> None:
-        """Empty the buffers of lanes that wait for the host, and end the lanes that are done."""
         status = self._loop.status_of(self._columns)
         times, goes, runs = (status[name].tolist() for name in ("time", "moves", "runs"))
         ended: list[int] = []
@@ -442,7 +385,6 @@ class _Group:
             self._end(ended)
 
     def _take_rows(self, column: int, slot: _LaneSlot) -> None:
-        """Read and empty the buffers of a lane, and update its request for the next rows."""
         floats, integers = self._columns.floats, self._columns.integers
         taken = False
         for name, (cells, counter) in self._programs.buffers.items():
@@ -462,7 +404,6 @@ class _Group:
         return batch.next_saves(slot.number, slot.recorded(batch.common.saved))
 
     def _end(self, columns: list[int]) -> None:
-        """Record the results of the lanes in some columns, and mark the columns as empty."""
         # The compiled function takes the cells of a task, followed by those of a lane's state.
         slots = [slot for column in columns if (slot := self._slots[column])]
         tasks = self._shared.own[[slot.number for slot in slots], : self._programs.task_cells]
@@ -476,22 +417,16 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Convert the recorded rows of a log of one lane to the columns of the sweep's results.
-
-        **Arguments:** `name`: name of the log; `rows`: recorded rows, in arrays (n, numbers);
-        `task`: (cells,), data of the lane.
-
-        **Returns:** the cells of the columns, (blocks, cells), and the number of recorded rows. A
-        block consists of the recorded rows that are converted at once.
-        """
+        """Convert the recorded rows of a log of one lane, arrays (n, numbers), to the cells of the
+        columns of the sweep's results, (blocks, cells), and return these and the number of rows."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
         blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
         if rows:
             np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
-        given = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
-        return self._read[name](given), count
+        arguments = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
+        return self._read[name](arguments), count
 
 
 def _deliver(
@@ -501,14 +436,8 @@ def _deliver(
     on_progress: Callable[[Running], None],
     stopped: Callable[[], bool],
 ) -> None:
-    """Pass ended lanes and progress to the callbacks, until all groups have stopped.
-
-    The callbacks are called every `PERIOD` seconds, and as soon as a group has ended.
-
-    **Arguments:** `shared`: state that the groups share; `groups`: the groups of the batch;
-    `on_ended`: receives lanes that have ended since its last call, and is not called if there are
-    none; `on_progress`: receives the progress of the running lanes; `stopped`: returns whether the
-    user has interrupted the batch, in which case all groups stop.
+    """Pass ended lanes and progress to the callbacks every `PERIOD` seconds, and as soon as a group
+    has ended, until all groups have stopped.
 
     **Raises:** the error of a group or of a callback. Lanes that ended shortly before the error may
     then not have been passed on.
@@ -534,27 +463,25 @@ def _deliver(
 
 
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
-    """Return lanes that have ended, with their outcomes and logs converted from cells."""
     programs, logs = shared.programs, {}
     numbers, outcomes, logs_of_lanes = zip(*records, strict=True)
     # The blocks of all lanes are converted at once, and then divided again by lane. The last block
     # of a lane may contain rows of zeros, which are cut off.
     for name, length in shared.batch.lengths.items():
-        found = [of_lane[name] for of_lane in logs_of_lanes]
-        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in found]))
-        ends = np.cumsum([len(cells) for cells, _ in found])[:-1]
+        tables = [of_lane[name] for of_lane in logs_of_lanes]
+        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in tables]))
+        ends = np.cumsum([len(cells) for cells, _ in tables])[:-1]
         columns = {}
         for key, blocks in read.items():
             columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
             parts = np.split(blocks, ends)
-            for table, part, (_, count) in zip(columns[key], parts, found, strict=True):
-                table[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
-        logs[name] = columns, np.array([count for _, count in found])
+            for rows, part, (_, count) in zip(columns[key], parts, tables, strict=True):
+                rows[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
+        logs[name] = columns, np.array([count for _, count in tables])
     return Ended(np.array(numbers), programs.outcome_cells.trees(np.stack(outcomes)), logs)
 
 
 def _on_device(number: int) -> AbstractContextManager[object]:
-    """Return a context in which thread `number` computes on its accelerator, if there is one."""
     if jax.default_backend() == "cpu":
         return nullcontext()
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
@@ -562,7 +489,6 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 
 @partial(Native, few_runs=True)
 def _begun(common: Common, task: Task) -> Lane:
-    """Return a lane before its first step. Its start needs no times to save at."""
     request = LaneRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
     )
@@ -572,7 +498,6 @@ def _begun(common: Common, task: Task) -> Lane:
 
 @partial(Native, few_runs=True)
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    """Return the outcome of a lane, with the vectors of its final state as arrays (3,)."""
     return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
 
 
@@ -580,13 +505,9 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> dict[str, Numbers]:
-    """Return the columns of a log in the results of a sweep: by name, an array (R,) for R recorded
-    rows.
-
-    **Arguments:** `shared`: data of all lanes, name of the log, and an example of its records, of
-    which only the structure and the shapes are used; `task`: data of the lane that wrote the rows;
-    `rows`: (R, n), where each row is one record as a flat array of its n numbers.
-    """
+    """Return the columns of a log in the results of a sweep, arrays (R,) by name, for R recorded
+    rows, each one record as a flat array: `rows`, (R, n). Of the example of a record in `shared`,
+    only the structure and the shapes are used."""
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
     # Some columns are quantities such as a contact force, which depend on the lane's scene too.
@@ -605,17 +526,13 @@ def _columns(
 
 _LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
 """Native loops that this process has made, by structure, shapes, types and static values of the
-data of their lanes. Batches whose data agree in these share a loop."""
+data of their lanes."""
 _LOOPS_LOCK = threading.Lock()
 
 
 def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> LaneLoop:
-    """Return the loop for lanes with the structure, shapes and types of the arguments. If the
-    process has not made this loop before, it is loaded from disk, or compiled if it is not there.
-
-    **Arguments:** `common`: data that all lanes share; `own`: task and request of one lane; `lane`:
-    state of one lane.
-    """
+    """Return the loop for lanes with the structure, shapes and types of the arguments, made earlier
+    in this process, loaded from disk, or compiled."""
     trees = common, own, lane
     key = FlatArguments.of(trees).key
     # The lock makes other threads wait for a loop that is being compiled.

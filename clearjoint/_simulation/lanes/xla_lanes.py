@@ -1,12 +1,9 @@
 """Loop over lanes compiled by XLA, for accelerators, and for scenes on CPUs for which
 `clearjoint._native` cannot make machine code.
 
-A lane is one run of a sweep, and a turn is one iteration of the loop, in which each lane that does
-not wait for Python tries one step. A lane waits for Python if it has ended, or if a buffer of its
-results must be emptied before the next step. All programs compute a fixed number of lanes, so that
-the rounding in a lane does not depend on the number of other lanes. Between two calls of the loop,
-the data of lanes are in memory that is divided into cells of 8 bytes, one column of cells for each
-lane.
+All programs compute a fixed number of lanes, so that the rounding in a lane does not depend on the
+number of other lanes. Between two calls, lanes are in memory that is divided into cells of 8 bytes,
+one column of cells for each lane.
 """
 
 from collections.abc import Callable
@@ -17,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._compilation import Compiled
 from ..._compilation.xla import in_one_function
@@ -30,8 +28,8 @@ TURNS = 256
 """Number of turns after which a loop returns to Python at the latest, so that progress is shown and
 Ctrl-C is obeyed."""
 WAITING = 8
-"""A loop returns to Python as soon as one in `WAITING` of its lanes waits for Python. Returning
-later would leave more lanes idle, and returning earlier would copy the lanes more often."""
+"""A loop returns to Python as soon as one in `WAITING` of its lanes waits. Returning later would
+leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
 def width() -> int:
@@ -42,21 +40,10 @@ def width() -> int:
 class XlaLaneLoop(AbstractLaneLoop):
     """A loop over lanes compiled by XLA.
 
-    **Arguments:**
-
-    - `turn`: function (shared, own, state) that returns the state of a lane after a turn. If the
-      lane waits for Python, the function must return an equal state, because the turns of other
-      lanes may go on.
-    - `status`: function (shared, own, state) that returns scalars by name, among them "moves",
-      which is false if the lane waits for Python.
-    - `shared`: data of all lanes, a PyTree of arrays.
-    - `own`, `state`: examples of the constant data and of the state of one lane, as PyTrees of
-      arrays, for their structures and shapes.
-
-    The attributes are those of `AbstractLaneLoop`, the interface of all loops over lanes: `width`,
-    the number of lanes; `own_cells`, `state_cells` and `status`, the places of data, state and
-    status of a lane in its column; and `occupied`, the cell that is 1 if the column has a lane,
-    else 0.
+    **Arguments:** `turn`: function (shared, own, state) that returns the state of a lane after a
+    turn, an equal one if the lane waits, because the turns of other lanes may go on; `status`:
+    function of the same that returns scalars by name, among them "moves", which is false if the
+    lane waits; `shared`: data of all lanes; `own`, `state`: examples of those of one lane.
     """
 
     def __init__(
@@ -69,6 +56,7 @@ class XlaLaneLoop(AbstractLaneLoop):
     ):
         self.width, self._functions, self._turns = width(), (turn, status), _TURNS_IN_ONE_FUNCTION
         self._shared, self._own, self._state = shared, Cells(own), Cells(state)
+        # The column of a lane: its constant data | its state | occupied | status, a cell a name.
         self.own_cells = slice(0, self._own.size)
         self.state_cells = slice(self._own.size, self._own.size + self._state.size)
         self.occupied = self.state_cells.stop
@@ -78,22 +66,14 @@ class XlaLaneLoop(AbstractLaneLoop):
             for k, (name, form) in enumerate(shown.items())
         }
 
+    @override
     def columns(self, shared: PyTree) -> Memory:
-        """Return memory with one column for each of `width` lanes, in which all columns are empty.
-
-        **Arguments:** `shared`: not used, because the loop has these data already.
-        """
         del shared
         return Memory(self.occupied + 1 + len(self.status), self.width)
 
+    @override
     def run(self, columns: Memory) -> int:
-        """Take turns until one in `WAITING` of the lanes waits for Python, at most `TURNS`.
-
-        **Arguments:** `columns`: memory with the data of the lanes, in which states and status are
-        updated.
-
-        **Returns:** the number of turns.
-        """
+        """Take turns until one in `WAITING` of the lanes waits for Python, at most `TURNS`."""
         # Cells become arrays with a first axis of lanes, and the new states become cells again.
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
@@ -116,13 +96,8 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 
 class XlaFunction:
-    """A function of the data of lanes, compiled by XLA, whose arguments and results are in cells of
-    8 bytes. It computes, for instance, the initial states or the outcomes of several lanes.
-
-    **Arguments:** `function`: function (shared, *trees), to be computed for each lane; `shared`:
-    data that all lanes share; `examples`: examples of the `trees`, for their structures and shapes.
-
-    The attribute `results` is the layout of the cells of a result.
+    """A function (shared, *trees) of the data of lanes, compiled by XLA, whose arguments and
+    results are in cells of 8 bytes. The attribute `results` is the layout of the cells of a result.
     """
 
     def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
@@ -132,12 +107,7 @@ class XlaFunction:
         self.results = Cells(zeros_like(shapes))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Return the results for n lanes, (n, results.size), in cells.
-
-        **Arguments:** `rows`: (n, cells), for each lane the cells of all its arguments, one after
-        the other.
-        """
-        found, width = [np.zeros((0, self.results.size))], self._width
+        results, width = [np.zeros((0, self.results.size))], self._width
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
         # results of the repeated ones are dropped.
@@ -146,13 +116,12 @@ class XlaFunction:
             parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
             trees = [cells.trees(p) for cells, p in zip(self._arguments, parts, strict=True)]
             result = _for_all(self._function, self._shared, *trees)
-            found.append(self.results.rows(result)[: len(part)])
-        return np.concatenate(found)
+            results.append(self.results.rows(result)[: len(part)])
+        return np.concatenate(results)
 
 
 def zeros_like(shapes: PyTree) -> PyTree:
-    """Return a PyTree with arrays of zeros in place of its leaves of type
-    `jax.ShapeDtypeStruct`."""
+    """Return a PyTree with zeros in place of its leaves of type `jax.ShapeDtypeStruct`."""
     return jax.tree.map(
         lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
     )
@@ -165,15 +134,6 @@ def _turns(
     state: PyTree,
     occupied: jax.Array,
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
-    """Take turns of all lanes until one in `WAITING` of them waits for Python, at most `TURNS`.
-
-    **Arguments:** `functions`: those for a turn and for the status of one lane, as for
-    `XlaLaneLoop`; `shared`: data of all lanes; `own`, `state`: data and states of n lanes, whose
-    leaves have an additional first axis of length n; `occupied`: (n,), whether there is a lane in
-    each column.
-
-    **Returns:** the number of turns, and the states and status of all lanes after them.
-    """
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
     # Columns without a lane must not count as waiting, because their contents are meaningless.

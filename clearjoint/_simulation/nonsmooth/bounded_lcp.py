@@ -10,10 +10,10 @@ An iteration has two parts (J. J. More, G. Toraldo, On the solution of large qua
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
 bounds. Newton steps then minimise the energy over the other rows. A step that would cross a bound
 ends there, and the next one leaves out the row that has met it; a full step reaches the minimum.
-Neither part raises the energy, so the iteration cannot cycle. It ends with a solution that is exact
-up to rounding, mostly after one or two iterations. This holds for linearly dependent rows too, such
-as the axial slips at both ends of a journal, and for a journal whose ends, with a contact each, are
-close together. Gauss-Seidel alone would take thousands of sweeps for such a journal.
+Neither part raises the energy, so the iteration cannot cycle. It mostly ends after one or two
+iterations, also for linearly dependent rows, such as the axial slips at both ends of a journal, and
+for a journal whose ends, with a contact each, are close together. Gauss-Seidel alone would take
+thousands of sweeps for such a journal.
 """
 
 from collections.abc import Sequence
@@ -37,15 +37,10 @@ Impulses = Sequence[Scalar]
 
 
 class BoxProblem:
-    """A complementarity problem of n rows, with the matrix W and bounds of the impulses.
-
-    **Arguments:** `matrix`: lower triangle of W, row i with i + 1 numbers, 1/kg; `lower`, `upper`:
-    n bounds of the impulses, N s, which may be infinite.
-
-    A row with equal bounds is fixed: its impulse is this bound, and its velocity is free. A
-    diagonal element that is zero, as for a centred journal, whose contact has no direction, counts
-    as 1. All diagonal elements are raised by `RELATIVE_SHIFT`.
-    """
+    """A complementarity problem of n rows, with the lower triangle of W, 1/kg, and n lower and
+    upper bounds of the impulses, N s, which may be infinite. A row with equal bounds is fixed: its
+    impulse is this bound, and its velocity is free. A diagonal element that is zero, as for a
+    centred journal, whose contact has no direction, counts as 1."""
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
         self._bounds = list(zip(lower, upper, strict=True))
@@ -54,15 +49,11 @@ class BoxProblem:
         self._matrix = [[*row[:-1], d] for row, d in zip(matrix, self._diagonal, strict=True)]
 
     def solve(self, start: Sequence[Scalar], least: Scalar) -> tuple[Impulses, Scalar]:
-        """Return the impulses that solve the problem, and how well they solve it.
-
-        **Arguments:** `start`: the n velocities q without impulses, m/s; `least`: m/s, the smallest
-        velocity that is known to better than rounding errors.
-
-        **Returns:** n impulses x, N s, and the residual: the largest violation of a condition,
-        relative to the largest magnitude of q among rows that are not fixed, or to `least` if that
-        is larger. A residual above `TOLERANCE` means that the iteration did not converge.
-        """
+        """Return the n impulses x, N s, that solve the problem for the velocities q without
+        impulses, `start`, m/s, and the residual. The residual is the largest violation of a
+        condition, relative to the largest magnitude of q among rows that are not fixed, or to
+        `least`, m/s, if that is larger. A residual above `TOLERANCE` means that the iteration did
+        not converge."""
         scale = jnp.maximum(self._scale(start), least)
 
         def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
@@ -90,28 +81,20 @@ class BoxProblem:
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
         """Return the impulse of row i, N s, that satisfies the row's conditions while all other
-        impulses stay. Before this change, the row has the impulse x, N s, and the `velocity`, m/s.
-        """
+        impulses stay; so far the row has the impulse x, N s, and the `velocity`, m/s."""
         return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses x after one sweep of projected Gauss-Seidel over all rows, for the
-        velocities `start` without impulses, m/s."""
+        """Return the impulses x after one sweep of projected Gauss-Seidel over all rows."""
         swept = list(x)
         for i in range(len(swept)):
             swept[i] = self._clipped(i, swept[i], add(inner(self._row(i), swept), start[i]))
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses, N s, that minimise the energy over the free rows, found by Newton
-        steps from x. The other rows keep their impulses.
-
-        A row is free unless its impulse is at a bound and its velocity has the sign that the
-        conditions demand there. If a step ends where a row meets a bound, the row is no longer
-        free, and a further step follows.
-
-        **Arguments:** `x`: impulses, N s; `start`: velocities without impulses, m/s.
-        """
+        """Return the impulses that minimise the energy over the free rows, found by Newton steps
+        from x. A row is free unless its impulse is at a bound and its velocity has the sign that
+        the conditions demand there."""
         velocities = self._velocities(x, start)
         free: list[Condition] = [
             jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))
@@ -132,7 +115,7 @@ class BoxProblem:
             # velocities.
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
-            meets = [(one <= share) & (one < 1.0) for one in shares]
+            meets = [(part <= share) & (part < 1.0) for part in shares]
             # A row that meets a bound gets exactly this bound, so that later comparisons with the
             # bound do not depend on rounding.
             moved = [
@@ -149,11 +132,7 @@ class BoxProblem:
     def _to_least(
         self, x: Impulses, free: Sequence[Condition], start: Sequence[Scalar]
     ) -> Impulses:
-        """Return the change of the impulses x, N s, after which the `free` rows have zero velocity.
-        The change of the other rows is zero.
-
-        **Arguments:** `start`: velocities without impulses, m/s.
-        """
+        """Return the change of the impulses x after which the `free` rows have zero velocity."""
         velocities = self._velocities(x, start)
         # Rows that are not free become decoupled equations with the solution zero.
         matrix = [
@@ -164,8 +143,8 @@ class BoxProblem:
         return _solved(matrix, right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """Return for each row the part, 0 to 1, of the `change` of its impulse x that the row's
-        bounds allow."""
+        """Return for each row the part, 0 to 1, of the `change` of its impulse x that its bounds
+        allow."""
         shares: list[Scalar] = []
         for a, d, (lower, upper) in zip(x, change, self._bounds, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)

@@ -1,5 +1,5 @@
-"""Contact problem of one time step: the impulses at closed rigid contacts. A contact is closed if
-its gap in the middle of the step is not positive.
+"""Contact problem of one time step: the impulses at closed rigid contacts, those whose gap in the
+middle of the step is not positive.
 
 Along the normal of each closed contact, Signorini's condition with Newton's restitution e holds:
 the velocities U- before and U+ after the step (positive if the contact opens) and the impulse P
@@ -15,7 +15,7 @@ unilateral contact and friction boundary value problem, 1975). One computation o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
@@ -39,16 +39,15 @@ from .bounded_lcp import BoxProblem, Impulses, largest
 ALTERNATIONS = 3000
 TOLERANCE = 1e-9
 """The alternation between normal and tangential impulses ends at this relative residual, or after
-`ALTERNATIONS` turns, which bound the computing time of a problem that does not converge. Then the
-residual shows the failure."""
+`ALTERNATIONS` turns, which bound the computing time of a problem that does not converge."""
 FAST = 1e3
-"""Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated. It is far
-above the speeds below which friction laws are regularised."""
+"""Slip speed in m/s at which the Coulomb coefficient of a friction law is evaluated, far above the
+speeds below which friction laws are regularised."""
 
 NEGLIGIBLE = 1e-9
 """Contact velocity in m/s that counts as rest. Residuals are relative to the velocities that the
-impulses have to change, but not to smaller ones than this. Of a block at rest, these velocities are
-rounding errors of 1e-17 m/s, of which no residual is a small fraction."""
+impulses have to change, but not to smaller ones than this: those of a block at rest are rounding
+errors of 1e-17 m/s, of which no residual is a small fraction."""
 ROUNDED = 1e-3
 """Part of the largest contact velocity of a problem, to which the residual of a part of it is
 relative at least. Velocities along the slip of a block at rest are differences of its normal ones,
@@ -61,16 +60,10 @@ the factor could be negative, or arbitrarily large if two successive changes are
 
 
 class Alternation(NamedTuple):
-    """State after one turn of the alternation between normal and tangential impulses.
-
-    - `normal`, `tangential`: the impulses that the turn has found, N s.
-    - `residual`: the largest violation of the contact conditions by these impulses, relative to the
-      largest velocity that the impulses have to change.
-    - `turns`: number of turns so far.
-    - `tried`: tangential impulses with which the next turn begins, N s.
-    - `change`: tangential impulses less those with which this turn began, N s.
-    - `factor`: the factor by which `change` was extrapolated to obtain `tried`.
-    """
+    """State after one turn of the alternation between normal and tangential impulses: the impulses
+    that the turn has found, N s, and their relative residual; the number of turns; the tangential
+    impulses with which the next turn begins, `tried`, which are those of this turn's beginning plus
+    `factor` times their `change`."""
 
     normal: Impulses
     tangential: Impulses
@@ -88,7 +81,6 @@ class Touch:
     A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
     both bodies, and an impulse along it acts on both.
 
-    - `joint`, `label`: name of the joint and label of the contact.
     - `gap`: m, negative if the surfaces overlap.
     - `clearance`: m, radial clearance of the bearing; ``None`` without a bearing.
     - `normal`: a `Row` whose rate is the opening velocity, m/s.
@@ -108,10 +100,7 @@ class Touch:
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
     """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
-    bodies in `motions`.
-
-    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
-    """
+    bodies. Raise a `ValueError` for a thrust face whose friction has a moment."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -122,13 +111,6 @@ def touches(scene: Scene, motions: Motions) -> list[Touch]:
 def _touch(
     name: str, label: str, joint: AbstractContactJoint, contact: Contact, motions: Motions
 ) -> Touch:
-    """Return one contact as a `Touch`, with rows along its normal and the directions of friction.
-
-    **Arguments:** `name`, `joint`: the joint and its name; `label`, `contact`: the contact and its
-    label; `motions`: pose and velocities of the bodies.
-
-    **Raises:** `ValueError` for a thrust face whose friction has a moment, which is not supported.
-    """
     # A face radius belongs to two flat faces, whose friction also resists their relative rotation.
     # Such a moment would need a third row of slip.
     has_no_moment = contact.face_radius is None
@@ -142,10 +124,6 @@ def _touch(
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
-        """Return the row whose rate is the relative velocity of the second body along a direction.
-
-        The velocities are those of the two points at which contact forces act.
-        """
         first, second = joint.pair()
         pairs = {
             second: motions[second].wrench(direction, on_second),
@@ -160,9 +138,17 @@ def _touch(
     # force along the normal.
     if contact.turning is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
-    size = -contact.gap.depth, contact.gap.clearance
+    touch = Touch(
+        joint=name,
+        label=label,
+        gap=-contact.gap.depth,
+        clearance=contact.gap.clearance,
+        normal=normal,
+        slip=(),
+        coefficient=0.0,
+    )
     if contact.slip is None:
-        return Touch(name, label, *size, normal, (), 0.0)
+        return touch
     along = _slip_direction(contact.slip, contact.normal)
     across = contact.normal.cross(along)
     # Friction laws are regularised at low slip; far above that they give Coulomb's coefficient. It
@@ -170,11 +156,11 @@ def _touch(
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
-    return Touch(name, label, *size, normal, (row(along), row(across)), coefficient)
+    return replace(touch, slip=(row(along), row(across)), coefficient=coefficient)
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the unit vector along the slip velocity, m/s; at zero slip, some direction across the
+    """Return the unit vector along the slip velocity; at zero slip, some direction across the
     `normal`."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
@@ -187,14 +173,12 @@ class ContactProblem:
     """Changes of contact velocities by contact impulses, while the constraints of ideal joints
     hold.
 
-    **Arguments:** `system`: the system, whose ideal joints constrain the changes; `mechanics`:
-    masses and Jacobians of the system at the positions in the middle of the step; `contacts`: all
-    contacts at these positions, open or closed, at least one; `t`: s, the time in the middle of the
-    step.
+    **Arguments:** `mechanics`: masses and Jacobians at the positions in the middle of the step;
+    `contacts`: all contacts there, open or closed, at least one; `t`: s, the time there.
 
     The attribute `rows` has the directions of the contacts: the normal of each contact, then both
-    slip directions of each contact with friction. All lists of velocities and impulses have this
-    order.
+    slip directions of each contact with friction. All lists of velocities, m/s, and impulses, N s,
+    have this order.
     """
 
     def __init__(
@@ -215,8 +199,6 @@ class ContactProblem:
         )
 
         def free_response(direction: Speeds) -> Speeds:
-            """Return the change of the speeds by a unit impulse along a contact's direction, and by
-            the impulses of ideal joints that it causes."""
             rates = mechanics.solved(direction)
             if equations is None:
                 return rates
@@ -238,16 +220,13 @@ class ContactProblem:
         self._count = len(contacts)
 
     def velocities(self, motions: Motions) -> list[Scalar]:
-        """Return the velocities along all `rows`, m/s, for given motions of the bodies."""
+        """Return the velocities along all `rows` for given motions of the bodies."""
         return [row_rate(row, motions) for row in self.rows]
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """Return the change of the speeds of the system's coordinates by impulses at the contacts,
-        including the impulses of ideal joints that follow from them.
-
-        **Arguments:** `impulses`: N s, in the order of `rows`. Rows beyond the end of the list have
-        no impulse, so a list of the normal impulses alone is allowed.
-        """
+        including the impulses of ideal joints that follow from them. Rows beyond the end of the
+        list have no impulse."""
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -256,11 +235,8 @@ class ContactProblem:
     def velocities_after(
         self, velocities: Sequence[Scalar], impulses: Impulses, rows: range, columns: range
     ) -> list[Scalar]:
-        """Return the velocities along some rows, m/s, after impulses at the contacts.
-
-        **Arguments:** `velocities`: m/s, before the impulses, along the directions with the indices
-        `rows` in `self.rows`; `impulses`: N s, along the directions with the indices `columns`.
-        """
+        """Return the velocities along `rows` after impulses along `columns`, both ranges of indices
+        in `self.rows`."""
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
             for i, velocity in zip(rows, velocities, strict=True)
@@ -272,16 +248,14 @@ class ContactProblem:
     def normal_impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], least: Scalar = NEGLIGIBLE
     ) -> tuple[Impulses, Scalar]:
-        """Return normal impulses of all contacts in N s, zero at open ones, and the residual.
+        """Return normal impulses of all contacts, zero at open ones, with which each closed contact
+        opens at least with the smallest velocity that is allowed, and the residual.
 
-        With these impulses, each closed contact opens at least with the smallest velocity that is
-        allowed. The residual is the largest violation of the contact conditions along the normals,
-        relative to the largest magnitude among the `aims` of closed contacts, but at least to
-        `least`, m/s.
+        The residual is the largest violation of the contact conditions along the normals, relative
+        to the largest magnitude among the `aims` of closed contacts, but at least to `least`, m/s.
 
-        **Arguments:** `closed`: whether each contact is closed; `aims`: m/s, for each contact its
-        opening velocity without impulses, less the smallest one that is allowed, such as -e U- for
-        Newton's restitution.
+        **Arguments:** `aims`: m/s, for each contact its opening velocity without impulses, less the
+        smallest one that is allowed, such as -e U- for Newton's restitution.
         """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         # An open contact is fixed to an impulse of zero by equal bounds.
@@ -291,17 +265,13 @@ class ContactProblem:
     def impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], slips: Sequence[Scalar]
     ) -> tuple[Impulses, Scalar]:
-        """Return the impulses at the closed contacts along all `rows` in N s, and the relative
-        residual.
+        """Return the impulses at the closed contacts along all `rows`, and the relative residual,
+        which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of three: that of the normal impulses, that of the friction
-        impulses, and the opening velocity by which the two do not fit each other. Each is relative
-        to the largest velocity at closed contacts that the impulses of its problem have to change:
-        along the normals, along the slip directions, or along both, but at least to `ROUNDED` times
-        the largest of all, and to `NEGLIGIBLE`. The residual is above `TOLERANCE` if the
-        alternation did not converge.
-
-        **Arguments:** `closed`, `aims`: as for `normal_impulses`; `slips`: m/s, velocities along
+        The residual is the largest of those of the normal impulses, of the friction impulses, and
+        of the opening velocity by which the two do not fit each other, each relative to the largest
+        velocity at closed contacts that the impulses of its problem have to change, but at least to
+        `ROUNDED` times the largest of all, and to `NEGLIGIBLE`. `slips` are the velocities along
         the slip directions without impulses.
         """
         if not slips:
@@ -336,26 +306,39 @@ class ContactProblem:
             residual = largest([normal_residual, slip_residual, opening])
             factor, turns = _extrapolation(now, change), now.turns + 1
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(normal, tangential, residual, turns, following, change, factor)
+            return Alternation(
+                normal=normal,
+                tangential=tangential,
+                residual=residual,
+                turns=turns,
+                tried=following,
+                change=change,
+                factor=factor,
+            )
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
         # The first turn is taken before the loop, because no residual is known until then.
-        zero, none, nothing = jnp.zeros(()), jnp.zeros((), int), [jnp.zeros(())] * (size - count)
-        start = Alternation([zero] * count, nothing, zero, none, nothing, nothing, zero + 1)
-        found = jax.lax.while_loop(goes, go, go(start))
-        return [*found.normal, *found.tangential], found.residual
+        zero = jnp.zeros(())
+        start = Alternation(
+            normal=[zero] * count,
+            tangential=[zero] * (size - count),
+            residual=zero,
+            turns=jnp.zeros((), int),
+            tried=[zero] * (size - count),
+            change=[zero] * (size - count),
+            factor=zero + 1,
+        )
+        last = jax.lax.while_loop(goes, go, go(start))
+        return [*last.normal, *last.tangential], last.residual
 
 
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
-    """Return the factor by which a change of the tangential impulses is extrapolated.
-
-    Aitken's method computes it from the `change` in this turn and from that in the `last` turn, N s
-    (B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969). Without
-    extrapolation, two bases (end circles) of a journal that both stick and share axial impulses
-    need thousands of turns.
-    """
+    """Return the factor by which a change of the tangential impulses is extrapolated, by Aitken's
+    method (B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969).
+    Without extrapolation, two bases (end circles) of a journal that both stick and share axial
+    impulses need thousands of turns."""
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
     factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)
@@ -366,34 +349,26 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
 
 
 def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    """Return the largest magnitude among those numbers whose condition in `live` is true."""
-    return largest([jnp.where(one, number, 0.0) for one, number in zip(live, numbers, strict=True)])
+    return largest([jnp.where(is_live, x, 0.0) for is_live, x in zip(live, numbers, strict=True)])
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
-    """Check that every contact has a coefficient of restitution: the given number or, for ``None``,
-    that of its law.
-
-    **Raises:** `ValueError` for a number outside 0 to 1; without a number, for a contact law
-    without a method `delivered_restitution`.
-    """
+    """Check that every contact has a coefficient of restitution: the given number, 0 to 1, or, for
+    ``None``, that of its law; raise a `ValueError` if not."""
     if restitution is not None:
         require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
         return
     for name, family in scene.laws().items():
         for label, law in family.items():
-            fine, given = hasattr(law, "delivered_restitution"), type(law).__name__
+            delivers, kind = hasattr(law, "delivered_restitution"), type(law).__name__
             expected = f"of a law with delivered_restitution() at {label!r}"
             remedy = "pass restitution=, or give the law such a method"
-            require(fine, f"scene.joints[{name!r}]", given, expected, remedy)
+            require(delivers, f"scene.joints[{name!r}]", kind, expected, remedy)
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
-    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact].
-
-    **Arguments:** `restitution`: the coefficient of all contacts, or ``None`` for the coefficients
-    that the contact laws report, from the rebound of a free impact.
-    """
+    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact]:
+    the given one, or for ``None`` those of the contact laws."""
     laws = scene.laws()
     if restitution is not None:
         return each_label(lambda name, label: restitution, laws)

@@ -1,8 +1,8 @@
 """One time step of Moreau's midpoint rule.
 
-See M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2, and V. Acary,
-B. Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q_m in the
-middle of the step,
+See M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2, and V. Acary, B.
+Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q_m in the middle
+of the step,
 
     q_m = q + h/2 H u,    M(q_m) (u+ - u) = h F(q_m, (u + u+)/2) + D(q_m)^T P,
     q+ = q + h H(q_m) (u + u+)/2,
@@ -17,8 +17,8 @@ velocity, for any step length.
 The impulse stops the approach of a contact, but not the penetration that it has in the middle of
 the step, which is at most the approach in half a step. If, at its velocity after the impact, the
 contact would still be penetrated at the end of the next step, the positions are projected out of
-the wall, in the metric of the masses (V. Acary, Projected event-capturing
-time-stepping schemes, 2013).
+the wall, in the metric of the masses (V. Acary, Projected event-capturing time-stepping schemes,
+2013).
 """
 
 from collections.abc import Sequence
@@ -41,8 +41,8 @@ for this problem aim at much smaller residuals; a larger one means that they did
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts, and `restitution[joint][contact]`, Newton's coefficient of
-    restitution of each contact."""
+    """A system with rigid contacts, and Newton's coefficient of restitution of each contact, as
+    restitution[joint][contact]."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
@@ -66,11 +66,8 @@ class ContactStep(eqx.Module):
 class StepEnd(eqx.Module):
     """Result of one step.
 
-    - `variables`: the variables of the motion at the end of the step.
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
-    - `residual`: largest violation of the contact conditions (no approach without an impulse, no
-      pulling impulse, Coulomb's law) by the impulses, or by the projection of the positions, each
-      relative to the largest contact velocity to be changed.
+    - `residual`: largest relative residual of the contact problem and of the projection.
     - `shallow`: whether no penetration in the middle of the step exceeds the bearing's clearance.
     """
 
@@ -81,14 +78,8 @@ class StepEnd(eqx.Module):
 
 
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
-    """Take one step of length h, s, from the time t, s.
-
-    A breakpoint is a declared time at which a driver or load changes abruptly. A driver or load
-    with a breakpoint at t has the value that holds after it. The caller must choose h so that no
-    breakpoint is inside the step.
-
-    **Arguments:** `rigid`: the system and the restitutions; `variables`: positions and speeds at t.
-    """
+    """Take one step of length h, s, from the time t, s. A driver or load with a breakpoint at t has
+    the value that holds after it; there must be no breakpoint inside the step."""
     # Motion without contact, from which the gaps in the middle of the step follow.
     system, middle_time = rigid.system, t + 0.5 * h
     # At a breakpoint, the time just after it.
@@ -133,12 +124,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """Return the motion without contact forces in the step of length h from t, s, with the middle
-    at `middle_time`, s.
-
-    **Returns:** two sets of variables, both with the positions in the middle of the step: the first
-    with the speeds at the start of the step, the second with the speeds at its end.
-    """
+    """Return the positions in the middle of the step without contact forces, once with the speeds
+    at the start of the step, and once with those at its end."""
     # `predicted` has estimated speeds in the middle of the step. Evaluated at these, forces that
     # depend on speeds are integrated to second order.
     half = 0.5 * h
@@ -166,18 +153,9 @@ def _projection(
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
     """Return speeds that move the positions out of the wall, in addition to the speeds of the
-    motion.
-
-    Gaps are linearised in the displacement. Only positions move with these additional speeds: they
-    are no part of the speeds after the step.
-
-    **Arguments:** `problem`: the contact problem of the step; `closed`: whether each contact is
-    closed; `after`: m/s, opening velocities after the impulses; `sinks`: m/s, zero or positive,
-    velocities towards the wall that the forces add in the step; `h`: s, length of the step. `after`
-    and `sinks` may have further entries, of the slip directions, which are ignored.
-
-    **Returns:** the additional speeds, and the relative residual of the contact problem for them.
-    """
+    motion, and the relative residual of the contact problem for them. Gaps are linearised in the
+    displacement. `after` are the opening velocities after the impulses, and `sinks`, zero or
+    positive, the velocities towards the wall that the forces add in the step, m/s."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:
@@ -199,11 +177,6 @@ def _contact_steps(
     before: Sequence[Scalar],
     after: Sequence[Scalar],
 ) -> dict[str, dict[str, ContactStep]]:
-    """Return each contact in a step, as steps[joint][label].
-
-    **Arguments:** `impulses`: N s; `before`, `after`: m/s, contact velocities before and after the
-    step. All three are lists in the order of `ContactProblem.rows`.
-    """
     # Positions move with the mean velocity, so that its product with the impulse is the work. With
     # the opposite sign, it is the energy dissipated.
     losses = [
@@ -223,7 +196,6 @@ def _contact_steps(
 
 
 def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> MotionVariables:
-    """Return the time derivatives of the variables at time t, s, without contact forces."""
     mechanics = rigid.system.mechanics(variables)
     return rigid.system.dynamics_under(mechanics, {}, t).variable_rates
 
@@ -231,31 +203,27 @@ def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> Motion
 def _displaced(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the positions changed by `time`, s, times the `rates`, their time
-    derivatives. Euler parameters are normalised, and the speeds stay."""
+    """Return variables with the positions changed by `time`, s, times the `rates`. Euler parameters
+    are normalised, and the speeds stay."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the speeds changed by `time`, s, times the `rates`, their time
-    derivatives. The positions stay."""
+    """Return variables with the speeds changed by `time`, s, times the `rates`. The
+    positions stay."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 
 def _mean_speeds(
     system: System, first: MotionVariables, second: MotionVariables
 ) -> MotionVariables:
-    """Return the positions of `first` with the mean of the speeds of `first` and `second`."""
     half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
     return system.with_speeds(first, half)
 
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
-    """Return start + time * rate for PyTrees of scalars; `time` is in s. Euler parameters are
-    normalised."""
-
     def move(a: PyTree, b: PyTree) -> PyTree:
         if isinstance(a, EulerParameters):
             return normalised(jax.tree.map(lambda x, y: x + time * y, a, b))

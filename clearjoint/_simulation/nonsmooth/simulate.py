@@ -41,23 +41,15 @@ from .moreau_jean import SOLVED, ContactStep, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
 """Tolerance of the check that a driver, a constraint that prescribes a motion as a function of
-time, is smooth over a step. Two differences are compared with it. One is between the change of the
-driver's rate over the step and the integral of its second time derivative, relative to a measure of
-the magnitude of the rate in the step. The other is between the change of the driver's value and the
-integral of its rate, relative to this measure times the step's length. For a smooth driver, both
-are far smaller than the tolerance. A larger one means that the driver has a kink or jump inside the
-step, which the step does not follow."""
+time, is smooth over a step: of the change of its rate less the integral of its second time
+derivative, relative to a measure of the magnitude of the rate, and of the change of its value less
+the integral of its rate, relative to this measure times the step's length. For a smooth driver,
+both are far smaller."""
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps.
-
-    - `t`: s; `variables`: the variables of the motion at t.
-    - `touching[joint][contact]`: whether the contact had an impulse in the last step.
-    - `totals[joint][contact]`: sums and extreme values since the start of the run.
-    - `residual`: largest relative residual of the contact problem in any step that did not fail.
-    - `result`: the result code so far; `steps`: number of steps that did not fail.
-    """
+    """A run between two steps: whether each contact had an impulse in the last step, its totals
+    since the start, and the largest residual and the number of steps that did not fail."""
 
     t: Scalar
     variables: MotionVariables
@@ -69,13 +61,8 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop, which is a time to save at or the end of the run. For n stops, each
-    array has an additional first axis of length n.
-
-    - `bodies`: states of the bodies, whose vectors are arrays (3,).
-    - `totals[joint][contact]`: sums and extreme values of each contact since the start of the run.
-    - `result`: the result code so far.
-    """
+    """State of a run at a stop, which is a time to save at or the end of the run; `bodies` is
+    packed. For n stops, each array has an additional first axis of length n."""
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]
@@ -91,20 +78,12 @@ def run(
     restitution: Scalar | None,
     admissible: Condition | None = None,
 ) -> tuple[RigidRun, RigidStop]:
-    """Run a scene from the first to the last of S stops, and return the run at its end, and the
-    S - 1 stops after the first.
+    """Run a scene from the first to the last of S stops, (S,) s, and return the run at its end, and
+    the S - 1 stops after the first.
 
-    **Arguments:**
-
-    - `folded_scene`: the scene, whose exact zeros and ones are compiled as constants.
-    - `formulation`: coordinates, stabilisation and linear solver of the equations of motion.
-    - `state`: the initial state, whose vectors are arrays (3,).
-    - `stops`: (S,) s, not decreasing: the start, the times to save at, and the end.
-    - `longest`: s, length of the longest step.
-    - `restitution`: Newton's coefficient of restitution of every contact, or ``None`` for those of
-      the contact laws.
-    - `admissible`: whether all numbers are within their ranges; if not, the run takes no step, and
-      its result is `RESULTS.domain`. ``None`` if the numbers have been checked.
+    **Arguments:** `longest`: s, length of the longest step; `restitution`: coefficient of every
+    contact, or ``None`` for those of the contact laws; `admissible`: whether all numbers are within
+    their ranges; if not, the run takes no step, and its result is `RESULTS.domain`.
     """
     system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
@@ -115,13 +94,14 @@ def run(
 
     def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
         now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
-        return now, RigidStop(pack(system.decode(now.variables)), now.totals, now.result)
+        bodies = pack(system.decode(now.variables))
+        return now, RigidStop(bodies=bodies, totals=now.totals, result=now.result)
 
     # The scan goes from breakpoint to breakpoint too; only the states at stops are kept.
-    end, kept = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
+    end, states = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
     if rows is not None:
-        kept = jax.tree.map(lambda leaf: leaf[rows], kept)
-    return end, kept
+        states = jax.tree.map(lambda leaf: leaf[rows], states)
+    return end, states
 
 
 run_compiled = Compiled(run)
@@ -130,11 +110,9 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return the times at which steps must end, s: stops and breakpoints together, sorted.
-
-    **Returns:** (T,) times, and for each stop except the first its index in `times[1:]`. The
-    indices are ``None`` if there are no breakpoints.
-    """
+    """Return the times at which steps must end, (T,) s: stops and breakpoints together, sorted, and
+    for each stop except the first its index in the times after the first; ``None`` if there are no
+    breakpoints."""
     elements = jax.tree.leaves(breakpoints(scene))
     if not elements:
         return stops, None
@@ -148,12 +126,7 @@ def _with_breakpoints(
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
     """Return the run `now`, at the time `stop`, with the velocities that drivers prescribe just
-    after this time.
-
-    Velocities change only if a driver has a breakpoint at `stop`.
-
-    **Arguments:** `start`, `stop`: s, the span of time that the run has just covered.
-    """
+    after it. They change only if a driver has a breakpoint at `stop`."""
     # For each joint with breakpoints, `has_breakpoint` tells whether one of them is in the span,
     # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
     since = since_breakpoints(system, start, stop)
@@ -175,8 +148,8 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
-    """Return the run after equal steps, not longer than `longest`, from the time `start` to `stop`,
-    all in s. If a step fails, the run stays as it was before this step, with the result code of the
+    """Return the run after equal steps, not longer than `longest`, from `start` to `stop`, all in
+    s. If a step fails, the run stays as it was before this step, with the result code of the
     failure."""
     # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
@@ -195,27 +168,28 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
-    """Return a run before its first step, at the time t, s, with the totals of each contact at
-    zero."""
-    zero, none = jnp.zeros(()), jnp.zeros((), int)
-    nothing = ContactTotals(none, zero, zero, zero, zero, zero)
+    zero, no_count = jnp.zeros(()), jnp.zeros((), int)
+    no_totals = ContactTotals(
+        impacts=no_count,
+        impulse=zero,
+        dissipated=zero,
+        hardest=zero,
+        fastest=zero,
+        penetration=zero,
+    )
     laws = rigid.system.scene.laws()
     return RigidRun(
         t=t,
         variables=jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), variables),
         touching=each_label(lambda name, label: jnp.asarray(False), laws),
-        totals=each_label(lambda name, label: nothing, laws),
+        totals=each_label(lambda name, label: no_totals, laws),
         residual=zero,
         result=RESULTS.successful,
-        steps=none,
+        steps=no_count,
     )
 
 
 def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
-    """Return a run after a step of length h from time t, s.
-
-    If the step fails, the run stays as it was, and gets the result code of the failure.
-    """
     end = advance(rigid, now.variables, t, h)
     # A state that is not finite has its own result code, since the other conditions mean nothing
     # then. A penetration that is too deep has precedence over an unsolved contact problem, which
@@ -250,12 +224,6 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
 
 
 def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
-    """Return the totals of a contact after a step.
-
-    **Arguments:** `totals`: totals before the step; `step`: the contact in this step; `touched`:
-    whether the contact had an impulse in the step before. If so, an impulse in this step does not
-    count as a new impact.
-    """
     pushes = step.impulse > 0.0
     approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
     return ContactTotals(
@@ -295,7 +263,6 @@ def simulate_nonsmooth(
     a step. The time of an impact is known to half a step, because impacts happen in the middle of a
     step; therefore the error of all states is of first order in the length of the step.
 
-    A step ends at each breakpoint, a declared time at which a joint or force changes abruptly.
     Where a driver makes velocities jump, the change of the velocities is the one of least kinetic
     energy, as in `simulate`.
 
@@ -308,8 +275,7 @@ def simulate_nonsmooth(
 
     - `scene`, `state`: the mechanism, and its initial state, which must satisfy the constraints.
     - `end_time`, `start_time`: s.
-    - `save`: the times at which to save the state; a step ends at each of them. Nothing else can be
-      saved.
+    - `save`: the times at which to save the state. Nothing else can be saved.
     - `step`: s, length of the longest step. Steps end at the times to save at and at breakpoints;
       between two such times, all steps are equal.
     - `restitution`: Newton's coefficient of restitution of every contact, 0 to 1, in place of the
@@ -375,7 +341,15 @@ def simulate_nonsmooth(
     )
     inner = None if times is None else stops[1:-1]
     solution = _solution(*run, inner, formulation, redundant_constraints)
-    return solution if traced else _reported(jax.device_get(solution), scene, throw)
+    if traced:
+        return solution
+    solution = jax.device_get(solution)
+    saved = solution.saved
+    rows = [] if saved is None else [(saved.times, saved.states)]
+    warn_of_journals_outside(scene, solution.time, solution.final, rows)
+    if throw:
+        raise_failure(solution)
+    return solution
 
 
 def _solution(
@@ -385,12 +359,6 @@ def _solution(
     formulation: Formulation,
     redundant_constraints: tuple[str, ...],
 ) -> NonsmoothSolution:
-    """Return the solution of a run, with the states at the inner stops as saved states.
-
-    **Arguments:** `end`: the run at its end; `stops`: states at the N times to save at and, last,
-    at the end; `times`: (N,) s, the times to save at, or ``None``; `formulation`,
-    `redundant_constraints`: stored in the solution.
-    """
     saved, history, count = None, None, None
     if times is not None:
         # The last stop is the end of the run, which is not a saved state.
@@ -415,21 +383,6 @@ def _solution(
         formulation=formulation,
         redundant_constraints=redundant_constraints,
     )
-
-
-def _reported(solution: NonsmoothSolution, scene: Scene, throw: bool) -> NonsmoothSolution:
-    """Return a solution unchanged, after a check of how its run ended.
-
-    A warning is issued for each journal that has left its bearing.
-
-    **Raises:** `SimulationError` if the run failed and `throw` is set.
-    """
-    saved = solution.saved
-    rows = [] if saved is None else [(saved.times, saved.states)]
-    warn_of_journals_outside(scene, solution.time, solution.final, rows)
-    if throw:
-        raise_failure(solution)
-    return solution
 
 
 def _array(value: ArrayLike) -> jax.Array:

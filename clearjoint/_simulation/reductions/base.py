@@ -1,8 +1,7 @@
 """Base classes of reductions: outputs of a run that are updated at every accepted step.
 
 A reduction carries a tally, a PyTree of arrays of fixed shape, from step to step, so that memory
-does not grow with the number of steps. Subclass `AbstractReduction` for reductions of your own. A
-windowed reduction takes only a part of the run's time, the window, into account.
+does not grow with the number of steps.
 """
 
 import abc
@@ -31,11 +30,9 @@ class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
     A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
-    They receive an `Instant`, the scene with its motion at one time, from which quantities (scalar
-    functions of an instant) are computed. If the subclass reads `Instant.work`, the integrals of
-    the energy ledger (energies dissipated and supplied since the start of the run), it sets
-    `needs_ledger = True`. The example adds up the time in s during which a contact force exceeds a
-    limit. Its tally is the pair of the latest time and the sum:
+    They receive an `Instant`, the scene with its motion at one time, from which quantities are
+    computed. A subclass that reads the energy ledger, `Instant.work`, sets `needs_ledger = True`.
+    The example adds up the time in s during which a contact force exceeds a limit:
 
     ```python
     import clearjoint as cj
@@ -69,8 +66,7 @@ class AbstractReduction(AbstractConverting):
     def check(self, scene: Scene) -> None:
         """Check that a scene has the bodies, joints and contacts that the reduction names.
 
-        It is called before a run. By default all fields that are quantities are checked; a subclass
-        may check more.
+        It is called before a run. By default all fields that are quantities are checked.
 
         **Raises:** `ValueError` for a name that the scene lacks; the message lists the known names.
         """
@@ -79,32 +75,27 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
-        """Return the tally at the start of the run.
+        """Return the tally at the start of the run, where `now.inside` and `now.middle` raise a
+        `ValueError`.
 
         `update` must return a PyTree of the same structure, shapes and types.
-
-        **Arguments:** `now`: the instant at the start. No step ends there, so `now.inside` and
-        `now.middle`, which look inside a step, raise a `ValueError`.
         """
 
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
-        """Return the tally after an accepted step.
+        """Return the tally after an accepted step, from the `tally` at its start.
 
-        After a rejected attempt at a step, the method is called too, with the time unchanged. The
-        tally that it returns is then discarded.
+        After a rejected attempt, the method is called too, with the time unchanged; the result is
+        then discarded.
 
-        **Arguments:** `tally`: the tally at the start of the step; `now`: the instant at the end of
-        the step. `now.inside(x)` is the instant at which a part x, 0 to 1, of the step's time has
-        passed; `now.middle` is the same for x = 0.5.
+        **Arguments:** `now`: the instant at the end of the step. `now.inside(x)` is the instant at
+        which a part x, 0 to 1, of the step's time has passed; `now.middle` is the same for x = 0.5.
         """
 
     @abc.abstractmethod
     def results(self, tally: PyTree, now: Instant) -> dict[str, Scalar]:
-        """Return the results by name.
-
-        **Arguments:** `tally`: the last tally; `now`: the instant at the end of the run. Here too,
-        `now.inside` and `now.middle` raise a `ValueError`.
+        """Return the results by name, from the last `tally` and the instant at the end of the run,
+        where `now.inside` and `now.middle` raise a `ValueError`.
 
         The result "" gets the name under which the user has requested the output. The other names
         are appended to it after an underscore: "time" of the output "force" becomes "force_time".
@@ -112,58 +103,45 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
-        """Return the unit of each result, with the same keys as the dictionary from `results`."""
+        """Return the unit of each result, with the keys of the dictionary from `results`."""
 
 
 def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
-    """Check that a run of a scene can compute the reductions among its outputs.
-
-    **Arguments:** `outputs`: outputs by name; those that are not reductions are ignored; `ledger`:
-    whether the run integrates the energy ledger.
-
-    **Raises:** `ValueError` that names the output, if the scene lacks an element that the reduction
-    names, or if the reduction needs the ledger and the run has none.
-    """
+    """Check that a run of a scene, with or without energy `ledger`, can compute the reductions
+    among its outputs, or raise a `ValueError` that names the output."""
     for name, output in outputs.items():
         if not isinstance(output, AbstractReduction):
             continue
         expected = f"True for outputs[{name!r}]"
-        fine = ledger or not output.needs_ledger
-        require(fine, "ledger", ledger, expected, "pass Settings(ledger=True)")
+        suffices = ledger or not output.needs_ledger
+        require(suffices, "ledger", ledger, expected, "pass Settings(ledger=True)")
         with errors_about(f"Output {name!r}"):
             output.check(scene)
 
 
 def optional_time(value: Instants) -> Instants:
-    """Convert a time, s, to a Python float, and return ``None`` and functions unchanged.
-
-    It converts the arguments `after` and `until` of windows.
-
-    **Raises:** `ValueError` if `value` is NaN or not a single number.
-    """
+    """Convert a time, s, to a Python float, and return ``None`` and functions unchanged; raise a
+    `ValueError` if it is NaN or not a single number."""
     if value is None or callable(value):
         return value
     time = np.asarray(as_number(value))
-    known = time.shape == () and not bool(np.isnan(time))
+    is_time = time.shape == () and not bool(np.isnan(time))
     remedy = "give one number, or a function of the scene"
-    require(known, "after or until", value, "a time in s", remedy)
+    require(is_time, "after or until", value, "a time in s", remedy)
     return float(time)
 
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """Part of a run from `after`, inclusive, to `until`, exclusive, both s.
-
-    If both are ``None``, it is the whole run, and a reduction may leave all operations on it out of
-    the compiled program.
-    """
+    """Part of a run from `after`, inclusive, to `until`, exclusive, both s; the whole run if both
+    are ``None``."""
 
     after: Scalar | None
     until: Scalar | None
 
     @property
     def is_whole(self) -> bool:
-        """Whether the window is the whole run."""
+        """Whether the window is the whole run, so that all operations on it can be left out."""
         return self.after is None and self.until is None
 
     @property
@@ -181,33 +159,22 @@ class TimeSpan:
         return (time >= self.start) & (time < self.end)
 
     def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the part of a step that is in the window, as two fractions of the step, 0 to 1.
-
-        **Arguments:** `begin`, `end`: start and end of the step, s.
-
-        **Returns:** the fractions of the step's time at which this part begins and ends. They are
-        equal if no part of the step is in the window, and have no meaning if the step has no
-        length.
-        """
+        """Return the fractions, 0 to 1, of a step from `begin` to `end`, s, at which its part in
+        the window begins and ends; equal if no part of the step is in the window."""
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length
         return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return the result `value` of a run that ended at `time`, s, or NaN if the run ended
-        before the start of the window."""
+        """Return the result `value` of a run that ended at `time`, s; NaN if that is before the
+        window."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
 
 
 @dataclass(frozen=True)
 class Window:
-    """Window of time: the part of a run from `after`, inclusive, to `until`, exclusive, both s.
-
-    Each may be a function of the run's scene; `at` returns the window in a run.
-
-    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
-    later than `after`.
-    """
+    """Window of time, whose edges may be functions of the run's scene. It raises the errors of
+    `AbstractWindowedReduction`."""
 
     after: Instants
     until: Instants
@@ -230,10 +197,11 @@ class AbstractWindowedReduction(AbstractReduction):
     """Base class of reductions over a window of time. Subclasses get the window, a `TimeSpan`, from
     `self._window(now)`, where `now` is any instant of the run.
 
-    **Arguments:** `after`, `until`: s, start and end of the window; ``None`` for those of the run.
-    Each may also be a function of the scene that returns a time and that JAX can trace, so that in
-    a sweep the window follows the values of the lane, such as ``lambda scene: 2 * pi /
-    scene.joints["drive"].speed``.
+    **Arguments:** `after`, `until`: s, start, inclusive, and end, exclusive, of the window; by
+    default those of the run. Each may also be a function of the scene that JAX can trace, such as
+    ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a window of its own in each run of a
+    sweep. Of a step that crosses an edge of the window, only the part inside counts. Results are
+    NaN if the run ended before the window.
 
     **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
     later than `after`.

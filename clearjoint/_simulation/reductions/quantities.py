@@ -1,9 +1,5 @@
 """Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
-its quantiles over time. They are updated at every accepted step of a run.
-
-A tally is the data that a reduction carries from step to step. An `Instant` is a scene with its
-motion at one time of a run, from which quantities are computed.
-"""
+its quantiles over time."""
 
 import math
 from typing import NamedTuple, TypeAlias
@@ -12,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from ..._compilation import traced_once
 from ..._fields.checks import as_number, require, require_finite
@@ -29,10 +26,9 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     """Base class of reductions of one quantity over a window of time.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
-    `after`, `until`: s, start and end of the window, by default those of the run.
+    `after`, `until`: as in `AbstractWindowedReduction`.
 
-    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
-    single number, or if `until` is not later than `after`.
+    **Raises:** `ValueError` if `quantity` is not a function.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -46,13 +42,8 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 
 
 class PeakTally(NamedTuple):
-    """Tally of `Peak` after an accepted step.
-
-    - `highest`, `time`: the highest value in the window so far, and the time there, s. The value is
-      minus infinity until the run reaches the window.
-    - `last`, `now`: the value at the end of the step, and the time there, s.
-    - `last_before`, `before`: the value at the start of the step, and the time there, s.
-    """
+    """Tally of `Peak`: the highest value in the window so far (minus infinity until the run reaches
+    it) and its time, and the values and times at the end and at the start of the latest step."""
 
     highest: Scalar
     time: Scalar
@@ -69,41 +60,40 @@ class Peak(AbstractQuantityReduction):
     step: it is searched for in the solver's dense output. At usual tolerances the peak of a contact
     force agrees with that of an `ImpactTable`, an output of sweeps, to 1e-6 of its value.
 
-    ```python
-    import clearjoint as cj
-
-    force = cj.quantities.ContactForce("shoulder")
-    outputs = {"force": cj.Peak(force, "N", after=0.5)}  # "force", and "force_time" in s
-    ```
-
     **Arguments:**
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
-    - `after`, `until`: s, the window of time, by default the whole run; each a number, or a
-      function of the scene, such as ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a
-      window of its own in each run of a sweep. If a step crosses an edge of the window, only its
-      part inside counts. Both results are NaN if the run covers no part of the window.
+    - `after`, `until`: s, start, inclusive, and end, exclusive, of the window of time; by default
+      those of the run. Each may also be a function of the scene that JAX can trace, such as
+      ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a window of its own in each run of
+      a sweep. Of a step that crosses an edge of the window, only the part inside counts. Results
+      are NaN if the run covers no part of the window.
 
     **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
     single number, or if `until` is not later than `after`.
 
-    >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
+    >>> peak = cj.Peak(cj.quantities.ContactForce("shoulder"), "N", after=0.5)
     >>> peak.units()
     {'': 'N', 'time': 's'}
     """
 
+    @override
     def start(self, now: Instant) -> PeakTally:
-        """Return the tally at the start of the run. If the start is outside of the window, the
-        highest value is minus infinity."""
         value, window = self._value(now), self._window(now)
         highest = value
         if not window.is_whole:
             highest = jnp.where(window.holds(now.time), value, -jnp.inf)
-        return PeakTally(highest, now.time, value, now.time, value, now.time)
+        return PeakTally(
+            highest=highest,
+            time=now.time,
+            last=value,
+            now=now.time,
+            last_before=value,
+            before=now.time,
+        )
 
+    @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        """Return the tally after a step. The highest value is updated by the largest value in the
-        part of the step that is in the window."""
         # The search also uses the value at the start of the previous step: a parabola through it
         # and both ends of this step gives the first guess of the peak. A rejected attempt has the
         # length zero; its tally is computed too, and discarded.
@@ -127,25 +117,24 @@ class Peak(AbstractQuantityReduction):
         if not window.is_whole:
             rises = rises & (last.x > first.x)
         return PeakTally(
-            jnp.where(rises, peak.value, tally.highest),
-            jnp.where(rises, time, tally.time),
-            end.value,
-            now.time,
-            start.value,
-            tally.now,
+            highest=jnp.where(rises, peak.value, tally.highest),
+            time=jnp.where(rises, time, tally.time),
+            last=end.value,
+            now=now.time,
+            last_before=start.value,
+            before=tally.now,
         )
 
+    @override
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        """Return the largest value, "", and its time, "time", s; NaN if the run covers no part of
-        the window."""
         results = {"": tally.highest, "time": tally.time}
         if self._window(now).is_whole:
             return results
         reached = tally.highest > -jnp.inf
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
+    @override
     def units(self) -> dict[str, str]:
-        """Return the unit of the quantity for "", and "s" for "time"."""
         return {"": self.unit, "time": "s"}
 
 
@@ -161,33 +150,22 @@ class Statistics(AbstractQuantityReduction):
     The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
     In each step the quantity is approximated by the parabola through both ends and the middle.
 
-    **Arguments:**
-
-    - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
-    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
-      run covers no part of the window.
-
-    **Raises:** `ValueError` if `quantity` is not a function, if `after` or `until` is NaN or not a
-    single number, or if `until` is not later than `after`.
+    **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
+    `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     >>> speed = cj.Statistics(cj.quantities.Velocity("arm 2"), "m/s", after=0.1)
     >>> list(speed.units())
     ['mean', 'rms', 'smallest', 'largest']
     """
 
+    @override
     def start(self, now: Instant) -> StatisticsTally:
-        """Return the tally at the start of the run, with integrals of zero.
-
-        The smallest value is infinity and the largest minus infinity, so that the first step in the
-        window sets both. That step includes the value at its start.
-        """
         value = self._value(now)
         zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)
         return (now.time, value), (zero, zero, zero), (infinite, -infinite)
 
+    @override
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        """Return the tally after a step. The part of the step that is in the window is added to the
-        integrals, and compared with the extremes."""
         (t0, u), (duration, first, second), (smallest, largest) = tally
         t1, v = now.time, self._value(now)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
@@ -210,9 +188,8 @@ class Statistics(AbstractQuantityReduction):
         largest = jnp.where(inside, jnp.maximum(largest, high), largest)
         return (t1, v), sums, (smallest, largest)
 
+    @override
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
-        """Return "mean", "rms", "smallest" and "largest" over the part of the window that the run
-        reached; NaN if there is no such part."""
         del now
         _, (duration, first, second), (smallest, largest) = tally
         reached = duration > 0.0
@@ -224,8 +201,8 @@ class Statistics(AbstractQuantityReduction):
             "largest": jnp.where(reached, largest, jnp.nan),
         }
 
+    @override
     def units(self) -> dict[str, str]:
-        """Return the unit of the quantity for each of the four results."""
         return dict.fromkeys(("mean", "rms", "smallest", "largest"), self.unit)
 
 
@@ -237,12 +214,11 @@ and the part of that duration for which the quantity was below each edge, s, (K,
 class Quantiles(AbstractQuantityReduction):
     """Quantiles of a quantity over time: values below which it stays for given parts of the time.
 
-    Each result is named after its level in six significant digits, such as "0.5" for the median,
-    and has the unit of the quantity. In each step the quantity is approximated by the parabola
-    through both ends and the middle. The time for which the quantity is below each of the `edges`
-    is added up. A quantile is interpolated between the two edges that enclose it, with an error
-    less than the distance of these edges. A quantile below the first edge or above the last edge is
-    NaN: widen the edges. Memory does not grow with the number of steps.
+    Each result is named after its level in six significant digits, such as "0.5" for the median.
+    The time for which the quantity is below each of the `edges` is added up. A quantile is
+    interpolated between the two edges that enclose it, with an error less than their distance;
+    below the first edge or above the last one it is NaN. In each step the quantity is approximated
+    by the parabola through both ends and the middle.
 
     For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
     quantiles are exact.
@@ -263,13 +239,11 @@ class Quantiles(AbstractQuantityReduction):
       K.
     - `levels`: for each quantile, the part of the time, between 0 and 1, for which the quantity is
       below it.
-    - `after`, `until`: s, the window of time, by default the whole run. All results are NaN if the
-      run covers no part of the window.
+    - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    if there is no level, one that is not above 0 and below 1, or two that are equal in six digits;
-    if `quantity` is not a function, if `after` or `until` is NaN or not a single number, or if
-    `until` is not later than `after`.
+    and if there is no level, one that is not above 0 and below 1, or two that are equal in six
+    digits.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
@@ -287,13 +261,12 @@ class Quantiles(AbstractQuantityReduction):
         distinct = len(self.units()) == len(levels)
         require(distinct, "levels", self.levels, "different in six digits", "remove repeated ones")
 
+    @override
     def start(self, now: Instant) -> QuantilesTally:
-        """Return the tally at the start of the run, with durations of zero."""
         return (now.time, self._value(now)), jnp.zeros(()), jnp.zeros(len(self.edges))
 
+    @override
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
-        """Return the tally after a step. The part of the step that is in the window is added to the
-        durations."""
         (before, value), duration, below = tally
         end, length = self._value(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
@@ -305,9 +278,8 @@ class Quantiles(AbstractQuantityReduction):
         added = inside * arc.part_below(jnp.asarray(self.edges), a, b)
         return (now.time, end), duration + inside * (b - a), below + added
 
+    @override
     def results(self, tally: QuantilesTally, now: Instant) -> dict[str, Scalar]:
-        """Return the quantile of each level by name, such as "0.95"; NaN if the quantile is outside
-        of the edges, or if the run covers no part of the window."""
         del now
         _, duration, below = tally
         edges, last = jnp.asarray(self.edges), len(self.edges) - 1
@@ -325,6 +297,6 @@ class Quantiles(AbstractQuantityReduction):
             quantiles[f"{level:g}"] = jnp.where(enclosed, value, jnp.nan)
         return quantiles
 
+    @override
     def units(self) -> dict[str, str]:
-        """Return the unit of the quantity for each level."""
         return {f"{level:g}": self.unit for level in self.levels}

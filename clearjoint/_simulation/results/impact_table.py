@@ -1,11 +1,11 @@
-"""Table of the impacts of a run, and a check of their penetrations against the ranges of validity
-of the contact laws."""
+"""Table of the impacts of a run, and a check of penetrations against the ranges of contact laws."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+from typing_extensions import override
 
 from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ..._fields.objects import described
@@ -59,11 +59,9 @@ class Impacts(AbstractTabular):
     def __len__(self) -> int:
         return len(self.onset)
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the table as an `xarray.Dataset` along "impact", with a variable for each column.
-
-        See `AbstractTabular` for the export to other formats.
-        """
+        """Return the columns as variables of an `xarray.Dataset` along "impact"."""
         names = {name: Labelled(("impact",), texts(getattr(self, name))) for name in NAMED}
         numbers = {
             name: Labelled(("impact",), getattr(self, name), unit, name.replace("_", " "))
@@ -74,10 +72,7 @@ class Impacts(AbstractTabular):
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
-        """Return the table made of `rows`, one tuple for each impact in any order.
-
-        A tuple has one value for each field of `Impacts`, in the order of the fields.
-        """
+        """Return the table made of `rows`, in any order: tuples of a value for each field."""
         # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
         ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
         columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
@@ -88,11 +83,8 @@ class Impacts(AbstractTabular):
         )
 
     def of(self, joint: str, contact: str) -> "Impacts":
-        """Return the table of the impacts of one contact.
-
-        **Arguments:** `joint`: name of the joint; `contact`: label of the contact, such as "V". The
-        table is empty for unknown names.
-        """
+        """Return the table of the impacts of one contact, with a label such as "V"; empty for
+        unknown names."""
         return self._rows((self.joint == joint) & (self.contact == contact))
 
     def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":
@@ -103,7 +95,6 @@ class Impacts(AbstractTabular):
         return self._rows((self.onset >= after) & (self.onset < until))
 
     def _rows(self, chosen: np.ndarray) -> "Impacts":
-        """Return the table of those impacts for which `chosen`, (N,), is true."""
         return Impacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
@@ -112,16 +103,13 @@ IMPACT_UNITS = {f.name: f.metadata["unit"] for f in fields(Impacts) if f.metadat
 
 
 def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
-    """Report contacts that were deeper than the range of validity of their contact law.
-
-    Beyond its range, a law's forces are not reliable. Call this function after a run that recorded
-    its impacts.
+    """Report contacts that were deeper than the range of validity of their contact law, beyond
+    which its forces are not reliable.
 
     **Arguments:** `scene`: the scene that was simulated; `impacts`: the table of its impacts.
 
     **Returns:** one sentence for each exceeded limit, with the joint, the contact, the law, the
-    limit and the largest penetration; an empty list if all contacts in the table stayed within the
-    ranges.
+    limit and the largest penetration; an empty list if there is none.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))

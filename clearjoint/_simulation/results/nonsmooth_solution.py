@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import equinox as eqx
 import numpy as np
+from typing_extensions import override
 
 from ..._dynamics.formulation import Formulation
 from ..._export.datasets import AbstractTabular
@@ -29,8 +30,7 @@ class ContactTotals(AbstractReadable):
 
     - `impacts`: number of impacts, which are steps with a normal impulse after a step without one.
       A rolling contact may hop, and each hop counts.
-    - `impulse`: N s, sum of the normal impulses. There is no peak force, since an impact has no
-      duration.
+    - `impulse`: N s, sum of the normal impulses.
     - `dissipated`: J, energy dissipated by restitution and friction.
     - `hardest`: N s, largest normal impulse of a step.
     - `fastest`: m/s, largest approach speed in a step with an impulse.
@@ -54,32 +54,22 @@ class ContactTotals(AbstractReadable):
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate_nonsmooth`.
 
-    - `time`, `final`: the time in s at which the run ended, and the `State` at that time.
-    - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
+    - `time`, `final`, `result`, `formulation`, `redundant_constraints`: as in `Solution`.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
       times; ``None`` if no times were requested.
-    - `saved_count`: number of requested times that the run reached; ``None`` if no times were
-      requested. In `saved` and `history`, the rows of times that the run did not reach repeat the
-      last state.
+    - `saved_count`: number of requested times that the run reached. In `saved` and `history`, the
+      rows of times that it did not reach repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions in any step that did not fail. The
-      conditions are that no contact approaches after the impact faster than its restitution allows,
-      that impulses do not pull and vanish at contacts that open faster, and that friction obeys
-      Coulomb's law. A step solves two problems with such conditions: one for the impulses, and one,
-      along the normals only, for the velocities that move positions out of penetrations. The
-      violations in a problem are relative to the largest velocity at closed contacts that the
-      problem has to change, or to 1 m/s if there is none.
-    - `formulation`: the formulation of the equations of motion: their coordinates, and how
-      constraints are kept satisfied.
-    - `redundant_constraints`: names of constraint equations that depend linearly on others. If
-      there are any, the reactions are not unique.
+    - `residual`: largest violation of the contact conditions in any step that did not fail: that no
+      contact approaches after the impact faster than its restitution allows, that impulses do not
+      pull and vanish at contacts that open faster, and that friction obeys Coulomb's law. It is
+      relative to the largest velocity at closed contacts that the impulses, or the projection of
+      the positions, have to change, but at least to 1e-9 m/s.
 
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states and the history.
-    `observe` accepts a `NonsmoothSolution`. But while a contact touches, the contact forces that
-    `observe` computes, and the accelerations and reactions that follow from them, are meaningless,
-    because rigid contacts have impulses instead of forces.
+    `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes while a contact
+    touches, and the accelerations and reactions that follow from them, are meaningless.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
@@ -100,42 +90,37 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
     def __repr__(self) -> str:
-        """Return text with the result code, the number of steps, the impacts of each contact, and
-        the final state of the bodies.
-
-        If values are unknown because JAX traces them, or if the object has several solutions, as
-        from `jax.vmap`, the text lists the fields instead.
-        """
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.steps} steps"]
         if self.saved is not None:
             lines.append(f"saved: {self.saved}")
         for joint, family in self.contacts.items():
-            counts = (f"{one.impacts} at {contact!r}" for contact, one in family.items())
+            counts = (f"{totals.impacts} at {contact!r}" for contact, totals in family.items())
             lines.append(f"impacts of {joint!r}: {', '.join(counts)}")
         return run_text(self, self.final, self.redundant_constraints, lines)
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
         """Return the saved states and the history of contacts as an `xarray.Dataset`.
 
         States have the variables and units of `Trajectory.to_xarray`. The fields of `ContactTotals`
         are variables along "time" and "rigid_contact", with labels such as "pin V". Only times that
-        the run reached are included. The attributes are a title, the result, the time reached in s,
-        and the number of steps.
+        the run reached are included. Attributes are the result, the time reached in s, and the
+        number of steps.
 
         **Raises:** `ValueError` if no states were saved.
         """
         remedy = "pass times to simulate_nonsmooth()"
         require(self.saved is not None, "solution", "without saved states", "with some", remedy)
         assert self.saved is not None and self.history is not None and self.saved_count is not None
-        found = self.saved.to_xarray()
+        dataset = self.saved.to_xarray()
         contacts = by_contact(self.history)
         if contacts:
             for f in fields(ContactTotals):
                 values = np.stack([np.asarray(getattr(c, f.name)) for c in contacts.values()], 1)
-                found[f.name] = ("time", RIGID), values, {"units": f.metadata["unit"]}
-            found = found.assign_coords({RIGID: list(contacts)})
+                dataset[f.name] = ("time", RIGID), values, {"units": f.metadata["unit"]}
+            dataset = dataset.assign_coords({RIGID: list(contacts)})
         notes = {
             "title": "motion of a mechanism with rigid contacts",
             "result": RESULTS[self.result],
@@ -143,4 +128,4 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
             "steps": int(self.steps),
         }
         # Rows after the last reached time repeat the last state, and are left out.
-        return found.isel(time=slice(int(self.saved_count))).assign_attrs(notes)
+        return dataset.isel(time=slice(int(self.saved_count))).assign_attrs(notes)

@@ -1,7 +1,4 @@
-"""Observation of a motion: contacts, reactions, accelerations, drift and energies at given times.
-
-`observe` computes an `Observation` from the solution of a run.
-"""
+"""Observation of a motion: contacts, reactions, accelerations, drift and energies."""
 
 import enum
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..._dynamics.bristles import initial_bristles
@@ -61,10 +59,8 @@ VARIABLES = {
 class MotionMode(enum.IntEnum):
     """Mode of motion of a journal: which of its two end circles (bases) touch the bearing's wall.
 
-    - `FREE_FLIGHT`: neither base touches the wall.
-    - `ONE_BASE`: one base touches the wall.
-    - `LINE_CONTACT`: both bases touch the wall on the same side of the bearing.
-    - `OPPOSITE_SIDES`: both bases touch the wall, on opposite sides, so the journal is tilted.
+    `LINE_CONTACT`: both on the same side of the bearing; `OPPOSITE_SIDES`: both, so the journal is
+    tilted.
 
     >>> cj.results.MotionMode(2).name
     'LINE_CONTACT'
@@ -114,21 +110,16 @@ class ContactObservation(eqx.Module):
 
 
 class Load(eqx.Module):
-    """Reaction of an ideal joint on one of its bodies at N times.
-
-    - `force`: (N, 3) N, in global axes.
-    - `moment`: (N, 3) N m, about the body's centre of mass, in body axes.
-    """
+    """Reaction of an ideal joint on one of its bodies at N times: `force`, (N, 3) N, in global
+    axes, and `moment`, (N, 3) N m, about the body's centre of mass, in body axes."""
 
     force: Vectors = described("N", "force of an ideal joint on a body, global")
     moment: Vectors = described("N m", "its moment about the centre of mass, body axes")
 
 
 class AccelerationSeries(eqx.Module):
-    """Acceleration of a body at N times.
-
-    - `linear`: (N, 3) m/s^2, of the centre of mass, in global axes.
-    - `angular`: (N, 3) rad/s^2, time derivative of the angular velocity, in body axes.
+    """Acceleration of a body at N times: `linear`, (N, 3) m/s^2, of the centre of mass, in global
+    axes, and `angular`, (N, 3) rad/s^2, the time derivative of the angular velocity, in body axes.
     """
 
     linear: Vectors = described("m/s^2", "of the centre of mass, global")
@@ -138,33 +129,26 @@ class AccelerationSeries(eqx.Module):
 class Observation(eqx.Module, AbstractTabular):
     """Contacts, reactions, accelerations, constraint drift and energies of a motion at N times.
 
-    The keys of the dictionaries are names of joints, bodies and energies, and labels of contacts,
-    such as "V".
-
     - `times`: (N,) s.
     - `contacts[joint][contact]`: a `ContactObservation`.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
     - `reactions[joint][body]`: the `Load` that the constraints of a joint exert on each of its
       bodies except the ground (Flores et al. 2006, eq. 31). Ideal joints, drivers, and clearance
       joints that hold their journal axially have constraints.
-    - `interpolated`: (N,), that of the observed `Trajectory`, see there; ``None`` for states that
-      were computed.
-    - `reactions_unique`: whether the reactions are unique. They are not if some constraints are
-      redundant; those of least norm are then given.
+    - `interpolated`: (N,), that of the observed `Trajectory`; ``None`` for computed states.
+    - `reactions_unique`: whether the reactions are unique. If some constraints are redundant, they
+      are not, and those of least norm are given.
     - `accelerations[body]`: an `AccelerationSeries`.
-    - `drift[joint]`: (N,), for each joint with constraints, the largest magnitude of the values of
-      its constraint equations, which are zero for an exact solution. Values are in m, in rad, or
-      without unit, depending on the equation.
-    - `drift_rate[joint]`: (N,), the largest magnitude of the time derivatives of these equations,
-      in the same unit per s.
+    - `drift[joint]`: (N,), largest magnitude of the values of the joint's constraint equations,
+      which are zero for an exact solution, in m, in rad, or without unit, depending on the
+      equation.
+    - `drift_rate[joint]`: (N,), the same for the time derivatives of these equations.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
-      where the scene has them, and "mechanical" is their sum. If the run integrated the energy
-      ledger (`Settings(ledger=True)`), there are also its integrals since the start of the run, or
-      of the earliest run if this one continues others: the dissipated energies "normal damping",
-      "friction", "film" and "stabilisation", and the energy "supplied" by drives and loads.
-      "friction" does not contain the energy stored in bristles.
-
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export all fields with their units.
+      where the scene has them, and "mechanical" is their sum. With `Settings(ledger=True)`, there
+      are also the energies dissipated since the start of the run, "normal damping", "friction",
+      "film" and "stabilisation", and the energy "supplied" by drives and loads. If the run
+      continues others, they count from the start of the earliest. "friction" does not contain the
+      energy stored in bristles.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -185,12 +169,6 @@ class Observation(eqx.Module, AbstractTabular):
     interpolated: Flags | None = None
 
     def __repr__(self) -> str:
-        """Return text with the number of times, the first and the last time, and the names of
-        joints, bodies and energies.
-
-        If the times are unknown, as while JAX traces, or if there are no times, the text shows the
-        fields as equinox does.
-        """
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
@@ -200,23 +178,21 @@ class Observation(eqx.Module, AbstractTabular):
                 lines.append(f"{name}: {', '.join(map(repr, part))}")
         return "\n  ".join(lines)
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
         """Return the observation as an `xarray.Dataset` with units.
 
         All variables have the dimension "time", and vectors have "component" ("x", "y", "z") last.
         The second dimension is
 
-        - "contact", with labels such as "pin V", for `penetration`, `normal_force` and the other
-          fields of `ContactObservation`. A contact without such a field has NaN there;
+        - "contact", with labels such as "pin V", for the fields of `ContactObservation`. A contact
+          without such a field has NaN there;
         - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
         - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
         - "body" for `acceleration` and `angular_acceleration`;
         - "energy_term" for `energy`.
 
-        Variables of elements that the scene lacks are left out. The attribute "comment" of the
-        reactions says whether they are unique.
-
-        See `AbstractTabular` for the export to other formats.
+        The attribute "comment" of the reactions says whether they are unique.
         """
         # Dictionaries of joints and contacts, or joints and bodies, become one dimension of labels.
         contacts = by_contact(self.contacts)
@@ -270,13 +246,10 @@ class Observation(eqx.Module, AbstractTabular):
     def ledger_residual(self) -> Numbers:
         """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
 
-        The balance is the mechanical plus the dissipated energy less the supplied one. The result
-        is the change of the balance since the first time. It is zero for an exact solution of a run
-        with the ledger. Without the ledger, it is the change of the mechanical energy.
-
-        At the `interpolated` times it is interpolated too, between those at the ends of steps,
-        since the energies of interpolated states do not fit the integrals of the ledger. If all
-        times are `interpolated`, it includes the error of the interpolation.
+        It is the change, since the first time, of the mechanical plus the dissipated energy less
+        the supplied one, and zero for an exact solution. Without the ledger, it is the change of
+        the mechanical energy. At `interpolated` times it is interpolated between those at the ends
+        of steps. If all times are `interpolated`, it includes the error of the interpolation.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
@@ -308,22 +281,18 @@ def _stacked(
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
     """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
-    is ``None`` becomes NaN.
-
-    **Arguments:** `dim`: name of the second dimension; `series`: the K series, not all ``None``;
-    `unit`, `text`, `attributes`: unit, description and further attributes of the variable.
-    """
-    known = next(np.asarray(one) for one in series if one is not None)
-    lacking = np.full(known.shape, np.nan)
-    values = np.stack([lacking if one is None else np.asarray(one) for one in series], 1)
+    is ``None`` becomes NaN; not all may be."""
+    shape = next(np.shape(row) for row in series if row is not None)
+    lacking = np.full(shape, np.nan)
+    values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
     return Labelled(("time", dim, COMPONENT)[: values.ndim], values, unit, text, attributes)
 
 
 Parts = TypeVar("Parts")
 CHUNK = 512
-"""Number of states for which one call of a compiled program computes results. It is the same in all
-calls, so that one program serves any number of states. A smaller number would take more calls, and
-a larger one would compute more states only to fill up the last call."""
+"""Number of states in each call of a compiled program, so that one program serves any number of
+states. A smaller number would take more calls, a larger one would compute more states only to fill
+up the last call."""
 
 
 def observe(
@@ -331,13 +300,9 @@ def observe(
 ) -> Observation:
     """Compute contacts, reactions, accelerations, drift and energies along a solution.
 
-    Solutions contain positions and velocities, from which this function computes these results.
-    Drift is the violation of the constraint equations.
-
-    The equations of motion are solved again at each state, always in absolute coordinates. In these
-    every ideal joint has constraint equations, whose Lagrange multipliers give its reactions, even
-    if the run used coordinates that need no equations for this joint. Therefore the reactions of
-    redundant joints do not depend on the coordinates of the run.
+    The equations of motion are solved again at each state, always in absolute coordinates: there
+    every ideal joint has constraint equations, whose Lagrange multipliers give its reactions. The
+    reactions of redundant joints therefore do not depend on the coordinates of the run.
 
     **Arguments:**
 
@@ -348,7 +313,7 @@ def observe(
     - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
       step; by default the saved states, `solution.saved`.
 
-    **Returns:** an `Observation` of NumPy arrays, whose first axis has the length N.
+    **Returns:** an `Observation` of NumPy arrays.
 
     **Raises:** `ValueError` if `solution` is of another type, and if neither `trajectory` is given
     nor states were saved.
@@ -362,9 +327,9 @@ def observe(
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
-    expected, given = "one with states to observe", "without saved states"
+    expected, shown = "one with states to observe", "without saved states"
     remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
-    require(trajectory is not None, "solution", given, expected, remedy)
+    require(trajectory is not None, "solution", shown, expected, remedy)
     assert trajectory is not None
     absolute, states = absolute_formulation(solution), trajectory.states
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
@@ -387,11 +352,8 @@ def observe(
 
 
 def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
-    """Return the formulation of the equations of motion that a solution was computed with, but in
-    absolute coordinates and without an energy ledger.
-
-    In absolute coordinates every ideal joint has constraint equations, and thus reactions.
-    """
+    """Return the formulation of a solution, but in absolute coordinates and without an energy
+    ledger."""
     used = solution.formulation
     return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
 
@@ -399,17 +361,9 @@ def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
 def in_chunks(
     programs: "ByNumber[Parts]", fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a compiled program to N times and states, `CHUNK` of them in each call.
-
-    The arguments of the program always have the same shapes, so that a different number N does not
-    compile the program again.
-
-    **Arguments:** `programs`: the program, a function of `fixed`, of the number of states to look
-    at, and of `CHUNK` times and states, whose results have a first axis of length `CHUNK`; `rows`:
-    times, (N,) s, and states whose leaves have a first axis of length N.
-
-    **Returns:** the results of all calls as NumPy arrays, joined to a first axis of length N.
-    """
+    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call, and return the
+    results as NumPy arrays. It is a function of `fixed`, of the number of states to look at, and of
+    `CHUNK` rows."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
 
     def chunk(rows: np.ndarray, first: int) -> np.ndarray:
@@ -432,10 +386,7 @@ long. For ten joints with backlash, LLVM takes 0.6 s instead of 80 s, and a stat
 
 class ByNumber(Generic[Parts]):
     """A function of many times and states, as two programs: one that is compiled fast, for at most
-    `FEW` states, and one that runs fast, for more. The results of both have equal bits.
-
-    **Arguments:** `function`, `warns`: as in `Native`.
-    """
+    `FEW` states, and one that runs fast, for more. The results of both have equal bits."""
 
     def __init__(self, function: Callable[..., Parts], warns: bool = True):
         self._few, self._many = (Native(function, warns, few_runs) for few_runs in (True, False))
@@ -456,18 +407,11 @@ def observe_compiled(
     times: Numbers,
     states: State,
 ) -> Observation:
-    """Return the observation at given times and states, without the integrals of the energy ledger.
-
-    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
-    `absolute`: the formulation in absolute coordinates; `unique`: the value of
-    `Observation.reactions_unique`; `count`: number of times and states to observe; `times`: (N,) s;
-    `states`: the N states, with vectors as arrays (N, 3).
-    """
+    """Return the observation at N times and states, without the integrals of the energy ledger."""
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
     def at(t: Scalar, state: State) -> Observation:
-        """Return the observation at one time t, s; its arrays have no axis of times."""
         # The deflections of bristles are those of the state, and zero for contacts without any.
         bristles = initial_bristles(scene, unpack(state.bristles))
         variables = system.encode(unpack(state.bodies))
@@ -508,10 +452,6 @@ def observe_compiled(
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
-    """Return all contacts at one instant, by joint and label.
-
-    **Arguments:** `dynamics`: the solved equations of motion, with the forces of all contacts.
-    """
     observations: dict[str, dict[str, ContactObservation]] = {}
     for name, family in dynamics.contact_forces.items():
         joint = scene.contact_joints()[name]
@@ -543,7 +483,6 @@ def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactOb
 
 
 def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
-    """Return the `MotionMode` of each journal at one instant, by joint."""
     modes = {}
     for name, joint in scene.joints.items():
         if isinstance(joint, HasJournal):
@@ -554,14 +493,14 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
             both = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
-            one = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
-            modes[name] = jnp.where(touches_v & touches_w, both, one)
+            either = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
+            modes[name] = jnp.where(touches_v & touches_w, both, either)
     return modes
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Return two dictionaries by joint: the largest magnitude of the values of its constraint
-    equations, and that of their time derivatives. Both are zero for an exact solution."""
+    """Return, by joint, the largest magnitude of the values of its constraint equations, and of
+    their time derivatives."""
 
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
@@ -580,20 +519,10 @@ def values_along(
     trajectory: Trajectory,
     rates: bool = False,
 ) -> np.ndarray:
-    """Return the values of a quantity at the N states of a trajectory, (N,), in its unit, or with
-    `rates` their time derivatives, in this unit per s.
-
-    Time derivatives are total derivatives along the motion, by the chain rule through time,
-    positions and velocities. Entry speeds of contacts, deflections of bristles and integrals of the
-    energy ledger count as constant.
-
-    **Arguments:** `scene`: the scene that was simulated; `solution`: its solution, of which only
-    the formulation is used; `quantity`: a scalar function of an `Instant`, the scene with its
-    motion at one time; `trajectory`: N times and states, such as `solution.saved` or
-    `solution.steps`.
-
-    **Raises:** `ValueError` if the quantity names an element that the scene lacks.
-    """
+    """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
+    total time derivatives along the motion, by the chain rule through time, positions and
+    velocities. Entry speeds, bristles and the energy ledger count as constant. Raise a `ValueError`
+    if the quantity names an element that the scene lacks."""
     check_quantity("quantity", quantity, scene)
     fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
     rows = np.asarray(trajectory.times), trajectory.states
@@ -610,13 +539,7 @@ def along_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the values of a quantity at the first `count` of N times and states, (N,), or with
-    `rates` their time derivatives.
-
-    **Arguments:** `folded_scene`: the scene, whose exact zeros and ones are compiled as constants;
-    `absolute`: the formulation in absolute coordinates; `times`: (N,) s; `states`: the N states,
-    with vectors as arrays (N, 3).
-    """
+    """Return the results of `values_along` at the first `count` of N times and states."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:

@@ -1,5 +1,4 @@
-"""Results of runs: trajectory, crossings of sections, solution, and the error of a run that
-failed."""
+"""Results of runs: trajectory, crossings of sections, solution, and the error of a failed run."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -13,6 +12,7 @@ from jax.core import Tracer
 # Hermite's polynomials are declared for scalars; they are elementwise in arrays.
 # pyright: reportArgumentType=false, reportCallIssue=false
 from jaxtyping import Float, Int, PyTree
+from typing_extensions import override
 
 from ..._dynamics.formulation import Formulation
 from ..._export.datasets import (
@@ -43,7 +43,6 @@ STATE_PARTS = {
 }
 """Last dimension and unit of the array for each field of a `BodyState`."""
 LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
-"""Labels along the last dimension of a body's vectors and of its Euler parameters."""
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
 """Names of the dimensions along which contacts, and contacts with bristles, are listed."""
@@ -64,19 +63,8 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return states as arrays with dimensions and units, by name of variable.
-
-    The variables are "position" in m, "orientation" (Euler parameters), "velocity" in m/s and
-    "spin" in rad/s of the bodies. If the states have them, there are also "entry_speed" in m/s and
-    "bristle_deflection" in m of the contacts, and "ledger" in J, the integrals of the energy
-    ledger.
-
-    **Arguments:** `states`: one state, or a state whose arrays have additional first dimensions;
-    `rows`: names of these dimensions, such as ("time",), empty for one state; `prefix`: text in
-    front of each variable's name.
-
-    **Returns:** arrays with the dimensions `rows` and then, for example, "body" and "component".
-    """
+    """Return states as arrays by name of variable, with the names `rows` of additional first
+    dimensions, such as ("time",), and with `prefix` in front of each variable's name."""
     # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
     # components of vectors.
     arrays = {}
@@ -95,15 +83,13 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
     if states.work:
         text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
-        values = np.stack([np.asarray(one) for one in states.work.values()], -1)
+        values = np.stack([np.asarray(integral) for integral in states.work.values()], -1)
         arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
     return arrays
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
-    """Return the labels along each dimension of the arrays of `state_arrays`, by name of the
-    dimension: names of bodies, labels of contacts, "x", "y", "z" and so on. A dimension without
-    labels, such as that of contacts in a scene without contacts, is left out."""
+    """Return the labels along each dimension of the arrays of `state_arrays`."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*by_contact(states.bristles)]
@@ -112,15 +98,14 @@ def state_labels(states: State) -> dict[str, Labelled]:
 
 
 FINEST = 16
-"""Number of parts into which the most curved step is divided for drawing. Dividing a step into n
-parts reduces the distance between a path and its chords to 1/n^2 of its value, here to 1/256."""
+"""Number of parts into which the most curved step is divided for drawing. The distance between a
+path and its chords is then 1/256 of that of the undivided step."""
 LARGEST_ROTATION = 0.05
-"""Largest rotation of a body within one part of a step, rad, computed with the spin at the start of
-the step. Only in a step of `MOST` parts it may be larger. The largest distance between an arc of
-this angle and its chord is about 3e-4 of the arc's radius."""
+"""Largest rotation of a body within one part of a step, rad, unless the step has `MOST` parts. An
+arc of this angle is at most 3e-4 of its radius away from its chord."""
 MOST = 64
-"""Largest number of parts into which a step is divided, so that a body that spins fast in a long
-step does not make the result arbitrarily long."""
+"""Largest number of parts of a step, so that a body that spins fast in a long step does not make
+the result arbitrarily long."""
 
 Times = Float[np.ndarray, " N"]
 Wanted = Float[np.ndarray, " M"]
@@ -128,20 +113,8 @@ Rows = Int[np.ndarray, " M"]
 
 
 def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
-    """Choose times in s such that the states at these times, joined by straight lines, look like a
-    smooth curve.
-
-    The result contains the start and the end of each step, and equidistant times inside those steps
-    in which the path of a body is curved, or a body rotates by more than `LARGEST_ROTATION` at the
-    spin of the step's start. A path counts as curved if the step's length times the change of the
-    body's velocity in it is more than 1/256 of the largest such product of all steps. A step is
-    divided into `MOST` parts at most.
-
-    **Arguments:** `times`: (N,) s, not decreasing, the start of the first step and the ends of all
-    steps; `states`: the N states at these times.
-
-    **Returns:** the M times, (M,) s, not decreasing.
-    """
+    """Choose times, (M,) s, such that the states there, joined by straight lines, look like a
+    smooth curve: the N `times` at the ends of steps, and equidistant times inside curved steps."""
     lengths = np.diff(times)
     # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
     # 8 times the largest distance between curve and chord.
@@ -165,22 +138,8 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Interpolate the states at M times `wanted` from the states at the ends of the steps.
-
-    Motions of bodies are interpolated by cubic Hermite polynomials. Deflections of bristles and
-    integrals of the energy ledger (energies dissipated and supplied) are interpolated linearly.
-    Entry speeds of contacts keep their values at the start of the step until its end. At a time
-    that is repeated in `times`, the last of its states is taken.
-
-    **Arguments:** `times`: (N,) s, not decreasing, N ≥ 2, the start of the first step and the ends
-    of all steps; `states`: the N states at these times; `wanted`: (M,) s, not decreasing, between
-    the first and the last of `times`.
-
-    **Returns:** a state whose arrays have a first axis of length M.
-
-    **Raises:** `ValueError` if `wanted` is empty, not one-dimensional, or decreases, or has times
-    that are not finite, or not between the first and the last of `times`.
-    """
+    """Interpolate states as `Trajectory.between`, which names the errors. At a time that is
+    repeated in `times`, the last of its states is taken."""
     wanted = checked_times(times[0], times[-1], wanted, "times")
     # The step of a wanted time begins at the last row whose time is not later. No step begins at
     # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
@@ -203,12 +162,6 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
 
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
-    """Return the states of one body at M instants inside steps.
-
-    **Arguments:** `body`: the states at the ends of all steps; `left`: (M,), for each instant the
-    row of `body` at which its step begins; `x`: (M, 1), the part of the step's time before the
-    instant, 0 to 1; `h`: (M, 1) s, the length of the step.
-    """
     positions, velocities = np.asarray(body.position), np.asarray(body.velocity)
     ends = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
     position, velocity = _along(*ends, x, h)
@@ -228,20 +181,14 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 
 
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cubic Hermite interpolants and their time derivatives, (M, components) each.
-
-    For a step of length zero they are the value and the rate at its end.
-
-    **Arguments:** `start`, `end`: values and rates at the ends of M steps, (M, components) each;
-    `x`, `h`: as of `_body`.
-    """
+    """Return the cubic Hermite interpolants and their time derivatives, (M, components) each; for a
+    step of length zero the value and the rate at its end."""
     there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
     return np.where(there, value, end.value), np.where(there, rate, end.rate)
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the quaternion products of the rows of two arrays (N, 4), scalar parts first."""
     return pack(composed(EulerParameters(*first.T), EulerParameters(*second.T)))
 
 
@@ -249,8 +196,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 TIME = "time"
-"""Name of the column with the times of crossings. No channel (a recorded quantity of a section) may
-have this name."""
+"""Name of the column with the times of crossings, which no channel may have."""
 SHOWN_BODIES = 6
 """Largest number of bodies whose final position and velocity `repr(solution)` shows."""
 SUCCESSFUL = result_number(RESULTS.successful)
@@ -282,25 +228,18 @@ class Trajectory(AbstractReadable, AbstractTabular):
         """Interpolate the states between the ends of accepted steps, to draw smooth curves.
 
         Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
-        far below the clearances. Bristle deflections and the energy ledger are interpolated
-        linearly, and entry speeds keep their values until the end of the step. Call this method for
-        `solution.steps` only: between two states of `solution.saved` there may be impacts, at which
-        velocities change abruptly.
+        far below the clearances, bristle deflections and the energy ledger linearly; entry speeds
+        keep their values until the end of the step. Call this method for `solution.steps` only:
+        between two states of `solution.saved` there may be impacts, at which velocities change
+        abruptly.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside steps in which a
         body rotates by more than 0.05 rad, or its velocity changes much compared with other steps.
 
-        **Returns:** a `Trajectory` of M times and states.
-
         **Raises:** `ValueError` if `times` is empty, not one-dimensional, or decreases, or has
-        times that are not finite, or not between the first and last time of the trajectory; and for
-        a trajectory of fewer than two states.
-
-        >>> scene, state = cj.mechanisms.double_pendulum()
-        >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(steps=True), progress=False)
-        >>> path = cj.observe(scene, solution, solution.steps.between())
-        >>> axes = plot.journal_orbit(path, "shoulder")
+        times that are not finite, or outside of the trajectory; and for a trajectory of fewer than
+        two states.
         """
         ends = np.asarray(self.times)
         remedy = "pass save=Saving(steps=True) to simulate(), and take solution.steps"
@@ -310,14 +249,13 @@ class Trajectory(AbstractReadable, AbstractTabular):
         return Trajectory(wanted, states_between(ends, states, wanted), ~np.isin(wanted, ends))
 
     def __str__(self) -> str:
-        """Return one line with the number of states, the bodies, and the first and last time; the
-        result of `repr` if these are unknown, as while JAX traces, or if there are no states."""
         if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
             return repr(self)
         bodies = ", ".join(map(repr, self.states.bodies))
         first, last = as_shown(np.asarray(self.times)[[0, -1]])
         return f"{len(self)} states of {bodies} from {first} s to {last} s"
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
         """Return the states as an `xarray.Dataset` with units.
 
@@ -325,11 +263,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
           dimensions "time", "body" and "component" ("x", "y", "z").
         - `orientation` has "parameter" ("e0" to "e3", Euler parameters) instead of "component".
         - `entry_speed` in m/s along "contact", `bristle_deflection` in m along "bristle_contact",
-          and `ledger` in J along "integral" exist only if the states have them. The ledger has the
-          energies dissipated and supplied since the start of the run, or of the earliest run if
-          this one continues others.
-
-        See `AbstractTabular` for the export to other formats.
+          and `ledger` in J along "integral" exist only if the states have them.
         """
         rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
         labels = {"time": times, **state_labels(self.states)}
@@ -355,12 +289,10 @@ class Crossings(AbstractReadable, AbstractTabular):
     values: dict[str, Numbers]
     units: Mapping[str, str] = eqx.field(default_factory=dict, static=True)
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the crossings as an `xarray.Dataset`, with a variable along "time" for each
-        channel.
-
-        "time" contains the times of the crossings, s. See `AbstractTabular` for other formats.
-        """
+        """Return the crossings as an `xarray.Dataset` with a variable along "time" for each
+        channel."""
         values = {
             name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
         }
@@ -374,11 +306,9 @@ class Crossings(AbstractReadable, AbstractTabular):
 class Solution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate`.
 
-    - `saved`: the `Trajectory` at those requested times that the run reached (all of them if it
-      succeeded); ``None`` if no times were requested by `Saving.times`. Under a JAX transformation
-      its arrays have a row for every requested time, and only the first `saved_count` rows are
-      valid.
-    - `saved_count`: number of requested times that the run reached, or ``None`` without `saved`.
+    - `saved`: the `Trajectory` at those requested times that the run reached; ``None`` if no times
+      were requested by `Saving.times`. Under a JAX transformation its arrays have a row for every
+      requested time, and only the first `saved_count` rows are valid.
     - `time`, `final`: the time in s at which the run ended, and the `State` at that time. A further
       run can start from them.
     - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
@@ -388,17 +318,14 @@ class Solution(AbstractReadable, AbstractTabular):
     - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
       requested.
     - `sections[name]`: the `Crossings` of each requested Poincaré section.
-    - `outputs[name]`: the result of each requested reduction, a number that is updated during the
-      run, such as the largest value of a quantity. A reduction with several results has entries
-      "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
-    - `formulation`: the formulation of the equations of motion: their coordinates, how constraints
-      are kept satisfied, and whether the energy ledger was integrated.
+    - `outputs[name]`: the result of each requested reduction. A reduction with several results has
+      entries "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
+    - `formulation`: coordinates, stabilisation of the constraints, and whether the energy ledger
+      was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
       there are any, the reactions are not unique, and those of least norm are computed.
     - `settings`: the settings of the run, as pairs of a name and a text or number; empty under a
       JAX transformation.
-
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export the saved states.
 
     >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
     >>> positions = solution.saved.states.bodies["ball"].position
@@ -422,9 +349,6 @@ class Solution(AbstractReadable, AbstractTabular):
     settings: Notes = eqx.field(default=(), static=True)
 
     def __repr__(self) -> str:
-        """Return text with the result code, the results that were kept, such as the number of saved
-        states, and the final state of the bodies. If their values are unknown, as while JAX traces,
-        the text shows all fields."""
         if is_abstract(self):
             return super().__repr__()
         lines = [f"{self.accepted} steps, {self.attempts} tried"]
@@ -439,40 +363,22 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def times(self) -> Numbers:
-        """The N requested times that the run reached, (N,) s; short for `saved.times`.
-
-        **Raises:** `AttributeError` if no times were requested.
-        """
+        """The requested times that the run reached, (N,) s; `AttributeError` if there are none."""
         return self._requested().times
 
     @property
     def states(self) -> State:
-        """The `State` at the N `times`, whose arrays have a first axis of length N; short for
-        `saved.states`.
-
-        **Raises:** `AttributeError` if no times were requested.
-        """
+        """The `State` at the N `times`; `AttributeError` if there are none."""
         return self._requested().states
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
         """Return the saved states as an `xarray.Dataset`, with the variables and units of
         `Trajectory.to_xarray`.
 
-        The final state is in further variables without "time": `final_position`,
-        `final_orientation`, `final_velocity`, `final_spin` and so on. The attributes of the dataset
-        are a title, the result, the time reached in s, the numbers of steps, the names of redundant
+        The final state is in further variables without "time", such as `final_position`. Attributes
+        are the result, the time reached in s, the numbers of steps, the names of redundant
         constraints, and the settings.
-
-        ```python
-        import clearjoint as cj
-        import numpy as np
-
-        save = cj.Saving(np.linspace(0.0, 0.01, 11))
-        solution = cj.simulate(*cj.mechanisms.double_pendulum(), 0.01, save=save)
-        print(solution.to_xarray()["position"].sel(body="arm 2", component="x"))
-        print(solution.to_dataframe()["arm 2.position.x [m]"])
-        solution.to_netcdf("motion.nc")
-        ```
 
         **Raises:** `ValueError` if no states were saved.
         """
@@ -480,7 +386,7 @@ class Solution(AbstractReadable, AbstractTabular):
         assert self.saved is not None
         # The final state has no dimension of time, so it gets variables of its own, which `merge`
         # adds to those of the saved states.
-        found = self.saved.to_xarray()
+        dataset = self.saved.to_xarray()
         final = state_arrays(self.final, (), "final_")
         reached = labelled_dataset("state reached", final, state_labels(self.final))
         notes = {
@@ -492,7 +398,7 @@ class Solution(AbstractReadable, AbstractTabular):
             "redundant_constraints": ", ".join(self.redundant_constraints) or "none",
             **dict(self.settings),
         }
-        return found.merge(reached).assign_attrs(notes)
+        return dataset.merge(reached).assign_attrs(notes)
 
     def _requested(self) -> Trajectory:
         if self.saved is None:
@@ -501,7 +407,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
 
 class FinishedRun(Protocol):
-    """Type of the result of any kind of run: an object with the end time and the result code."""
+    """Type of the result of any kind of run."""
 
     @property
     def time(self) -> Scalar:
@@ -510,16 +416,12 @@ class FinishedRun(Protocol):
 
     @property
     def result(self) -> RESULTS:
-        """The `RESULTS` code, which says whether the run succeeded or why it failed."""
+        """The `RESULTS` code."""
         ...
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether text cannot show the values in a PyTree.
-
-    That is so while JAX traces a leaf, whose value is then unknown, and if the tree has the results
-    of several runs at once, as from `jax.vmap`: its field `time` is then an array.
-    """
+    """Return whether JAX traces a leaf, or a result is that of several runs, as from `jax.vmap`."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -527,16 +429,8 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text that `repr` shows for the result of a run, one item a line.
-
-    **Arguments:**
-
-    - `run`: the result; the first line has its type, its end time in s and its result code.
-    - `final`: the state at the end; the last lines have position in m and velocity in m/s, both in
-      global axes, of the first `SHOWN_BODIES` bodies.
-    - `redundant`: names of redundant constraints, listed if there are any.
-    - `lines`: further lines, which follow the first one.
-    """
+    """Return the text that `repr` shows for the result of a run, with `lines` after the
+    first line."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]
@@ -557,8 +451,8 @@ def _triple(vector: Numbers) -> str:
 class SimulationError(RuntimeError):
     """The error that `simulate` and other functions raise if a run fails.
 
-    Its attribute `solution` contains the results up to the failure. It is of the type that the
-    function returns on success, such as a `Solution` from `simulate`.
+    Its attribute `solution` contains the results up to the failure, of the type that the function
+    returns on success.
 
     >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
     Traceback (most recent call last):
@@ -574,12 +468,8 @@ class SimulationError(RuntimeError):
 def raise_failure(
     solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
 ) -> None:
-    """Raise a `SimulationError` unless a run ended with the result code `RESULTS.successful`.
-
-    **Arguments:** `solution`: the result of the run; it becomes the attribute `solution` of the
-    error; `message`: text in place of the result code's message, if it is known better; `causes`:
-    sentences on the cause, which follow the message.
-    """
+    """Raise a `SimulationError` unless a run ended successfully, with `message` in place of the
+    result code's message, and the sentences `causes` after it."""
     if result_number(solution.result) != SUCCESSFUL:
         start = f"The run ended at t = {float(solution.time):.9g} s:"
         message = RESULTS[solution.result] if message is None else message

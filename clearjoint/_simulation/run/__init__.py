@@ -1,2 +1,2 @@
-"""Complete runs from their start to their end: checks, the loop of steps, recorders that collect
-data in this loop, and results."""
+"""Complete runs: checks, the loop of steps, recorders that collect data in this loop, and
+results."""

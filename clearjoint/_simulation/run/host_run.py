@@ -1,15 +1,9 @@
 """Execution of a run: in compiled segments called from Python, or traced as part of a computation.
 
-A segment is a number of steps that compiled code takes before it returns to Python. The
-host is the process that runs Python.
-
-A segment ends at the end time, after the last time to save at, after a number of attempts (trial
-steps, accepted or rejected), at a failure, or when a buffer of steps or impacts is full. Python
-then empties these buffers, shows progress and starts the next segment.
-
-Scene and states are passed in packed form, in which each vector is an array (3,). In a folded
-scene, the components of vectors that are exactly 0 or 1 are marked; they become constants of the
-compiled program.
+A segment is a number of steps that compiled code takes before it returns to Python. It ends at the
+end time, after the last time to save at, after a number of attempts, at a failure, or when a buffer
+of steps or impacts is full. Python then empties these buffers, shows progress and starts the next
+segment.
 """
 
 from collections.abc import Mapping
@@ -34,28 +28,19 @@ from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot, look_inside
 from ..step.loops import PLAIN, Loops
 from ..step.method import Scheme
-from ..step.step_state import Step
+from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
-from .run_loop import (
-    Progress,
-    Recorders,
-    RunLoop,
-    begin_run,
-    final_result,
-    final_state,
-    state_of,
-)
+from .run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state, state_of
 from .saving import Saving
 from .sections import Section, crossings_of
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
-"""Number of rows of the buffer of accepted steps, and of the buffer of each contact's impacts. When
-one of these buffers is full, compiled code returns to Python, which empties them all. The buffer of
-steps is larger, because every accepted step writes a row. The sizes are part of the compiled
-program."""
+"""Numbers of rows of the buffer of accepted steps, and of the buffer of each contact's impacts,
+part of the compiled program. When one of them is full, compiled code returns to Python. The buffer
+of steps is larger, because every accepted step writes a row."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
 SECTIONS, REDUCTIONS = "sections", "reductions"
 """Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
@@ -64,8 +49,8 @@ values at `SECTIONS` and `REDUCTIONS` are dictionaries by the name of the sectio
 
 
 def recorders_of(save: Saving) -> Recorders:
-    """Return the recorders of a single run for the results to `save`, in a dictionary with those of
-    the keys `LATEST`, `STEPS`, `IMPACTS`, `SECTIONS` and `REDUCTIONS` that are needed."""
+    """Return the recorders of a single run for the results to `save`, by those of the keys that are
+    needed."""
     recorders: dict[str, Recorders] = {
         SECTIONS: save.section_recorders(),
         REDUCTIONS: {name: ReductionRecorder(of) for name, of in save.outputs.items()},
@@ -88,21 +73,10 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> Progress:
-    """Return a run before its first step, the argument `now` of the first segment.
-
-    **Arguments:**
-
-    - `scheme`: integration method and formulation of the equations of motion.
-    - `folded_scene`, `state`: folded scene and initial state, in packed form.
-    - `t0`, `t_end`, `first_step`: s, start, end and length of the first step, as arrays.
-    - `recorders`: recorders in nested dictionaries, as `recorders_of` returns.
-    """
+    """Return a run before its first step, from a packed `state`; times are in s."""
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
-    now = RunLoop(method, system, t_end, recorders).start(step)
-    # The result of a loop has no weak types. If this result had some, the second segment would be
-    # compiled again.
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), now)
+    return without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
 
 
 def segment(
@@ -115,23 +89,13 @@ def segment(
     attempts: Scalar,
     loops: Loops = PLAIN,
 ) -> tuple[Progress, tuple[State, jax.Array] | None]:
-    """Continue a run until its end, a failure, the limit of attempts, a full buffer, or the last
-    time to save at, whichever comes first.
+    """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
+    buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
+    must contain a `LatestAttempt` at the key `LATEST`.
 
-    **Arguments:**
-
-    - `scheme`, `folded_scene`, `recorders`: as in `begin`.
-    - `now`: the run so far.
-    - `save_times`: (N,) s, not decreasing, times to save at, or ``None``. With times, `recorders`
-      must contain a `LatestAttempt` at the key `LATEST`.
-    - `t_end`: s, end of the run.
-    - `attempts`: largest number of attempts since the start of the run.
-    - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
-
-    **Returns:** the run after the segment, and what it saved, ``None`` if `save_times` is ``None``:
-    a pair of the states at the N times, whose leaves have an additional first axis, with each
-    vector as three arrays, and whether the run has reached each time, (N,). A state at a time that
-    the run has not reached is meaningless.
+    **Returns:** the run after the segment, and, unless `save_times` is ``None``, a pair of the
+    states at the N times, in scalar form, and whether the run has reached each time, (N,). A state
+    at a time that the run has not reached is meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
@@ -151,8 +115,8 @@ def segment(
 
 
 def emptied(now: Progress) -> Progress:
-    """Return the run `now` with empty buffers of steps and impacts, to be called after Python has
-    read their rows. Buffers of sections stay: they have room for all crossings to be kept."""
+    """Return the run `now` with empty buffers of steps and impacts. Buffers of sections stay: they
+    have room for all crossings to be kept."""
     read = {key: now.records[key] for key in (STEPS, IMPACTS) if key in now.records}
     if not read:
         return now
@@ -163,14 +127,12 @@ def emptied(now: Progress) -> Progress:
 
 
 def _has_room(now: Progress) -> Condition:
-    """Return whether no buffer of steps or impacts is full."""
     parts = jax.tree.leaves([now.records.get(k) for k in (STEPS, IMPACTS)], is_leaf=_is_buffer)
     room = [jnp.logical_not(part.is_full()) for part in parts if isinstance(part, RowBuffer)]
     return reduce(and_, room, jnp.asarray(True))
 
 
 def _is_buffer(tree: object) -> bool:
-    """Return whether an object is a `RowBuffer`, at which JAX's tree functions stop."""
     return isinstance(tree, RowBuffer)
 
 
@@ -179,21 +141,14 @@ ATTEMPTS_A_SEGMENT = 50_000
 """Largest number of attempts in a segment. The progress bar is updated, and Ctrl-C is obeyed, only
 between segments."""
 SAVES_A_SEGMENT = 512
-"""Number of times to save at that a segment receives. It is part of the compiled program, so it is
-the same for all runs."""
+"""Number of times to save at that a segment receives, part of the compiled program."""
 segment_compiled = Native(segment)
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start.
-
-    - `folded_scene`: the folded scene, in packed form.
-    - `scheme`: integration method and formulation of the equations of motion.
-    - `recorders`: the recorders that collect results during the run.
-    - `end`: end time, s.
-    - `redundant`: names of the redundant constraints, those that depend linearly on others.
-    """
+    """A run that is ready to start: packed scene, scheme, recorders, end time, s, and names of
+    redundant constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
@@ -204,15 +159,9 @@ class Run:
     def in_one_piece(
         self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
     ) -> Solution:
-        """Run to the end inside a computation that JAX traces, such as under `jax.grad`.
-
-        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
-        save at, or ``None``; `max_steps`: largest number of attempts; `loops`: JAX's loops, or
-        loops with checkpoints for reverse-mode differentiation.
-
-        **Returns:** a `Solution` of traced arrays. Saved states at times that the run did not reach
-        are meaningless. Steps, impacts, sections and outputs are not kept.
-        """
+        """Run to the end inside a computation that JAX traces, such as under `jax.grad`, and return
+        a `Solution` of traced arrays, without steps, impacts, sections and outputs. Saved states at
+        times `save_at`, (N,) s, that the run did not reach are meaningless."""
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
@@ -226,10 +175,19 @@ class Run:
             # Leave out the last row, the state at the end of the run, which was added above.
             states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
             trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
-        counts = now.step.attempts, now.step.accepted
-        ran = self.scheme.formulation, self.redundant
-        # Neither steps nor impacts are kept: both are `None`.
-        return Solution(now.step.t, final, result, *counts, trajectory, count, None, None, *ran)
+        return Solution(
+            time=now.step.t,
+            final=final,
+            result=result,
+            attempts=now.step.attempts,
+            accepted=now.step.accepted,
+            saved=trajectory,
+            saved_count=count,
+            steps=None,
+            impacts=None,
+            formulation=self.scheme.formulation,
+            redundant_constraints=self.redundant,
+        )
 
     def on_host(
         self,
@@ -242,13 +200,9 @@ class Run:
     ) -> tuple[Solution, bool, bool]:
         """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
 
-        **Arguments:** `now`: the run before its first step; `save_at`: (N,) s, rising, times to
-        save at, or ``None``; `max_steps`: largest number of attempts; `progress`: whether to show a
-        progress bar; `sections`: the Poincaré sections by name; `notes`: the settings, for the
-        field `settings` of the solution.
-
-        **Returns:** the solution; whether Ctrl-C was pressed; and whether a journal has slid
-        out of its bearing in the final state. Ctrl-C stops the run after the current segment.
+        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
+        stops the run after the current segment; and whether a journal has slid out of its bearing
+        in the final state.
         """
         program, start = (self.scheme, self.folded_scene), float(now.step.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
@@ -313,17 +267,17 @@ class Run:
             rows = _joined(steps)
             trajectory = Trajectory(rows.t, pack(rows.state))
         solution = Solution(
-            time,
-            final,
-            result,
-            attempts,
-            accepted,
-            saved,
-            None if saved is None else saved_count,
-            trajectory,
-            Impacts.of_rows(impacts) if IMPACTS in now.records else None,
-            self.scheme.formulation,
-            self.redundant,
+            time=time,
+            final=final,
+            result=result,
+            attempts=attempts,
+            accepted=accepted,
+            saved=saved,
+            saved_count=None if saved is None else saved_count,
+            steps=trajectory,
+            impacts=Impacts.of_rows(impacts) if IMPACTS in now.records else None,
+            formulation=self.scheme.formulation,
+            redundant_constraints=self.redundant,
             sections=crossings_of(now.records[SECTIONS], sections),
             outputs={
                 f"{name}_{part}" if part else name: float(value)
@@ -343,16 +297,8 @@ def _end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
-    """Return the final state, the result code, whether a journal has slid out of its bearing, and
-    the results of the reductions, as results[name][part]; the part is "" for a result that is named
-    as its reduction.
-
-    The vectors of the state are arrays (3,).
-
-    **Arguments:** `folded_scene`: the scene, in packed form; `reductions`, `tallies`: the recorders
-    of reductions and their records, by name of the reduction; `step`: state of the run after its
-    last step; `end`: end time of the run, s.
-    """
+    """Return the final state, packed, the result code, whether a journal has slid out of its
+    bearing, and the results of the reductions, as results[name][part]."""
     system = scheme.system_of_packed(folded_scene)
     final = final_state(system, step)
     slid_out = any_slid_out(unpack(folded_scene), final.bodies)
@@ -365,11 +311,8 @@ _end_compiled = Native(_end_of, few_runs=True)
 
 
 def _first_rows(tree: T, count: int) -> T:
-    """Return the first `count` rows of each array of a PyTree, as copies: a slice would keep all
-    rows in memory."""
     return jax.tree.map(lambda leaf: np.array(leaf[:count]), tree)
 
 
 def _joined(pieces: list[T]) -> T:
-    """Return PyTrees of arrays, joined along their first axes to one PyTree."""
     return jax.tree.map(lambda *parts: np.concatenate(parts), *pieces)

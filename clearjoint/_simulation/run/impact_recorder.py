@@ -1,12 +1,8 @@
-"""Recorder of impacts, for single runs, runs with derivatives and the runs of sweeps.
+"""Recorder of impacts, which are finished contacts.
 
-An impact is a finished contact. While a contact lasts, its peak force and its largest penetration
-are updated after each accepted step. When the contact ends, they are written into a row of a
-buffer, together with the times and speeds of its onset and its end.
-
-The penetration of a contact is also called its depth; it is negative where the surfaces are apart.
-Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
-without an origin it shows the scene's time.
+While a contact lasts, its peak force and its largest penetration are updated after each accepted
+step. When it ends, they are written into a row of a buffer, with the times and speeds of its onset
+and its end. The penetration, negative where the surfaces are apart, is also called depth.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from ..._compilation import shared_by_many
 from ..._dynamics.system import System
@@ -37,28 +34,25 @@ from ..reductions.base import Window
 from ..results.impact_table import IMPACT_UNITS
 from ..results.solution import contact_label
 from ..step.solvers import UnrolledExplicit
-from ..step.step_state import Method, Step, choose
+from ..step.step_state import Method, Step, choose, without_weak_types
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 RESOLVED_TRAVEL = 1e-8
-"""Smallest product of a step's length and the contact's speed (`ContactInstant.speed`), m, for
-which rates inside the step are computed from depths. In a shorter step, the depths differ so little
-that rounding errors dominate the difference."""
+"""Smallest product of a step's length and the contact's speed, m, for which rates inside the step
+are computed from depths. In a shorter step, the depths differ so little that rounding errors
+dominate the difference."""
 PIECES = 4
-"""Number of equal intervals into which a step is divided for a first search for the peak of a
-contact. There are several, because a contact may fill only a small part of a step that does not end
-at its onset or its end."""
+"""Number of intervals into which a step is divided for a first search for the peak of a contact,
+because a contact may fill only a small part of a step that does not end at its onset or its end."""
 
 
 class ContactInstant(eqx.Module):
     """A contact at one instant.
 
-    - `gap`: depth, m, and its rate, m/s, positive while the surfaces approach; also the bearing's
-      radius and the clearance, m, on which the force may depend.
+    - `gap`: depth, m, and its rate, m/s, positive while the surfaces approach.
     - `second_rate`: second time derivative of the depth, m/s^2.
-    - `entry_speed`: m/s, rate of the depth at the onset of the contact, zero in flight; ``None`` if
-      the contact law does not use it.
+    - `entry_speed`: m/s; ``None`` if the contact law does not use it.
     """
 
     gap: Gap
@@ -66,11 +60,8 @@ class ContactInstant(eqx.Module):
     entry_speed: Scalar | None
 
     def touches(self, law: AbstractContactLaw) -> Condition:
-        """Return whether the contact has a force under its contact law.
-
-        It has one if its entry speed is not zero or, for a law that uses no entry speed, if its
-        depth is beyond the onset of the force.
-        """
+        """Return whether the contact has a force: if its entry speed is not zero or, for a law that
+        uses no entry speed, if its depth is beyond the onset of the force."""
         if self.entry_speed is None:
             return self.gap.depth + law.onset_offset() > 0.0
         return self.entry_speed > 0.0
@@ -84,15 +75,9 @@ class ContactInstant(eqx.Module):
 def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> tuple[Point, Scalar]:
-    """Return the peaks of a contact in a step of length h, s.
-
-    **Arguments:** `law`: the contact law; `start`, `end`: the contact at the ends of the step. The
-    entry speed at `start` is used in the whole step; if it is zero, the current rate replaces it.
-
-    **Returns:** the largest normal force, N, as a `Point`, whose position is the fraction of the
-    step's time, 0 to 1, after which this force occurs; and the largest depth, m, which may occur at
-    another time.
-    """
+    """Return the largest normal force, N, of a contact in a step of length h, s, as a `Point` at
+    the elapsed part of the step's time, 0 to 1, and the largest depth, m. The entry speed at
+    `start` is used in the whole step; if it is zero, the current rate replaces it."""
     first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
     quintic = Quintic.through(first, last, h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
@@ -109,11 +94,6 @@ def peak_in_step(
 
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
-    """Return the largest value of a function on the interval 0 to 1, and its position.
-
-    The function is evaluated at `PIECES` + 1 equidistant points. The peak is refined around the
-    inner point with the largest value, and the values at both ends are compared with the result.
-    """
     # Among all triples of neighbouring points, the one with the highest middle point is selected.
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
     best = points[:3]
@@ -126,11 +106,8 @@ def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
     """Return the fraction, 0 to 1, of a step of length h, s, after which a contact ends; 1 if it
-    does not end in the step.
-
-    The depth is interpolated by the cubic through depths and rates at `start`, where the contact
-    must exist, and at `end`.
-    """
+    does not. The depth is interpolated by the cubic through depths and rates at `start`, where the
+    contact must exist, and at `end`."""
     before, after = _depths(law, start, end)
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
@@ -149,14 +126,7 @@ INSTANTS = ("onset", "separation", "peak_time")
 
 
 class ImpactRow(eqx.Module):
-    """A finished contact.
-
-    - `onset`, `separation`: s, times at which the contact force began and ended.
-    - `entry_speed`, `exit_speed`: m/s, speeds of approach at the onset and of separation at the
-      end, both positive.
-    - `peak_force`, `peak_time`: largest normal force in N, and its time in s.
-    - `largest_penetration`: m.
-    """
+    """A finished contact. The fields are those of `Impacts`, with times on the clock of the run."""
 
     onset: Scalar
     separation: Scalar
@@ -167,22 +137,18 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and also the "duration" of the contact, s.
-
-        The scheduler of the runs of a sweep calls this method for the rows of all recorders, with
-        arguments that only the rows of Poincaré sections need.
-        """
+        """Return all fields by name, and also the "duration" of the contact, s. The scheduler of
+        lanes calls this for the rows of all recorders, with arguments that only rows of sections
+        need."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
 class ContactSoFar(eqx.Module):
     """A contact at the end of the latest accepted step.
 
-    - `instant`: the contact at that time.
     - `begun`: whether it touches at that time and its onset was after the start of the run.
-    - `row`: its onset, its entry speed and its peaks so far, valid only if `begun`. Its fields
-      `separation` and `exit_speed` have no meaning: only the row that `after` returns for the step
-      in which the contact ends contains them.
+    - `row`: its onset, its entry speed and its peaks so far, valid only if `begun`. `separation`
+      and `exit_speed` have no meaning before the contact ends.
     """
 
     instant: ContactInstant
@@ -192,13 +158,12 @@ class ContactSoFar(eqx.Module):
     def after(
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant, lands: bool
     ) -> tuple["ContactSoFar", Condition, ImpactRow]:
-        """Return the contact after a further step, from t0 to t1, s.
+        """Return the contact after a further step, from t0 to t1, s; whether a contact that began
+        in an earlier step of the run ended in this step; and its row, which is valid only in this
+        case.
 
-        **Arguments:** `law`: the contact's law; `end`: the contact at t1; `lands`: whether steps
-        end at onsets and ends of contacts.
-
-        **Returns:** the contact after the step; whether a contact that began in an earlier step of
-        the run ended in this step; and its row, which is valid only in this case.
+        **Arguments:** `end`: the contact at t1; `lands`: whether steps end at onsets and ends of
+        contacts.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
@@ -210,13 +175,13 @@ class ContactSoFar(eqx.Module):
         # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
         # steps land at the ends of contacts, the rate there needs no interpolation.
         row = ImpactRow(
-            row.onset,
-            t0 + h * over,
-            row.entry_speed,
-            -(end.gap.rate if lands else hermite_rate(over, before, after, h)),
-            jnp.where(stronger, peak.value, row.peak_force),
-            jnp.where(stronger, t0 + h * peak.x, row.peak_time),
-            jnp.maximum(row.largest_penetration, depth),
+            onset=row.onset,
+            separation=t0 + h * over,
+            entry_speed=row.entry_speed,
+            exit_speed=-(end.gap.rate if lands else hermite_rate(over, before, after, h)),
+            peak_force=jnp.where(stronger, peak.value, row.peak_force),
+            peak_time=jnp.where(stronger, t0 + h * peak.x, row.peak_time),
+            largest_penetration=jnp.maximum(row.largest_penetration, depth),
         )
         begins = touches & jnp.logical_not(touched)
         if lands:
@@ -226,16 +191,24 @@ class ContactSoFar(eqx.Module):
             onset, speed = t1 - since_onset, end.speed()
             # The peaks of a contact that began in this step are minus infinity, so that its first
             # whole step, the next one, sets them. Hardly any part of the contact is in this step.
-            nothing = jnp.full_like(row.peak_force, -jnp.inf)
-            peaks = nothing, t1, nothing
+            unset = jnp.full_like(row.peak_force, -jnp.inf)
+            peak_force, peak_time, depth = unset, t1, unset
         else:
             # The contact may have begun long before the end of the step, and may already recede
             # there.
             x = hermite_root(before, after, h)
             onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
-            peaks = peak.value, t0 + h * peak.x, depth
+            peak_force, peak_time = peak.value, t0 + h * peak.x
         # The separation and the exit speed are still unknown, so these fields get any numbers.
-        fresh = ImpactRow(onset, t1, speed, end.gap.rate, *peaks)
+        fresh = ImpactRow(
+            onset=onset,
+            separation=t1,
+            entry_speed=speed,
+            exit_speed=end.gap.rate,
+            peak_force=peak_force,
+            peak_time=peak_time,
+            largest_penetration=depth,
+        )
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
         contact = ContactSoFar(end, begun, choose(begins, fresh, row))
@@ -262,8 +235,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
       rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
     - `wanted`: by label of the contact, such as "pin V", the largest number of impacts to record
-      until the contact's buffer is emptied; a sweep may need no more. Unlike impacts beyond
-      `capacity`, further ones are not counted. ``None``, as in a single run, for no such limit.
+      until the contact's buffer is emptied; further ones are not counted. ``None`` for no such
+      limit.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
@@ -271,8 +244,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     capacity: int = eqx.field(default=ROWS, static=True)
     wanted: Mapping[str, Scalar] | None = None
 
+    @override
     def start(self, start: RunStart) -> ImpactRecord:
-        """Return empty buffers, and the contacts at the start of the run."""
         no, loop = jnp.asarray(False), start.loop
         none = ImpactRow(*[jnp.zeros(())] * 7)
         rows = RowBuffer.like(none, self.capacity)
@@ -282,8 +255,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             instants,
         )
 
+    @override
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
-        """Return the record after an attempt; it is unchanged if the step was not accepted."""
         now, system, kept = step_outcome.now, step_outcome.system, step_outcome.kept
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
         lands = step_outcome.method.landing is not None
@@ -293,47 +266,37 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         count = sum(map(len, laws.values()))
 
         def after(name: str, label: str) -> ContactRecord:
-            one = record[name][label]
+            recorded = record[name][label]
             law, end = laws[name][label], ends[name][label]
-            given = one.contact, law, t0, t1, end, lands
-            contact, over, row = shared_by_many(count, ContactSoFar.after, *given)
+            arguments = recorded.contact, law, t0, t1, end, lands
+            contact, over, row = shared_by_many(count, ContactSoFar.after, *arguments)
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = kept & over
             if self.window is not None:
                 written = written & self.window.at(now).holds(system.clock(row.onset))
             if self.wanted is not None:
-                written = written & (self.wanted[contact_label(name, label)] > one.rows.count)
-            rows = one.rows.with_row(row, written)
-            return ContactRecord(choose(kept, contact, one.contact), rows)
+                written = written & (self.wanted[contact_label(name, label)] > recorded.rows.count)
+            rows = recorded.rows.with_row(row, written)
+            return ContactRecord(choose(kept, contact, recorded.contact), rows)
 
         return each_label(after, record)
 
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step
     ) -> dict[str, dict[str, ContactInstant]]:
-        """Return the `ContactInstant` of each contact to record, by joint and contact.
-
-        **Arguments:** `method`, `system`: those of the run; `step`: the complete state of the run
-        at this time; `now`: the same state as an `Instant`.
-        """
         names = now.contacts if self.joint is None else [self.joint]
         second_rates = _second_rates(method, system, step)
 
         def instant(name: str, label: str) -> ContactInstant:
             speed = now.entry_speeds.get(name, {}).get(label)
-            # The state of a loop must keep its types, so the numbers have no weak type.
-            gap = jax.tree.map(
-                lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)),
-                now.contacts[name][label].contact.gap,
-            )
+            gap = without_weak_types(now.contacts[name][label].contact.gap)
             return ContactInstant(gap, second_rates[name][label], speed)
 
         return each_label(instant, {name: now.contacts[name] for name in names})
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact, in the
-    state `step` of a run, at the end of a step or at the start of the run."""
+    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.
@@ -346,29 +309,19 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the number of impacts of the contact that has most of them; zero without contacts.
-
-    Impacts for which a buffer had no room are counted too, so that the result is the number of rows
-    for which each buffer needs room.
-    """
-    counts = (int(one.rows.count) for family in record.values() for one in family.values())
-    return max(counts, default=0)
+    """Return the number of impacts of the contact that has most of them, including those for which
+    its buffer had no room; zero without contacts."""
+    contacts = (contact for family in record.values() for contact in family.values())
+    return max((int(contact.rows.count) for contact in contacts), default=0)
 
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
-    """Return the impacts in a record as rows for `Impacts.of_rows`.
-
-    There is one tuple for each impact: the name of the joint, the label of the contact, and the
-    numbers that `IMPACT_UNITS` names, in its order.
-
-    **Arguments:** `record`: the record in NumPy arrays, whose buffers must have had room for all
-    impacts; `origin`: s, the scene's time at which the clock of the run was zero, which is added
-    to all times.
-    """
+    """Return the impacts in a record of NumPy arrays as rows for `Impacts.of_rows`. The scene's
+    time at which the clock of the run was zero, `origin`, s, is added to all times."""
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
-        for contact, one in family.items():
-            columns = one.rows.filled().columns()
+        for contact, recorded in family.items():
+            columns = recorded.rows.filled().columns()
             columns |= {name: columns[name] + origin for name in INSTANTS}
             numbers = (np.asarray(columns[name]).tolist() for name in IMPACT_UNITS)
             rows += [(joint, contact, *row) for row in zip(*numbers, strict=True)]

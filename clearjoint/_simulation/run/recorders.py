@@ -1,9 +1,4 @@
-"""Buffers of rows, and the recorders of attempts, of states after each step, and of reductions.
-
-A recorder collects data, its record, during a run; see `AbstractRecorder` in `.run_loop`. An
-attempt is a trial step, accepted or rejected, with its data for dense output, the solution inside
-the step. A reduction is a result that is updated at every step, such as the peak of a force.
-"""
+"""Buffers of rows, and the recorders of attempts, of states after each step, and of reductions."""
 
 from dataclasses import replace
 from typing import Generic, NamedTuple, TypeVar
@@ -13,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
@@ -28,29 +24,21 @@ from .run_loop import AbstractRecorder, RunStart, StepOutcome, state_of
 R = TypeVar("R", bound=PyTree[Scalar])
 
 ROWS = 64
-"""Usual number of rows of a `RowBuffer` that Python empties during a run. When such a buffer is
-full, compiled code returns to Python. The number is small, since each run of a sweep has its own
-buffers."""
+"""Usual number of rows of a `RowBuffer` that Python empties during a run. It is small, since each
+run of a sweep has its own buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):
-    """A buffer of fixed size that compiled code fills with rows, such as finished impacts. Each row
-    is a PyTree of numbers.
-
-    - `rows`: a PyTree with the structure of a row, whose leaves have an additional first axis of
-      rows. This axis is longer by one than the number of rows for which the buffer has room; its
-      last row is never read.
-    - `count`: number of rows written since the buffer was empty, including rows for which there was
-      no room.
-    """
+    """A buffer of fixed size that compiled code fills with rows, each a PyTree of numbers, such as
+    finished impacts. The last of the `rows` is never read; `count` includes rows for which there
+    was no room."""
 
     rows: R
     count: jax.Array
 
     @staticmethod
     def like(row: R, capacity: int) -> "RowBuffer[R]":
-        """Return an empty buffer with room for `capacity` rows of the structure and shapes of
-        `row`."""
+        """Return an empty buffer with room for `capacity` rows like `row`."""
         # Rows for which there is no room are written to one further row: JAX moves an index that
         # is too large to the last one.
         rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)
@@ -58,8 +46,7 @@ class RowBuffer(eqx.Module, Generic[R]):
 
     @property
     def capacity(self) -> int:
-        """Number of rows for which the buffer has room, whether they are already written or
-        not."""
+        """Number of rows for which the buffer has room, written or not."""
         return jax.tree.leaves(self.rows)[0].shape[0] - 1
 
     def is_full(self) -> Condition:
@@ -67,11 +54,8 @@ class RowBuffer(eqx.Module, Generic[R]):
         return self.count >= self.capacity
 
     def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":
-        """Return the buffer with `row` written behind the last row if `wanted`, otherwise
-        unchanged.
-
-        If there is no room, the row is lost, but `count` increases.
-        """
+        """Return the buffer with `row` written behind the last row if `wanted`. If there is no
+        room, the row is lost, but `count` increases."""
 
         def write() -> R:
             return jax.tree.map(
@@ -84,8 +68,7 @@ class RowBuffer(eqx.Module, Generic[R]):
         return RowBuffer(rows, self.count + wanted)
 
     def filled(self) -> R:
-        """Return copies of the rows written so far as NumPy arrays, with an additional first axis
-        of rows."""
+        """Return copies of the rows written so far as NumPy arrays."""
         count = min(int(self.count), self.capacity)
         return jax.tree.map(lambda rows: np.array(rows[:count]), jax.device_get(self.rows))
 
@@ -96,24 +79,21 @@ class RowBuffer(eqx.Module, Generic[R]):
 
 class LatestAttempt(AbstractRecorder[Attempt]):
     """Recorder of the latest accepted attempt, from which states and derivatives inside its step
-    are computed by dense output."""
+    are computed."""
 
+    @override
     def start(self, start: RunStart) -> Attempt:
-        """Return an attempt that ends at the start of the run with the initial state, which may be
-        needed before the first step. The attempt's other numbers are zero."""
         return start.blank_attempt
 
+    @override
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
-        """Return the attempt if its step was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, step_outcome.tried, record)
 
 
 class TangentPeak(NamedTuple):
-    """Largest derivative of a speed of the motion by each of p parameters over all accepted steps.
-
-    - `size`, `time`: (p,) the derivative, and when it was reached, s since the start of the run.
-    - `positions`: (p,) largest derivative of a position since then.
-    """
+    """Largest derivative of a speed of the motion by each of p parameters over all accepted steps,
+    the time when it was reached, s since the start of the run, and the largest derivative of a
+    position since then, (p,) each."""
 
     size: jax.Array
     time: jax.Array
@@ -123,12 +103,12 @@ class TangentPeak(NamedTuple):
 class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
     """Recorder of the largest derivatives of speeds, whose errors limit the accuracy later on."""
 
+    @override
     def start(self, start: RunStart) -> TangentPeak:
-        """Return the derivatives of the initial state."""
         return self._now(start.loop.system, start.step)
 
+    @override
     def after(self, record: TangentPeak, step_outcome: StepOutcome) -> TangentPeak:
-        """Return the larger of the recorded derivatives and those after the step."""
         now = self._now(step_outcome.system, step_outcome.after)
         # A step that was not accepted leaves the state, and thus the record, as it was.
         before = record._replace(positions=jnp.maximum(record.positions, now.positions))
@@ -145,72 +125,61 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
-    """Recorder of the latest accepted step, from which states inside the step are computed by dense
-    output. The solver must be an explicit Runge-Kutta method."""
+    """Recorder of the latest accepted step, from which states inside it are computed. The solver
+    must be an explicit Runge-Kutta method."""
 
+    @override
     def start(self, start: RunStart) -> DenseStep:
-        """Return a step that ends at the start of the run with the initial state, which may be
-        needed before the first step. The step's other numbers are zero."""
         return DenseStep.of(start.blank_attempt)
 
+    @override
     def after(self, record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
-        """Return the step if it was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, step_outcome.dense_step, record)
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, and the `state` at that time, whose vectors are three separate scalars.
-
-    The clock is that of the run's `System`: it counts the time from the system's `origin`, s, or
-    shows the scene's time if there is no origin.
-
-    In a buffer of N rows, all arrays have an additional first axis of length N.
-    """
+    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time in scalar
+    form."""
 
     t: Numbers
     state: State
 
 
 class StepRecorder(AbstractRecorder[RowBuffer[TimedState]]):
-    """Recorder of the states at the start of a run and after each accepted step.
-
-    **Arguments:** `capacity`: number of rows of the buffer. Rows for which there is no room are
-    lost, so the caller must empty the buffer when it is full.
-    """
+    """Recorder of the states at the start of a run and after each accepted step. The caller must
+    empty the buffer of `capacity` rows when it is full, or further rows are lost."""
 
     capacity: int = eqx.field(static=True)
 
+    @override
     def start(self, start: RunStart) -> RowBuffer[TimedState]:
-        """Return a buffer whose first row is the state at the start."""
         row = _row(start.loop.system, start.step)
         return RowBuffer.like(row, self.capacity).with_row(row, True)
 
+    @override
     def after(
         self, record: RowBuffer[TimedState], step_outcome: StepOutcome
     ) -> RowBuffer[TimedState]:
-        """Return the buffer with the state after the step added, if the step was accepted."""
         return record.with_row(_row(step_outcome.system, step_outcome.after), step_outcome.kept)
 
 
 class ReductionRecorder(AbstractRecorder[PyTree]):
-    """Recorder of a reduction, such as the peak of a force. Its record is the reduction's tally,
-    the data that the reduction carries from step to step."""
+    """Recorder of a reduction; its record is the reduction's tally."""
 
     reduction: AbstractReduction
 
+    @override
     def start(self, start: RunStart) -> PyTree:
-        """Return the reduction's tally at the start of the run."""
         return self.reduction.start(start.now)
 
+    @override
     def after(self, record: PyTree, step_outcome: StepOutcome) -> PyTree:
-        """Return the tally after the step if the step was accepted, otherwise the recorded one."""
         return choose(step_outcome.kept, self.reduction.update(record, step_outcome.now), record)
 
+    @override
     def searched(self, now: Instant) -> PyTree[Scalar]:
-        """Return what the reduction computes from an instant."""
         return self.reduction.update(self.reduction.start(now), now)
 
 
 def _row(system: System, step: Step) -> TimedState:
-    """Return the time and the state in the complete state `step` of a run."""
     return TimedState(step.t, state_of(system, step.y, step.entry_speeds))

@@ -2,8 +2,7 @@
 
 A start is a scene with an initial state, a start time and coordinates. Most checks of starts run in
 Python. For scenes that are run many times, a compiled native program does the same checks faster.
-Starts have the same structure if they differ only in their numbers. Redundant constraints are those
-that depend linearly on others.
+Starts have the same structure if they differ only in their numbers.
 """
 
 import sys
@@ -42,12 +41,7 @@ from ..._dynamics.constraint_report import (
     start_rows,
 )
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
-from ..._dynamics.journals import (
-    FAR_OUTSIDE,
-    FAST_APPROACH,
-    require_in_bearings,
-    starting_contacts,
-)
+from ..._dynamics.journals import FAR_OUTSIDE, FAST_APPROACH, require_in_bearings, starting_contacts
 from ..._fields.caching import cached_by_numbers
 from ..._fields.cautions import number_issued, warns
 from ..._fields.checks import conditions_of, recheck, recheck_changes, require
@@ -65,19 +59,17 @@ from ..step.method import Scheme
 from ..step.settings import Settings
 
 BY_NUMPY = 16
-"""Number of starts of the same structure that are checked in Python. For further ones a native
-program is compiled, which checks each in microseconds. Compiling takes as long as thirty checks of
-a pendulum, or fourteen of a chain of thirty joints."""
+"""Number of starts of the same structure that are checked in Python, before a native program is
+compiled, which checks each in microseconds. Compiling takes as long as thirty checks of a pendulum,
+or fourteen of a chain of thirty joints."""
 KEPT = 256
 """Largest number of starts of the same structure for which results of the search for redundant
 constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
-    """Check that JAX computes in 64 bits, unless single precision is allowed.
-
-    **Raises:** `ValueError` if JAX computes in 32 bits.
-    """
+    """Check that JAX computes in 64 bits, unless single precision is allowed, or raise a
+    `ValueError`."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
@@ -86,34 +78,23 @@ def check_precision(allow_float32: bool) -> None:
 
 
 def is_traced(tree: PyTree) -> bool:
-    """Return whether JAX traces a leaf of a PyTree, so that its value is not known in Python.
-
-    Inside a transformation, such as `jax.jit` or `jax.vmap`, the result is ``True`` for every
-    PyTree: under `jax.jit`, results of computations with known numbers are traced too.
-    """
+    """Return whether JAX traces a leaf of a PyTree. Inside a transformation, the result is ``True``
+    for every PyTree: under `jax.jit`, results of computations with known numbers are traced too."""
     return is_tracing() or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
 
 def check_numbers(scene: Scene, state: State) -> None:
     """Check that the numbers of a scene satisfy the conditions of its constructors, and that a
     state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
-    norm. Traced numbers raise no error; see `in_domain`.
-
-    **Raises:** `ValueError` that names the element.
-    """
+    norm, or raise a `ValueError`. Traced numbers raise no error; see `in_domain`."""
     _recheck(scene)
     check_names(scene, state)
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Return a traced bool, which is true if the numbers pass a check; ``None`` if the check meets
-    no traced numbers.
-
-    A run that JAX traces cannot raise errors for invalid numbers. Its program evaluates this
-    condition once, before the first step.
-
-    **Arguments:** `check`: a function that raises an error for invalid numbers if they are known.
-    """
+    """Return a traced bool, which is true if the numbers pass a `check` that raises errors for
+    known numbers; ``None`` if the check meets no traced numbers. A run that JAX traces cannot raise
+    errors, so its program evaluates this condition before the first step."""
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
 
@@ -125,29 +106,35 @@ def check_start(
     coordinates: AbstractCoordinates,
     flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
-    """Check all numbers of a scene and a state, and the state against the constraints.
-
-    **Arguments:** `start_time`: s, the time at which constraints are evaluated; `coordinates`: the
-    coordinates of the run, which must be able to represent the state; `flat`: scene and state, if
-    they are flattened already and all of their leaves are arrays of floats.
-
-    **Returns:** the names of the redundant constraints.
-
-    **Raises**, **Warns:** as `check_numbers` and `check_structure`.
-    """
+    """Check all numbers of a scene and a state, and the state against the constraints at
+    `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
+    constraints. `flat` are scene and state, if they are flattened already and all leaves are arrays
+    of floats."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
         return check_structure(scene, state, start_time, coordinates)
-    return starts.checked(scene, state, start_time, coordinates, flat)
+    arguments = flat_start(scene, state, start_time, coordinates, flat)
+    key = arguments.key, arguments.numbers
+    redundant = starts.passed.recent(key)
+    if redundant is None:
+        before = number_issued()
+        # The native check is fast, but cannot say why a start fails. A start that fails is
+        # therefore checked again in Python, which raises the error.
+        redundant = starts.redundant(arguments)
+        if redundant is None:
+            check_numbers(scene, state)
+            redundant = check_structure(scene, state, start_time, coordinates)
+        # A start that leads to a warning does so at each call.
+        if warns() and number_issued() == before:
+            starts.passed.add(key, redundant)
+    return redundant
 
 
 def check_structure(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> tuple[str, ...]:
-    """Check an initial state against the constraints of a scene at a time t, s. Nothing is checked
-    in a scene without joints.
-
-    **Returns:** the names of the redundant constraints.
+    """Check an initial state against the constraints of a scene, if it has joints, at a time t, s,
+    and return the names of the redundant constraints.
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
     orientation, if a contact is deeper than its joint allows, as for a journal far outside its
@@ -175,8 +162,6 @@ def derivative_scheme(
 ) -> Scheme:
     """Check scene, state and settings of a run with derivatives, and return its integration method
     and formulation.
-
-    **Arguments:** `start_time`: s, the time at which the state must satisfy the constraints.
 
     **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
     support, such as a solver other than an explicit Runge-Kutta method, or a `landing_tolerance` of
@@ -207,13 +192,8 @@ passed the check recently."""
 
 
 class StartValues(NamedTuple):
-    """What the checks of a start compare with their limits.
-
-    - `depths`, `approaches`: the results of `starting_contacts`, by joint and contact label.
-    - `rows`: the constraint equations.
-    - `cosines`: the result of `cosines_of_turns`, by joint.
-    - `variables`, `orientations`: the result of `round_trip`.
-    """
+    """What the checks of a start compare with their limits: the results of `starting_contacts`, the
+    constraint equations, and the results of `cosines_of_turns` and `round_trip`."""
 
     depths: ByLabel[Scalar]
     approaches: ByLabel[Scalar]
@@ -228,8 +208,7 @@ class StartValues(NamedTuple):
 def start_values(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartValues:
-    """Return the values for the checks of a start at a time t, s. Vectors in scene and state may be
-    arrays (3,) or three separate scalars."""
+    """Return the values for the checks of a start at a time t, s."""
     scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
     motions = free_motions(scene, state.bodies)
     depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
@@ -245,8 +224,7 @@ def _passes(
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:** whether the start passes all checks except those of redundancy and of the scene's
-    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`, from
-    which redundant constraints are found.
+    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`.
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
@@ -273,7 +251,7 @@ def _passes(
 def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
     """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
     time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
-    which can't raise errors, use this function for these checks of `check_structure`."""
+    which can't raise errors, use this instead of `check_structure`."""
     return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
 
 
@@ -286,9 +264,9 @@ def _assembled(state: State, start: StartValues) -> Condition:
     for name, body in state.bodies.items():
         # As in `require_representable`, only orientations are compared: with an axis reversed, a
         # state may satisfy all constraints, but its orientation after the conversion is another.
-        given, same = body.orientation, start.orientations[name]
+        p, q = body.orientation, start.orientations[name]
         # Both signs of Euler parameters are the same orientation.
-        apart = jnp.minimum(jnp.abs(given - same).max(), jnp.abs(given + same).max())
+        apart = jnp.minimum(jnp.abs(p - q).max(), jnp.abs(p + q).max())
         holds.append(apart < REPRESENTED)
     return reduce(and_, holds, jnp.asarray(True))
 
@@ -308,11 +286,7 @@ def flat_start(
 
 
 class _Starts:
-    """Fast checks of starts by native programs, of which there is one for each structure.
-
-    A native program says only whether a start passes all checks. A start that fails is checked
-    again in Python, where the errors name the cause.
-    """
+    """Fast checks of starts by native programs, of which there is one for each structure."""
 
     def __init__(self) -> None:
         self._function = NativeFunction(_passes, few_runs=True)
@@ -321,85 +295,52 @@ class _Starts:
         # Caches of the function `dependent`, by structure.
         self._distances: dict[Hashable, dict[bytes, np.ndarray]] = {}
         # Redundant constraints of recent starts that have passed all checks without a warning.
-        self._passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
+        self.passed: RecentPrograms[tuple[str, ...]] = RecentPrograms()
         # The latest scene of each structure whose numbers have passed their checks.
         self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
     def count(self) -> int:
-        """Return the number of native programs that have been compiled to check starts."""
         return self._function.count()
 
-    def checked(
-        self,
-        scene: Scene,
-        state: State,
-        t: Scalar,
-        coordinates: AbstractCoordinates,
-        flat: FlatArguments | None = None,
-    ) -> tuple[str, ...]:
-        """Return the result of `check_start`, of which these are the arguments."""
-        given = flat_start(scene, state, t, coordinates, flat)
-        key = given.key, given.numbers
-        redundant = self._passed.recent(key)
-        if redundant is None:
-            before = number_issued()
-            # The native check is fast, but cannot say why a start fails. A start that fails is
-            # therefore checked again in Python, which raises the error.
-            redundant = self.redundant(given)
-            if redundant is None:
-                check_numbers(scene, state)
-                redundant = check_structure(scene, state, t, coordinates)
-            # A start that leads to a warning does so at each call.
-            if warns() and number_issued() == before:
-                self._passed.add(key, redundant)
-        return redundant
-
-    def redundant(self, given: FlatArguments) -> tuple[str, ...] | None:
-        """Return the names of the redundant constraints of a start that passes all checks.
-
-        The result is ``None`` if the start fails a check, if redundancy is uncertain, or if there
-        is no native program for its structure, as for the first starts of a structure.
-
-        **Arguments:** `given`: scene, state, start time and coordinates, flattened.
-
-        **Raises:** `ValueError` for numbers of the scene that its constructors refuse.
-        """
-        scene, unfolded = given.arguments[0], given.parts[0]
-        given = FlatArguments.joined((flattened(folded(unfolded)), *given.parts[1:]))
-        self._seen[given.key] += 1
+    def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
+        """Return the names of the redundant constraints of a start that passes all checks; ``None``
+        if it fails a check, if redundancy is uncertain, or if there is no native program for its
+        structure."""
+        scene, unfolded = arguments.arguments[0], arguments.parts[0]
+        arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))
+        self._seen[arguments.key] += 1
         if not is_native():
             return None
-        if self._seen[given.key] == 1:
-            self._function.load(given)
+        if self._seen[arguments.key] == 1:
+            self._function.load(arguments)
         # Compiling takes longer than the checks of a few starts, so the first ones of a structure
         # are left to Python, unless another process has saved the program.
-        if self._seen[given.key] <= BY_NUMPY and not self._function.is_made(given):
+        if self._seen[arguments.key] <= BY_NUMPY and not self._function.is_made(arguments):
             return None
         try:
-            fine, (names, left) = self._function.run(given)
+            passes, (names, left) = self._function.run(arguments)
         except (UnsupportedPrimitiveError, ValueError):
             # Native code has no rule for an operation of the checks, or a check fails for any
             # numbers, for instance if a body lacks a state. Never try this structure again.
-            self._seen[given.key] = -sys.maxsize
+            self._seen[arguments.key] = -sys.maxsize
             return None
-        if not fine:
+        if not passes:
             return None
         self._recheck(scene, unfolded)
         # The search for redundant constraints depends only on `left`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
-        known = self._distances.setdefault(given.key, {})
-        if len(known) >= KEPT:
-            known.clear()
+        distances = self._distances.setdefault(arguments.key, {})
+        if len(distances) >= KEPT:
+            distances.clear()
         order = scene_order(names, scene)
         names, left = tuple(names[k] for k in order), left[order]
-        redundant, uncertain = dependent(names, left, known)
+        redundant, uncertain = dependent(names, left, distances)
         return None if uncertain else redundant
 
     def _recheck(self, scene: Scene, flat: FlatArguments) -> None:
-        """Repeat the checks of the constructors of a scene, or only those of the numbers that
-        differ from the latest scene of the same structure. In native code, these checks were a
-        third of the program."""
+        # Only numbers that differ from those of the latest scene of the structure are checked. In
+        # native code, these checks were a third of the program.
         earlier = self._scenes.recent(flat.key)
         changed = None if earlier is None else flat.changes(earlier)
         if changed is None:

@@ -1,13 +1,8 @@
 """The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
 
-Single runs, runs with derivatives and lanes of sweeps all use `RunLoop`. They differ in their
-recorders, which collect data during the run. In sweeps the scheduler of lanes repeats the body of
-the loop; in other runs JAX's loops do so. A lane is one run of a sweep. Compiled code advances
-several lanes side by side; a lane that waits, for example because one of its buffers is full, stays
-unchanged in the meantime.
-
-Times are on the clock of the run's `System`, which counts the time from the system's `origin`, s;
-without an origin it shows the scene's time.
+Single runs, runs with derivatives and lanes of sweeps all use `RunLoop` and differ in their
+recorders. In sweeps the scheduler of lanes repeats the body of the loop; in other runs JAX's loops
+do.
 """
 
 import abc
@@ -39,26 +34,21 @@ R = TypeVar("R", bound=PyTree)
 
 @dataclass(frozen=True, eq=False)
 class RunStart:
-    """A run before its first step, as recorders receive it.
-
-    - `loop`: the loop of the run.
-    - `step`: the complete state of the run.
-
-    The properties are computed only if a recorder uses them.
-    """
+    """A run before its first step, as recorders receive it. The properties are computed only if
+    used."""
 
     loop: "RunLoop"
     step: Step
 
     @cached_property
     def now(self) -> Instant:
-        """The start as an `Instant`, from which quantities such as positions are computed."""
+        """The start as an `Instant`."""
         return Snapshot(self.step.t, self.step.y, self.step.entry_speeds).instant(self.loop.system)
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that contains the state at the start, and zeros in its other fields, as the
-        first record of recorders that keep attempts."""
+        """An `Attempt` that ends at the start with the initial state, and has zeros in its other
+        fields."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -67,16 +57,9 @@ class RunStart:
 
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
-    """The outcome of an attempt to take a step, as recorders receive it.
-
-    - `method`, `system`: solver and step control; the system that is integrated.
-    - `before`, `after`: the complete state of the run before and after the attempt. If the step was
-      not accepted, time and variables are the same in both.
-    - `tried`: the attempt, with its data for dense output.
-    - `kept`: whether the step was accepted; false for a lane that waits.
-
-    The properties are computed only if a recorder uses them.
-    """
+    """The outcome of an attempt to take a step, as recorders receive it. If the step was not
+    accepted (`kept`), or the lane waits, time and variables are the same `before` and `after`. The
+    properties are computed only if used."""
 
     method: Method
     system: System
@@ -87,14 +70,12 @@ class StepOutcome:
 
     @cached_property
     def dense_step(self) -> DenseStep:
-        """The step with the data for dense output, the solution inside it; valid only if the step
-        was accepted."""
+        """The step with its dense output; valid only if the step was accepted."""
         return DenseStep.of(self.tried)
 
     @cached_property
     def now(self) -> Instant:
-        """The state `after` as an `Instant`, from which quantities such as positions are computed.
-        Its method `inside`, which returns instants inside the step, is valid only if the step was
+        """The state `after` as an `Instant`, whose method `inside` is valid only if the step was
         accepted."""
         after = self.after
 
@@ -105,8 +86,7 @@ class StepOutcome:
 
 
 class AbstractRecorder(eqx.Module, Generic[R]):
-    """Base class of recorders, which collect data during a run. The data are of type R and are
-    called the record.
+    """Base class of recorders, which collect data of type R, the record, during a run.
 
     `RunLoop` calls `start` once before the first step, and `after` after each attempt.
     """
@@ -121,7 +101,7 @@ class AbstractRecorder(eqx.Module, Generic[R]):
 
     def searched(self, now: Instant) -> PyTree[Scalar]:
         """Return the numbers at an instant that the recorder evaluates at few instants of a step,
-        so that a step must not pass many of their oscillations. The default is none."""
+        so that a step must not pass many of their oscillations; by default none."""
         del now
         return ()
 
@@ -143,14 +123,11 @@ class Progress(eqx.Module):
 class RunLoop:
     """The loop of a run.
 
-    - `method`: solver and step control; `system`: the system to integrate.
     - `t_end`: s, end of the run; no step goes past it.
-    - `recorders`: nested dictionaries of recorders; the records have the same keys.
     - `family`: the system as a function of parameters, if the run carries derivatives with respect
       to them; otherwise ``None``.
     - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
-    - `attempt`: the function that tries a step, with the arguments and the result of the function
-      `attempt` in `..step.stepping`, which is the default.
+    - `attempt`: the function that tries a step.
     """
 
     method: Method
@@ -162,19 +139,13 @@ class RunLoop:
     attempt: Callable[..., Attempt] = attempt
 
     def start(self, step: Step) -> Progress:
-        """Return the run before its first step: the given state, and the first records."""
+        """Return the run before its first step, with the first records."""
         start = RunStart(self, step)
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
     def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
-        """Return the run after one attempt to take a step.
-
-        If the step is rejected, time and variables stay as they are, and the next attempt is
-        shorter.
-
-        **Arguments:** `now`: the run before the attempt; `goes`: whether to make the attempt; where
-        it is false, as in a lane that waits, the run stays unchanged. By default it is made.
-        """
+        """Return the run after one attempt to take a step; unchanged where `goes` is false, as in a
+        lane that waits."""
         family_if_any = () if self.family is None else (self.family,)
         method = self._method(now.step)
         tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
@@ -189,9 +160,6 @@ class RunLoop:
         return Progress(after, records)
 
     def _method(self, step: Step) -> Method:
-        """Return the method with the bodies whose rotations its steps limit (see
-        `..step.rotation_limit`), for steps of the structure of `step`."""
-
         def searched(motion: MotionVariables) -> PyTree:
             y = replace(step.y, motion=motion)
 
@@ -214,12 +182,9 @@ class RunLoop:
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
         """Return the run after further steps, of which the last one ends at or after the time
-        `stop`, s. A run that has reached this time already stays unchanged.
-
-        The steps end earlier at a failure, at the end of the run `t_end`, after `attempts` attempts
-        since the start of the run, and if the function `goes`, called with the run before each
-        attempt, returns false.
-        """
+        `stop`, s. The steps end earlier at a failure, at the end of the run, after `attempts`
+        attempts since the start of the run, and if `goes`, called with the run before each attempt,
+        returns false."""
 
         def continues(now: Progress) -> Condition:
             more = (now.step.t < stop) & running(now.step, self.t_end, attempts)
@@ -231,8 +196,6 @@ class RunLoop:
 def _map_recorders(
     function: Callable[..., PyTree], recorders: Recorders, *records: Records
 ) -> Records:
-    """Call a function for each recorder, with its record as second argument if `records` are given,
-    and return the results in nested dictionaries with the keys of `recorders`."""
     return jax.tree.map(
         function, recorders, *records, is_leaf=lambda tree: isinstance(tree, AbstractRecorder)
     )
@@ -241,16 +204,8 @@ def _map_recorders(
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run before its first step.
-
-    **Arguments:** `method`: solver and step control; `system`: the system to integrate; `state`:
-    the initial state, whose vectors are arrays (3,); `t0`, `t_end`: s, start and end of the run;
-    `first_step`: s, length of the first step.
-
-    The run continues from the state's entry speeds, bristles and energy ledger (the integrals of
-    powers). Entries that the state lacks are initialised. The ledger is left out if the formulation
-    keeps none.
-    """
+    """Return the complete state of a run before its first step, from a packed `state`, whose entry
+    speeds, bristles and ledger are initialised where it lacks them."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles))
@@ -258,21 +213,17 @@ def begin_run(
 
 
 def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
-    """Return variables y and entry speeds, m/s, as a `State` whose vectors are three separate
-    scalars."""
+    """Return variables and entry speeds as a `State` in scalar form."""
     return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
 
 
 def final_state(system: System, step: Step) -> State:
-    """Return the state after `step`, whose vectors are three separate scalars."""
+    """Return the state after `step`, in scalar form."""
     return state_of(system, step.y, step.entry_speeds)
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return the result code of a run whose last step was `step`.
-
-    The code is `max_steps_reached` if the run has neither failed nor reached its end `t_end`, s;
-    otherwise it is `step.result`.
-    """
+    """Return the result code of a run whose last step was `step`: `max_steps_reached` if it has
+    neither failed nor reached its end `t_end`, s."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

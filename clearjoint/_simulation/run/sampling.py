@@ -1,12 +1,10 @@
-"""Runs with tangents, which evaluate quantities and their derivatives at given times.
+"""Runs with tangents, which evaluate quantities and their derivatives at given times, for
+`sensitivities`, `identify` and `fit_horizon`.
 
-Tangents are derivatives of the variables with respect to p parameters, integrated together with the
-variables. Runge-Kutta methods commute with differentiation: the derivative of a step with respect
-to a parameter is the same step of the variational equations, error estimate included. Hence an
-attempt to take a step (`attempt` in `..step.stepping`) differentiates the solver's step for all
-parameters at once, and controls the errors of variables and tangents together.
-
-`sensitivities`, `identify` and `fit_horizon` use this module.
+Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
+parameter is the same step of the variational equations, error estimate included. Hence an attempt
+differentiates the solver's step for all parameters at once, and controls the errors of variables
+and tangents together.
 """
 
 from collections.abc import Callable, Mapping
@@ -44,17 +42,13 @@ from .sections import SectionRecord, SectionRecorder
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
-programs are compiled. The additional times repeat the end time. Quantities at repeated times are
-computed only once, so the additional times cost almost nothing."""
+programs are compiled. The additional times repeat the end time; quantities at repeated times are
+computed only once."""
 
 
 class Kept(eqx.Module):
-    """Results that a run with tangents keeps besides the values of quantities.
-
-    - `states`: whether to keep the state at each of the times.
-    - `impacts`: number of impacts of each contact for which the buffers have room, or ``None`` to
-      record no impacts. Further impacts of a contact are counted, but not kept.
-    - `sections`: recorders of the crossings of Poincaré sections, by name of the section.
+    """Results that a run with tangents keeps besides the values of quantities: the state at each
+    time, the impacts of each contact up to a number for which the buffers have room, and crossings.
     """
 
     states: bool = eqx.field(default=False, static=True)
@@ -63,33 +57,25 @@ class Kept(eqx.Module):
 
 
 NOTHING_ELSE = Kept()
-"""For runs that return the values of quantities only."""
 PEAK = "peak"
 """Name of the recorder of the largest derivatives."""
 IMPACTS_AT_FIRST = 512
 """Number of impacts of each contact for which the buffers of the first run have room. If a contact
-has more impacts, the run is repeated with `GROWTH` times as much room."""
+has more, the run is repeated with `GROWTH` times as much room."""
 
 
 class Sampled(eqx.Module):
     """Values of quantities at N times, and their derivatives with respect to p parameters.
 
-    - `values[name]`: (N,), in the quantity's unit.
-    - `derivatives[name]`: (N, p), in the quantity's unit, with respect to the coordinates of the
-      parameters on their scales. These coordinates are pure numbers, such as logarithms of the
-      parameters' values.
-    - `reached`: (N,), whether the run reached each time. Values, derivatives and states at times
-      that it did not reach are meaningless.
-    - `time`: s, the time at which the run ended; `result`: its result code.
-    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
+      coordinates of the parameters on their scales, such as logarithms.
+    - `reached`: (N,), whether the run reached each time. What is kept at other times is
+      meaningless.
     - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
       derivatives to that of the speeds' derivatives at their peak: this peak times the time since
       then, over the largest derivative of a position since then.
-    - `states`: the state at each time. Its leaves have an additional first axis of length N, and
-      each vector is three separate arrays. ``None`` unless kept.
-    - `impacts`: the record of impacts, with times since the start of the run; ``None`` unless kept.
-    - `sections`: the records of crossings, by name of the section, with times on the clock of the
-      scene, to which drivers and loads refer.
+    - `impacts`: the record of impacts, with times since the start of the run; `sections`: the
+      records of crossings, with times on the clock of the scene.
     """
 
     values: dict[str, Numbers]
@@ -108,12 +94,8 @@ class Sampled(eqx.Module):
 def start_with_tangents(
     method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run with tangents before its first step.
-
-    **Arguments:** `method`: solver and step control; `family`: the systems and initial states as
-    functions of p parameters; `t0`, `t_end`: start and end of the run, s, on the clock of the
-    systems, which is zero at `family.origin`; `first_step`: length of the first step, s.
-    """
+    """Return the complete state of a run with tangents before its first step. Times are in s, on
+    the clock of the systems, which is zero at `family.origin`."""
 
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family_of_scenes.start(values)
@@ -141,8 +123,7 @@ def start_with_tangents(
         return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
 
     # The energy ledger does not depend on the parameters at the start.
-    none = jnp.zeros(count)
-    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, jnp.zeros(count)))
 
     # The entry speed of a contact that begins at the start is its penetration rate there, which
     # depends on the parameters like that of a later onset.
@@ -164,15 +145,10 @@ def start_with_tangents(
 def look_at_tangents(
     method: Method, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
-    """Return the derivatives of variables and entry speeds with respect to p parameters, at a time
-    t, s since the start of the run, in the accepted step of an `attempt`.
-
-    Inside the step they are derivatives of dense output, and at its end those of the stored state.
-    `look_inside` also corrects the variables so that they satisfy the constraints; this correction
-    is not differentiated here. Each leaf has an additional first axis of length p.
-
-    **Arguments:** `entry_speeds`: the entry speeds at t from `look_inside`.
-    """
+    """Return the derivatives of variables and entry speeds at a time t, s since the start of the
+    run, in the accepted step of an `attempt`, where `look_inside` returns `entry_speeds`. Inside
+    the step they are derivatives of dense output, and at its end those of the stored state. The
+    correction by which `look_inside` satisfies the constraints is not differentiated."""
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
@@ -191,7 +167,6 @@ def look_at_tangents(
 def _first(
     scheme: Scheme, family: ParametrisedScene, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the state of `sampled` before its first step, at time zero."""
     # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
     # than the rounding errors of large times.
     systems = SystemFamily(family, scheme.formulation, t0)
@@ -209,7 +184,6 @@ def _sampled_from(
     max_steps: Scalar,
     kept: Kept,
 ) -> Sampled:
-    """Return the result of `sampled`, given the result of `_first`."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
     recorders: dict[str, Recorders] = {
@@ -227,14 +201,6 @@ def _sampled_from(
     no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(family.values)))
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
-        """Continue the run to a time or beyond it.
-
-        **Arguments:** `now`: the run so far; `row`: the time, s since the start of the run, and
-        whether it differs from the time before it.
-
-        **Returns:** the run, and a tuple of values, derivatives and state at the time, and whether
-        the run has reached it.
-        """
         time, is_new = row
         # Steps are not shortened to end at the time, since evaluation must not change the motion.
         now = loop.until(time, now, max_steps)
@@ -243,8 +209,6 @@ def _sampled_from(
         def observed(
             system: System, y: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[dict[str, Scalar], None]:
-            """Return the quantities at the time for the variables `y` of dense output, and
-            ``None``, the auxiliary result, which `systems.with_derivatives` expects."""
             # The variables from `look_inside` are corrected already, but their derivatives from
             # `look_at_tangents` are not. The correction is repeated here, where it is
             # differentiated.
@@ -253,7 +217,6 @@ def _sampled_from(
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
-            """Return the quantities and their derivatives at the time."""
             dense = look_inside(method, systems.system(), latest, time)
             along = look_at_tangents(method, latest, time, dense[1])
             values, _, derivatives = systems.with_derivatives(observed, dense, along)
@@ -291,7 +254,6 @@ def _sampled_from(
 
 
 def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
-    """Return `Sampled.amplification` for the last step of a run."""
     # Nothing is amplified if no position depends on the parameter.
     positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
     return peak.size * (step.t - peak.time) / positions
@@ -300,12 +262,6 @@ def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
 def _scanned(
     sample: Callable[[Progress, PyTree], tuple[Progress, PyTree]], run: Progress, rows: PyTree
 ) -> tuple[Progress, PyTree]:
-    """Apply `sample` to one row after the other, like a single `jax.lax.scan`, but in blocks of
-    `FEW_TIMES` rows.
-
-    **Arguments:** `sample`: function of the run and a row that returns the run and an output;
-    `run`: the run before the first row; `rows`: a PyTree of arrays (N,).
-    """
     # In each iteration, XLA copies all outputs that the loop has written so far. With 4096 rows,
     # one loop took ten times as long as the run. Numbers of rows from `padded` are multiples of
     # `FEW_TIMES`; for others, a single loop is used.
@@ -336,23 +292,10 @@ def sampled(
     """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
     given times. This is the whole run of `sensitivities` and fits.
 
-    The derivatives are with respect to the coordinates of the parameters on their scales, such as
-    logarithms of the values.
-
-    **Arguments:**
-
-    - `scheme`: integration method and formulation of the equations of motion.
-    - `family`: scene and initial state as functions of the p parameters.
-    - `outputs`: the quantities to evaluate, by name.
-    - `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that reaches the
-      last time. So the last time must be `t_end` or later, as `padded` ensures; if it is earlier,
-      the run may count as unfinished (`max_steps_reached`). Times after `t_end` are not reached.
-    - `t0`, `t_end`: s, start and end of the run; no step goes past the end.
-    - `first_step`: s, length of the first step that is tried.
-    - `max_steps`: largest number of attempts.
-    - `kept`: results to keep besides the values of the quantities. If a contact has more impacts
-      than `kept.impacts`, the record lacks some of them, and the caller must repeat the run with
-      more room, as `recorded_run` does.
+    **Arguments:** `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that
+    reaches the last time, so that this must be `t_end` or later, as `padded` ensures; times after
+    `t_end` are not reached. `kept`: results to keep besides the values of the quantities. If a
+    contact has more impacts than `kept.impacts`, the record lacks some of them; see `recorded_run`.
     """
     first = _first_compiled(scheme, family, t0, t_end, first_step)
     return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
@@ -361,26 +304,21 @@ def sampled(
 def recorded_run(
     arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
 ) -> Sampled:
-    """Call `sampled`, with larger buffers each time until they have room for all impacts,
-    and return its last result as NumPy arrays.
-
-    **Arguments:** `arguments`: all arguments of `sampled` except `kept`; `states`,
-    `impacts`: whether to keep states and impacts; `sections`: recorders of crossings, by name of
-    the section.
-    """
+    """Call `sampled` with the `arguments` before `kept`, with larger buffers each time until they
+    have room for all impacts, and return its last result as NumPy arrays."""
     room = IMPACTS_AT_FIRST if impacts else None
     while True:
         kept = Kept(states, room, sections)
-        found: Sampled = jax.device_get(sampled(*arguments, kept=kept))
-        if found.impacts is None or room is None or most(found.impacts) <= room:
-            return found
+        result: Sampled = jax.device_get(sampled(*arguments, kept=kept))
+        if result.impacts is None or room is None or most(result.impacts) <= room:
+            return result
         room *= GROWTH
 
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
     """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
-    512, 4096 ..., so that few programs are compiled (see `FEW_TIMES`). At least one copy is
-    appended, so that the run reaches its end even if the last of the times is earlier."""
+    512, 4096 ... (see `FEW_TIMES`). At least one copy is appended, so that the run reaches its end.
+    """
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

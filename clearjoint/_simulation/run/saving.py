@@ -25,8 +25,6 @@ from .sections import Section, SectionRecorder
 class Saving:
     """Selection of the results that a run keeps besides its final state.
 
-        cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True)
-
     **Arguments:**
 
     - `times`: (N,) s, strictly rising and within the run, times at which to save the state, in
@@ -80,52 +78,32 @@ class Saving:
                 require_type(f"{argument}[{name!r}]", entry, kind, expected, remedy)
 
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has the elements that the sections and the outputs name.
-
-        **Arguments:** `ledger`: whether the run keeps the energy ledger (the integrals of powers),
-        which some outputs need.
-
-        **Raises:** `ValueError` that names the section or the output, for an element that the scene
-        lacks, and for an output that needs the ledger in a run without it.
-        """
+        """Check that a scene has the elements that the sections and the outputs name, and that
+        outputs that need the energy `ledger` have it; raise a `ValueError` that names the section
+        or the output."""
         check_reductions(self.outputs, scene, ledger)
         for name, section in self.sections.items():
             with errors_about(f"Section {name!r}"):
                 section.check(scene)
 
     def section_recorders(self) -> dict[str, SectionRecorder]:
-        """Return for each section, by name, the recorder that tabulates its crossings in a run."""
+        """Return the recorder of the crossings of each section, by name."""
         return {name: section.recorder for name, section in self.sections.items()}
 
     def times_between(self, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Check that the times to save at lie within a run, and return them, (N,) s; ``None`` if
-        there are none.
-
-        Times outside of the run by rounding errors alone are moved to its start or end. If JAX
-        traces the times, only their shape is checked; if it traces the start or the end of the run,
-        the times are not compared with these.
-
-        **Raises:** `ValueError` for times before `start_time` or after `end_time`, s, by more than
-        rounding errors, and for traced times that are not one-dimensional or are empty.
-        """
+        """Return the times to save at as `checked_times`, or ``None`` if there are none."""
         if self.times is None:
             return None
         return checked_times(start_time, end_time, self.times, "times")
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
-        """Check that results which a kind of run cannot keep are not requested.
-
-        **Arguments:** `names`: names of the fields of `Saving` that request these results; `where`:
-        the kind of run in words for the error message, such as "of a run with derivatives";
-        `remedy`: the remedy that the message names.
-
-        **Raises:** `ValueError` that names the first field that requests something.
-        """
+        """Check that the fields `names` request nothing, which a kind of run cannot keep, or raise
+        a `ValueError` that names the field, the kind of run (`where`) and the `remedy`."""
         for name in names:
             value = getattr(self, name)
             is_flag = isinstance(value, bool)
-            given, expected = (value, "False") if is_flag else (sorted(value), "none")
-            require(not value, name, given, f"{expected} {where}", remedy)
+            shown, expected = (value, "False") if is_flag else (sorted(value), "none")
+            require(not value, name, shown, f"{expected} {where}", remedy)
 
 
 EXCEPT_TIMES = ("steps", "impacts", "sections", "outputs")
@@ -133,10 +111,8 @@ EXCEPT_TIMES = ("steps", "impacts", "sections", "outputs")
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return `save`, or a `Saving` that requests no results if `save` is ``None``.
-
-    **Raises:** `ValueError` for an argument of another type.
-    """
+    """Return `save`, a `Saving` that requests no results for ``None``; raise a `ValueError` for
+    another type."""
     remedy = "pass cj.Saving(times), with times in s"
     require_type("save", save, Saving | None, "a Saving or None", remedy)
     return _NOTHING if save is None else save

@@ -1,13 +1,8 @@
-"""Poincaré sections: values of quantities at the instants at which another quantity rises through
-zero.
+"""Poincaré sections: values of quantities (channels) at the instants at which another quantity
+rises through zero (crossings).
 
-These instants are called crossings, and the quantities to evaluate there are called channels. A
-quantity is a scalar function of an `Instant`, a scene with its motion at one time.
-
-Single runs and runs with derivatives compute the channels at each crossing. Lanes, which are the
-runs of a sweep, record the state at each crossing, from which the channels are computed after the
-run. Lanes are computed side by side and cannot branch one by one: to compute channels at crossings
-during the run, every lane would have to compute them in every step.
+Single runs and runs with derivatives compute the channels at each crossing. Lanes cannot branch one
+by one, so they record the state at each crossing, and the channels are computed after the run.
 """
 
 import math
@@ -18,6 +13,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from typing_extensions import override
 
 from ..._fields.checks import require, require_array_names, require_count, require_finite
 from ..._fields.objects import on_device
@@ -33,54 +29,45 @@ from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 Channels = Mapping[str, tuple[Quantity, str]]
-"""Channels by name: pairs of a quantity and its unit as a text, such as "m/s"."""
+"""Channels by name: pairs of a quantity and its unit, such as "m/s"."""
 PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
 
 
 def check_channels(channels: Channels) -> None:
-    """Check that channels are pairs of a quantity and a unit, and that their names are valid.
-
-    A name becomes the name of an array in results and files.
-
-    **Raises:** `ValueError` if `channels` is not a mapping, is empty, or has a value that is not a
-    tuple of a function and a text; and for a name that is not a non-empty string, contains a slash
-    or backslash, begins with "." or "__", or is "time" or "count".
-    """
+    """Check that channels are pairs of a quantity and a unit, with names that results and files can
+    have, or raise a `ValueError` as `Section`."""
     require_array_names("channels", channels, PASS_CHANNELS)
-    fine = bool(channels) and all(
-        isinstance(one, tuple) and len(one) == 2 and callable(one[0]) and isinstance(one[1], str)
-        for one in channels.values()
+    are_pairs = bool(channels) and all(
+        isinstance(pair, tuple)
+        and len(pair) == 2
+        and callable(pair[0])
+        and isinstance(pair[1], str)
+        for pair in channels.values()
     )
-    require(fine, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
+    require(are_pairs, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
     # The results have arrays with the times of the crossings and the number of crossings.
     taken = sorted({"time", "count"} & set(channels))
     require(not taken, "channels", taken, "of names that the output does not use", "rename them")
 
 
 def check_quantities(channels: Channels, scene: Scene) -> None:
-    """Check that a scene has the elements that the quantities of channels name.
-
-    **Raises:** `ValueError` that names the first channel with an element that the scene lacks.
-    """
+    """Check that a scene has the elements that the quantities of channels name, or raise a
+    `ValueError` that names the channel."""
     for name, (quantity, _) in channels.items():
         check_quantity(f"channel {name!r}", quantity, scene)
 
 
 class Bracket(NamedTuple):
-    """Two points of a function in a step, between which it rises through zero. Positions are parts
-    of the step's time, 0 to 1."""
+    """Two points of a function in a step, between which it rises through zero, at elapsed parts of
+    the step's time, 0 to 1."""
 
     start: Point
     end: Point
 
 
 class SectionRecord(eqx.Module):
-    """The crossings of a section in a run so far.
-
-    - `level`: value, after the latest accepted step, of the quantity that rises through zero at a
-      crossing.
-    - `rows`: one row for each crossing; see `SectionRecorder`.
-    """
+    """The crossings of a section in a run so far: the `level`, which rises through zero at a
+    crossing, after the latest accepted step, and a row for each crossing."""
 
     level: Scalar
     rows: RowBuffer
@@ -91,13 +78,11 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
       crossing if the level is negative at its start, and positive or zero at its end; also if the
-      level has the same sign at both ends, and the other one where it turns in between. If the
-      level passes through zero more often in a step, at most one crossing is found.
+      level has the same sign at both ends, and the other one where it turns in between. At most one
+      crossing is found in a step.
     - `earliest`: s, time of the scene before which crossings are ignored.
-    - `channels`: pairs of a name and a quantity. A row of the record contains the time and the
-      values of all quantities, by name. If `channels` is ``None``, as in lanes, a row is a
-      `Snapshot` instead: time, variables and entry speeds.
-    - `capacity`: number of rows of the buffer.
+    - `channels`: pairs of a name and a quantity, whose values, and the time, make a row of the
+      record; if `channels` is ``None``, as in lanes, a row is a `Snapshot`.
     - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
       until the buffer is emptied, by default `capacity`.
     """
@@ -108,19 +93,14 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     capacity: int = eqx.field(static=True)
     wanted: Scalar | None = None
 
+    @override
     def start(self, start: RunStart) -> SectionRecord:
-        """Return the level at the start of the run, and an empty buffer for rows of the kind that
-        `channels` determine."""
         step = start.step
         row = Snapshot(step.t, step.y, step.entry_speeds) if self.channels is None else self._none()
         return SectionRecord(self._level(start.now), RowBuffer.like(row, self.capacity))
 
+    @override
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
-        """Return the record after an attempt to take a step.
-
-        A crossing in the step gets a row if the step was accepted, the time of the crossing is not
-        before `earliest`, and more rows are wanted.
-        """
         kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
         bracket = self._bracket(step_outcome, before, after)
         rises = kept & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
@@ -142,32 +122,23 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
         return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, is_recorded))
 
+    @override
     def searched(self, now: Instant) -> Scalar:
-        """Return the level, whose changes of sign are searched for."""
         return self._level(now)
 
     def _level(self, now: Instant) -> Scalar:
-        """Return the value of the quantity that rises through zero at a crossing."""
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def _level_inside(self, step_outcome: StepOutcome, x: Scalar) -> Scalar:
-        """Return the level after a part x, 0 to 1, of the time of an accepted step."""
         dense = step_outcome.dense_step
         return self._level(dense.within(step_outcome.method, x).instant(step_outcome.system))
 
     def _bracket(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Bracket:
-        """Return the part of an accepted step in which the level rises through zero, if it does so
-        in the step.
-
-        It is the whole step unless the level has the same sign at both ends. Then it ends or begins
-        at the turning point of the level. A ball that is thrown up, for example, flies without
-        integration errors: in a single step it passes a height twice.
-
-        **Arguments:** `before`, `after`: the levels at the start and the end of the step.
-        """
         parabola = Parabola.through(before, self._level_inside(step_outcome, 0.5), after)
         below, first, last = before < 0.0, Point(0.0, before), Point(1.0, after)
-        # The turning point, inside of the step, on the other side of zero than both ends.
+        # A level with the same sign at both ends may rise through zero before or after a turning
+        # point inside the step. A ball that is thrown up, for example, flies without integration
+        # errors: in a single step it passes a height twice.
         x = -0.5 * parabola.slope / jnp.where(parabola.bend == 0.0, 1.0, parabola.bend)
         turns = (below == (after < 0.0)) & (x > 0.0) & (x < 1.0)
         turns = turns & ((parabola.at(x) < 0.0) != below)
@@ -184,8 +155,6 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         )
 
     def _crossing(self, step_outcome: StepOutcome, bracket: Bracket) -> Snapshot:
-        """Return time and state at the crossing in an accepted step. Without a crossing in the step
-        the result is meaningless."""
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         # x is the elapsed part of the step's time, 0 to 1.
@@ -206,21 +175,20 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         return Snapshot(row.t, row.y, speeds)
 
     def _none(self) -> dict[str, Scalar]:
-        """Return zero as time and channels, for a step without a crossing."""
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
 
 
 def crossings_of(
     records: Mapping[str, SectionRecord], sections: "Mapping[str, Section]"
 ) -> dict[str, Crossings]:
-    """Return the crossings in the records of `sections`, by name of the section, as NumPy arrays
-    with the units of the channels."""
-    found = {}
+    """Return the crossings in the records of `sections`, by name of the section, as NumPy
+    arrays."""
+    crossings = {}
     for name, record in records.items():
         columns = record.rows.filled()
         units = {key: unit for key, (_, unit) in sections[name].channels.items()}
-        found[name] = Crossings(columns.pop(TIME), columns, units)
-    return found
+        crossings[name] = Crossings(columns.pop(TIME), columns, units)
+    return crossings
 
 
 @dataclass(frozen=True)
@@ -266,26 +234,22 @@ class Section:
 
     @property
     def _earliest(self) -> jax.Array:
-        """Time of the scene, s, before which crossings are ignored."""
         return on_device(-math.inf if self.after is None else self.after)
 
     @property
     def recorder(self) -> SectionRecorder:
-        """The recorder that tabulates the channels at the crossings of this section in a run."""
+        """The recorder of the channels at the crossings in a run."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
         return SectionRecorder(self.crossing, self._earliest, channels, self.count)
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder that tabulates the states at the crossings of this section in a lane. Its
-        buffer is emptied during the run, so it may have fewer than `count` rows."""
+        """The recorder of the states at the crossings in a lane, whose buffer is emptied during the
+        run."""
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that `crossing` and `channels` name.
-
-        **Raises:** `ValueError` for an element that the scene lacks; the message begins with
-        "crossing", or with "channel" and its name.
-        """
+        """Check that a scene has the elements that `crossing` and `channels` name, or raise a
+        `ValueError` that begins with "crossing", or with "channel" and its name."""
         check_quantity("crossing", self.crossing, scene)
         check_quantities(self.channels, scene)

@@ -1,11 +1,5 @@
 """Derivatives of quantities along a motion with respect to parameters, with error control.
 
-Automatic differentiation of an adaptive solver gives the derivatives of its computed steps. Near
-impacts these differ from the derivatives of the exact motion. Here, instead, the variational
-equations (the equations of motion, differentiated with respect to the parameters) are integrated
-together with the state, under the same error control. The entry speed of a contact, its penetration
-rate at the onset, is differentiated at the true time of the onset. Steps end at the onset and the
-end of each contact, by default within 1e-13 m of penetration.
 `studies.speed_accuracy` measures the accuracy, and `studies.benchmark` the cost.
 """
 
@@ -16,6 +10,7 @@ from typing import TYPE_CHECKING
 import jax
 import numpy as np
 from jaxtyping import Float, Int
+from typing_extensions import override
 
 from ..._export.datasets import (
     AbstractTabular,
@@ -62,17 +57,10 @@ class Sensitivities(AbstractTabular):
     - `derivatives[name]`: (N, p), derivatives of these values, in the order of `parameters`. They
       are with respect to the coordinates of the parameters' scales: for a parameter with the scale
       `Log`, with respect to its natural logarithm.
-    - `time`: s, the time at which the run ended; `result`: its `RESULTS` code.
-    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
-    - `saved`: the `Trajectory` at `Saving.times`, and `impacts`: the table of finished contacts;
-      each is ``None`` unless requested.
-    - `sections[name]`: the `Crossings` of each requested Poincaré section: the times at which a
-      quantity rose through zero, and the values of other quantities there.
+    - `saved`: the `Trajectory` at `Saving.times`, ``None`` unless requested.
+    - `time`, `result`, `attempts`, `accepted`, `impacts`, `sections`, `settings`: as in `Solution`.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
-    - `settings`: the settings of the run, as pairs of a name and a text or number.
-
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export values and derivatives.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> found.values["x"].shape, found.derivatives["x"].shape
@@ -94,14 +82,14 @@ class Sensitivities(AbstractTabular):
     scales: tuple[str, ...] = ()
     settings: Notes = ()
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
         """Return values and derivatives as an `xarray.Dataset`.
 
-        - Each quantity is a variable of the same name along "time", (N,), in the quantity's unit.
-        - Its derivatives are the variable "<name>_derivative" along "time" and "parameter", (N, p),
-          with respect to the parameters' coordinates. These are pure numbers (for the scale
-          `Linear`, the value divided by the scale's `unit`), so that derivatives have the
-          quantity's unit.
+        - Each quantity is a variable of the same name along "time", in the quantity's unit.
+        - Its derivatives are the variable "<name>_derivative" along "time" and "parameter". The
+          parameters' coordinates are pure numbers (for the scale `Linear`, the value divided by the
+          scale's `unit`), so that derivatives have the quantity's unit.
         - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
         - Attributes are the time at which the run ended, s, its result, the numbers of steps, and
           the settings.
@@ -146,6 +134,11 @@ def sensitivities(
 ) -> Sensitivities:
     """Integrate a scene together with the derivatives of its motion with respect to parameters.
 
+    Differentiating an adaptive solver would give the derivatives of its computed steps, which near
+    impacts differ from those of the exact motion. Here, instead, the variational equations are
+    integrated together with the state, under the same error control, and the entry speed of a
+    contact is differentiated at the true time of the onset.
+
     At points where the equations of motion are not differentiable, the derivatives follow
     conventions. At a centred journal, and at zero penetration, they are the derivatives of free
     flight. At zero slip velocity they are those of one side of the friction law. At zero entry
@@ -157,23 +150,18 @@ def sensitivities(
 
     **Arguments:**
 
-    - `scene`, `state`: the mechanism and its initial state, as in `simulate`. The derivatives are
-      taken at the values that the parameters have there.
-    - `start_time`, `end_time`: s.
+    - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
+      place of the `Solution`. The derivatives are taken at the values that the parameters have
+      there.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: the quantities to evaluate, scalar functions of an `Instant` such as those of
       `clearjoint.quantities`, by names of your choice.
     - `times`: (N,) s, not decreasing, between start and end, at which the outputs are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
-    - `save`: further results to keep: states at given times, impacts and sections. The states
-      after every step, and reductions such as `Peak`, cannot be kept.
-    - `throw`: whether a run that fails raises `SimulationError`, whose `solution` is the
-      `Sensitivities` up to the failure. If false, these are returned, and their `result` is the
-      code of the failure.
+    - `save`: further results to keep: states at given times, impacts and sections. The states after
+      every step, and reductions such as `Peak`, cannot be kept.
     - `progress`: show the time spent compiling.
-
-    **Returns:** `Sensitivities`.
 
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
@@ -231,7 +219,6 @@ def sensitivities(
             values, derivatives = with_sensor_errors(sensors, *numbers)
 
     def reached(times: Float[np.ndarray, " some"]) -> Int[np.ndarray, " reached"]:
-        """Return the indices in `all_times` of those `times`, s, that the run reached."""
         rows = np.searchsorted(all_times, times)
         return rows[sampled.reached[rows]]
 
@@ -274,12 +261,8 @@ small."""
 def _caution_amplified(
     amplification: np.ndarray, names: tuple[str, ...], settings: Settings
 ) -> None:
-    """Warn of each parameter whose derivatives of speeds were far larger in an impact than after
-    it.
-
-    In a short and stiff impact they grow and decrease again by many orders of magnitude. Their
-    error at the peak remains, and may be larger than the derivatives at the end of the run.
-    """
+    # In a short and stiff impact, derivatives of speeds grow and decrease again by many orders of
+    # magnitude. Their error at the peak remains, and may be larger than what follows.
     tolerance = settings.rtol * settings.derivative_tolerance
     # A tolerance of one or more asks for derivatives without control of their errors.
     if settings.controller is not None or tolerance >= 1.0:
@@ -301,17 +284,12 @@ derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    """Return a text that explains a run that took too many or too short steps by the growth of its
-    derivatives; ``None`` if they have not grown much or the run ended for another reason.
-
-    The growth is the largest, of all quantities and parameters, of the ratio of the peak to the
-    peak in the first tenth of the samples at which the derivative is not zero.
-    """
     steps = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():
         for column in np.abs(rows.T):
             sizes = column[column > 0.0]
+            # The peak over the peak in the first tenth of the samples.
             if sizes.size:
                 growth = max(growth, sizes.max() / sizes[: -(-sizes.size // 10)].max())
     if not any(run.result == code for code in steps) or growth < GROWN:
@@ -326,11 +304,8 @@ def _growth_of_derivatives(run: Sensitivities) -> str | None:
 
 
 def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
-    """Check that outputs are functions by name, and that the scene has the elements that they name.
-
-    **Raises:** `ValueError` if `outputs` is not a mapping, is empty, or has a name that is not a
-    non-empty string; and for the first output that is invalid, whose name is in the message.
-    """
+    """Check that outputs are functions by name, and that the scene has the elements that they name;
+    raise a `ValueError` that names the first one that is invalid."""
     example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
     require_names("outputs", outputs, example)
     require(len(outputs) > 0, "outputs", {}, "not empty", example)

@@ -1,8 +1,7 @@
 """Simulate until a motion is periodic, steady or stationary.
 
 A run covers a block of periods. After each block, the motion is compared with itself some periods
-earlier. For this comparison the motion is reduced to a table with one row of numbers for each
-period, as under a stroboscope.
+earlier, reduced to a table with one row of numbers for each period.
 """
 
 import enum
@@ -25,23 +24,16 @@ from .simulate import simulate
 from .terminal import ProgressBar, RunInterrupted
 
 BLOCK = 10
-"""Number of periods of one run. After each run the motion so far is assessed. A larger number would
+"""Number of periods of one run, after which the motion so far is assessed. A larger number would
 simulate more periods than needed, a smaller one would assess the motion more often."""
 PHASES = 16
 """Number of states in each period that are compared with those of another period. There are many,
 because two different motions may agree at one phase by chance."""
 SECTION = "settle"
-"""Name of the section in the runs that `settle` makes."""
 
 
 class Settling(enum.Enum):
     """How a motion settled. The value of each member is a description in words.
-
-    - `PERIODIC`: it repeats after a number of periods.
-    - `STEADY`: it is at rest.
-    - `STATIONARY`: it does not repeat, but its means and standard deviations are constant.
-    - `UNSETTLED`: none of these after the largest number of periods.
-    - `FAILED`: a run ended with a failure.
 
     >>> cj.Settling.UNSETTLED.value
     'not settled'
@@ -58,24 +50,22 @@ class Settling(enum.Enum):
 class Settled:
     """Result of `settle`: how a motion settled, and the state and time at the end.
 
-    - `kind`: a `Settling`. A `STATIONARY` motion is chaotic, quasi-periodic, or periodic with a
-      larger multiple than was tried. No finite run can exclude that it is a long transient whose
-      statistics are constant.
+    - `kind`: a `Settling`. A `STATIONARY` motion, whose means and standard deviations are constant,
+      is chaotic, quasi-periodic, or periodic with a larger multiple than was tried. No finite run
+      can exclude that it is a long transient.
     - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
-      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. If a `period` was
-      given and no run failed, the simulated time is a whole number of periods. If all drivers and
-      loads repeat with the period, a further run may then start from `state` at the first run's
-      `start_time` instead.
-    - `start_time`: s, the start of the first run.
+      with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. With a `period`,
+      and if no run failed, the simulated time is a whole number of periods; if all drivers and
+      loads repeat with it, a further run may start from `state` at the first run's `start_time`
+      instead.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
     - `period`: s, the given period, or the mean time between the last crossings of the section;
       ``None`` with fewer than two crossings.
-    - `changes`: (n,), for each period after the first `multiple` ones, in the order of time: the
-      largest difference from the period that was `multiple` periods earlier. If the motion is not
-      periodic, each period is compared with the one before it. The argument `tolerance` of `settle`
-      says what differences are relative to.
+    - `changes`: (n,), for each period after the first `multiple` ones, the largest difference from
+      the period that was `multiple` periods earlier, or from the one before if the motion is not
+      periodic. The argument `tolerance` of `settle` says what differences are relative to.
     - `result`: the `RESULTS` code of the last run.
 
     >>> settled = cj.settle(scene, state, period=0.2 * np.pi, periods=20, progress=False)
@@ -99,7 +89,6 @@ class Settled:
         return self.kind not in (Settling.UNSETTLED, Settling.FAILED)
 
     def __str__(self) -> str:
-        """Return a sentence that says how the motion settled and after how many periods."""
         after = f"after {self.periods} periods, at t = {self.time:.9g} s"
         if self.kind is Settling.FAILED:
             return f"A run failed {after}: {RESULTS[self.result]}"
@@ -111,50 +100,37 @@ class Settled:
 
 
 SETTLED_STATISTICS = 0.1
-"""Two spans of a motion count as having the same statistics if their means, and their standard
-deviations, differ by at most this part of the range of the motion. It leaves room for the scatter
-of the statistics of a chaotic motion over finitely many periods."""
+"""Largest difference, relative to the range of the motion, between the means, and the standard
+deviations, of two spans whose statistics count as the same. It leaves room for the scatter of the
+statistics of a chaotic motion over finitely many periods."""
 ROOM = PHASES * BLOCK
 """Number of crossings of a section for which there is room in a block of periods."""
 CONFIRMING = 3
-"""A motion counts as periodic only if each of at least this number of successive periods equals an
-earlier one, since a single period may resemble an earlier one by chance. A motion counts as steady
-only if it is still for this number of periods."""
+"""Number of successive periods that must equal an earlier one, since a single period may resemble
+an earlier one by chance; also the number of periods for which a steady motion must be still."""
 STILL = 1e-6
 """Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
-that rounding errors of a motion at rest are not taken for changes. With a section, it is also
-the lower bound of the scales of the times between crossings, s, and of each channel, in its
-unit."""
+that rounding errors of a motion at rest are not taken for changes. With a section, it is also that
+of the times between crossings, s, and of each channel, in its unit."""
 
 
 @dataclass(frozen=True)
 class Strobe:
-    """A motion as D numbers for each of n periods, in which `settle` looks for repetition.
-
-    - `rows`: (n, D), the numbers, such as positions and velocities at some phases of the period.
-    - `scales`: (D,), for each column of `rows`, the number by which changes in it are divided, such
-      as the range of the motion.
-    """
+    """A motion as D numbers for each of n periods, `rows`, (n, D), in which `settle` looks for
+    repetition. Changes in each column are divided by `scales`, (D,)."""
 
     rows: Float[np.ndarray, "n D"]
     scales: Float[np.ndarray, " D"]
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
-        """Return the change of the motion since `multiple` periods earlier, for each of the later
-        periods.
-
-        **Returns:** (n - multiple,), the largest change in any column, each divided by its scale.
-        """
+        """Return the largest scaled change since `multiple` periods earlier, (n - multiple,)."""
         difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
         return np.max(difference / self.scales, axis=1, initial=0.0)
 
     def multiple(self, largest: int, tolerance: float) -> int | None:
-        """Return the smallest number m of periods after which the motion repeats, or ``None`` if
-        there is none up to `largest`.
-
-        The motion repeats if each of the last m periods, and at least of the last `CONFIRMING`,
-        equals the period m periods earlier, with changes of at most `tolerance`.
-        """
+        """Return the smallest number m of periods, up to `largest`, after which the motion repeats,
+        or ``None``: each of the last m periods, and at least of the last `CONFIRMING`, equals the
+        period m periods earlier, with changes of at most `tolerance`."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
@@ -164,8 +140,7 @@ class Strobe:
 
     def statistics_settled(self) -> bool:
         """Return whether means and standard deviations in the third and the last quarter of the
-        periods differ by at most `SETTLED_STATISTICS` times `scales` in each column; ``False`` for
-        fewer than eight periods. The transient is assumed to have ended after the first half."""
+        periods are the same; ``False`` for fewer than eight periods."""
         quarter = len(self.rows) // 4
         # The standard deviation of a single period would be zero.
         if quarter < 2:
@@ -177,14 +152,9 @@ class Strobe:
 
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
-    """Return "position" (m), "velocity" (m/s), "spin" (rad/s) and "orientation" of all bodies in N
-    states.
-
-    Each is an array (N, bodies, components). The 16 components of an orientation are all products
-    p_i p_j of its Euler parameters, since these do not depend on the common sign of the parameters.
-
-    **Arguments:** `states`: one state whose arrays have a first axis of length N.
-    """
+    """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
+    states, by name. Orientations are all products p_i p_j of Euler parameters, since these do not
+    depend on their common sign."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
@@ -195,37 +165,23 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the range of each array from `columns`, by name: the largest range of any component
-    over the N states, but at least `STILL`, and 1 for orientations, whose components are at most
-    1."""
+    """Return the largest range of any component of each array from `columns`, but at least `STILL`,
+    and 1 for orientations."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
 
 def strobe_of(states: State, phases: int) -> Strobe:
-    """Return a motion of n periods as a table, from states at `phases` instants of each period.
-
-    The scales are the ranges in the last `CONFIRMING` periods.
-
-    **Arguments:** `states`: n * phases states in the order of time, as one state whose arrays have
-    a first axis of that length.
-    """
+    """Return a motion of n periods as a table, from states at `phases` instants of each period."""
     parts = columns(states)
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
     whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
-    scales = [np.full(one.shape[1], sizes[name]) for name, one in zip(parts, whole, strict=True)]
+    scales = [np.full(row.shape[1], sizes[name]) for name, row in zip(parts, whole, strict=True)]
     return Strobe(np.concatenate(whole, axis=1), np.concatenate(scales))
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the range of a motion at its end, relative to the range in all states. The result is
-    small if the motion has come to rest.
-
-    It is the largest of the relative ranges of positions, velocities, spins and orientations.
-
-    **Arguments:** `states`: N states in the order of time, as one state whose arrays have a first
-    axis of length N; `last`: number of states that count as the end.
-    """
+    """Return the range of a motion in its `last` states, relative to the range in all states."""
     parts = columns(states)
     sizes = ranges(parts)
     return max(
@@ -234,16 +190,9 @@ def stillness(states: State, last: int) -> float:
 
 
 def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
-    """Return a motion as a table with one row for each crossing of a Poincaré section. The first
-    crossing has no row.
-
-    A row contains the time since the previous crossing, s, and the value of each channel of the
-    section. The scales are the mean time between crossings (1 s with fewer than two crossings), and
-    the largest magnitude of each channel, but at least `STILL`.
-
-    **Arguments:** `times`: (n,) s, times of the crossings; `values`: for each channel, its values
-    at the crossings, (n,).
-    """
+    """Return a motion as a table with a row for each crossing of a section except the first: the
+    time since the previous crossing, s, and the value of each channel. The scales are the mean time
+    (1 s with fewer than two crossings), and the largest magnitude of each channel."""
     waits = np.diff(times)
     rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
     wait = np.mean(waits) if len(waits) else 1.0
@@ -269,32 +218,18 @@ def settle(
 
     With the `period` of a drive, the states at 16 phases of each period are compared with the
     states one period before, two periods before, and so on up to `largest_multiple`. With a
-    `section`, the values of its channels at each crossing, and the time since the last crossing,
-    are compared with those one crossing before, two crossings before, and so on. A motion that
-    does not repeat within all `periods` is stationary if the means and standard deviations in the
-    third quarter of the periods (or crossings) differ from those in the last quarter by at most a
-    tenth of the sizes to which changes are relative (see `tolerance`). At least eight periods, or
-    nine crossings, are needed for this.
-
-    ```python
-    import math
-
-    import clearjoint as cj
-
-    scene, state = cj.mechanisms.slider_crank(0.1e-3, speed=500.0)
-    settled = cj.settle(scene, state, period=2 * math.pi / 500.0, periods=20)
-    print(settled)
-    solution = cj.simulate(scene, settled.state, settled.time + 0.01, start_time=settled.time)
-    ```
+    `section`, the same is done with the values of its channels at each crossing, and the time since
+    the last crossing. A motion that does not repeat within all `periods` is stationary if the means
+    and standard deviations in the third quarter of the periods (or crossings) differ from those in
+    the last quarter by at most a tenth of the sizes to which changes are relative (see
+    `tolerance`). At least eight periods, or nine crossings, are needed for this.
 
     **Arguments:**
 
-    - `scene`, `state`: the mechanism and its initial state, as in `simulate`.
-    - `start_time`: s, time of the initial state.
-    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.accurate` unless given.
+    - `scene`, `state`, `start_time`, `progress`: as in `simulate`.
+    - `settings`: `clearjoint.presets.accurate` unless given.
     - `period`: s, the period of all drivers and loads: 2 pi over a drive's speed in rad/s.
-    - `section`: a `Section`, used instead of `period` for motions without a drive. It is a Poincaré
-      section with quantities, called its channels, that are evaluated at each crossing. Its fields
+    - `section`: a `Section`, used instead of `period` for motions without a drive. Its fields
       `count` and `after` are ignored.
     - `span`: s, only with a section: a time in which the section is crossed about once.
     - `periods`: largest number of periods to simulate; with a section, largest number of spans. It
@@ -307,7 +242,6 @@ def settle(
       between crossings and to the largest magnitude of each channel. A motion is at rest if its
       ranges in the last three periods are at most `tolerance` times those of the whole motion.
       `settings.rtol` must be well below `tolerance`.
-    - `progress`: show a progress bar.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.
@@ -316,6 +250,17 @@ def settle(
     section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as
     an initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
     motion so far, after Ctrl-C.
+
+    ```python
+    import math
+
+    import clearjoint as cj
+
+    scene, state = cj.mechanisms.slider_crank(0.1e-3, speed=500.0)
+    settled = cj.settle(scene, state, period=2 * math.pi / 500.0, periods=20)
+    print(settled)
+    solution = cj.simulate(scene, settled.state, settled.time + 0.01, start_time=settled.time)
+    ```
     """
     require_count("periods", periods, "allow some hundred")
     require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
@@ -388,8 +333,6 @@ def settle(
 
 
 def _joined(blocks: list[Solution]) -> Solution:
-    """Return the motion of successive runs as one `Solution`, with the saved states and crossings
-    of all runs."""
     saved, sections = jax.tree.map(
         lambda *rows: np.concatenate(rows), *((block.saved, block.sections) for block in blocks)
     )
@@ -404,15 +347,9 @@ def _joined(blocks: list[Solution]) -> Solution:
 
 
 def _period(period: float | None, section: Section | None, span: float | None) -> float:
-    """Check these arguments of `settle`, and return the time, s, that counts as a period: `period`
-    if it is given, and `span` with a section.
-
-    **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
-    time that is not positive, and a section that is no `Section`.
-    """
-    one = (period is None) != (section is None)
+    is_one_given = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"
-    require(one, "period", period, "given if and only if `section` is not", remedy)
+    require(is_one_given, "period", period, "given if and only if `section` is not", remedy)
     if period is not None:
         number = as_number(period, "period", "s")
         require_positive("period", number, "give it in s: 2 pi over the drive's speed")

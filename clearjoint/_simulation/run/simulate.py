@@ -33,7 +33,6 @@ from .terminal import RunInterrupted
 SHORT_STEPS = RESULTS.max_steps_reached, RESULTS.step_too_small
 """Result codes of runs whose steps were too short."""
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
-"""Remedy in the error message for results that a traced run cannot keep."""
 
 
 def simulate(
@@ -52,13 +51,13 @@ def simulate(
 
     The program is compiled once for each structure of the scene and each integration method. Other
     values of a scene's numbers use the same program, unless a vector component changes to or from
-    exactly 0 or 1 (a folded constant).
+    exactly 0 or 1.
 
     The function works under `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and
     `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A
-    traced number that is invalid, such as a clearance that is NaN, raises no error. Instead, the
-    run ends before its first step with the result `RESULTS.domain`. A run that JAX traces does not
-    check that the initial state satisfies the constraints.
+    traced number that is invalid, such as a clearance that is NaN, raises no error: the run ends
+    before its first step with the result `RESULTS.domain`. A traced run does not check that the
+    initial state satisfies the constraints.
 
     Derivatives by these transformations are derivatives of the computed steps, not of the exact
     motion. Their error is far above the error of the states, and falls slowly with the tolerance.
@@ -67,19 +66,18 @@ def simulate(
     **Arguments:**
 
     - `scene`: the mechanism.
-    - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run
-      also continues from the entry speeds of contacts that have begun, the deflections of bristles
-      and the energy ledger, if the state contains them (see `State`).
+    - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run also
+      continues from the entry speeds, bristle deflections and energy ledger in the state, if there
+      are any (see `State`).
     - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
-    - `save`: results to keep besides the final state: states at given times, every step, impacts,
-      sections, and reductions such as `Peak`. Under a transformation of JAX, only states at given
-      times can be kept.
+    - `save`: results to keep besides the final state. Under a transformation of JAX, only states at
+      given times can be kept.
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
       mode is then unavailable. Its argument `checkpoints` is the number of states that are stored;
-      the steps between stored states are computed again. The default of 300 was fastest up to
-      36 000 steps. Any number works for any run, and does not change the solution. A run that JAX
-      does not trace ignores `adjoint`.
+      the steps between stored states are computed again. The default of 300 was fastest up to 36
+      000 steps. Any number works for any run, and does not change the solution. A run that JAX does
+      not trace ignores `adjoint`.
     - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
       the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
     - `progress`: show a progress bar for runs that take longer than two seconds, and while
@@ -105,10 +103,10 @@ def simulate(
     settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
     check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
-    fine = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
+    is_adjoint = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
     remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
     expected = "a diffrax.RecursiveCheckpointAdjoint or None"
-    require(fine, "adjoint", adjoint, expected, remedy)
+    require(is_adjoint, "adjoint", adjoint, expected, remedy)
     # Scene and state are flattened once, which for thirty joints takes half a millisecond.
     flat = FlatArguments.of((scene, state))
     if not flat.all_floats:
@@ -176,18 +174,12 @@ begin_compiled = Native(begin, few_runs=True)
 
 
 def _causes(scene: Scene, solution: Solution) -> list[str]:
-    """Return sentences on contacts that made the steps of a failed run short."""
     if result_number(solution.result) not in map(result_number, SHORT_STEPS):
         return []
     return overdamped_contacts(scene, solution.final, solution.time)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    """Issue the warnings of a finished run: of journals outside their bearings, and of recorded
-    impacts deeper than their laws' ranges of validity.
-
-    **Arguments:** `left_bearing`: whether a journal is outside its bearing at the end of the run.
-    """
     kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
     if kept or left_bearing:
         warn_of_journals_outside(scene, solution.time, solution.final, kept)

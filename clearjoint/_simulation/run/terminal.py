@@ -1,8 +1,7 @@
 """Progress of runs on the error stream, and their interruption by Ctrl-C.
 
 While a program is being compiled, the text of a progress bar says for how long. One thread updates
-the texts of all bars once a second, because the main thread waits for JAX. It ends when no bar is
-left.
+the texts of all bars once a second, because the main thread waits for JAX.
 """
 
 import signal
@@ -16,6 +15,7 @@ from typing import TextIO
 from weakref import WeakSet
 
 from tqdm import tqdm
+from typing_extensions import override
 
 from ..._compilation import seconds_of_compiling
 from ..results.solution import Solution
@@ -33,7 +33,6 @@ class _Watch:
     """The thread that updates the bars, if there are any.
 
     - `usual`: the bars that are shown, with their texts while nothing is being compiled.
-    - `thread`: the thread; ``None`` if there is none.
     - `lock`: held while `usual` or `thread` changes, and while the thread writes texts, so that no
       bar is closed in the meantime.
     """
@@ -59,9 +58,6 @@ class _Watch:
             del self.usual[bar]
 
     def _update(self) -> None:
-        """Update the texts of all bars every `TICK` seconds, until no bar is left. While a program
-        is being compiled, the text is the time that this has taken; afterwards, it is the usual
-        one."""
         while True:
             time.sleep(TICK)
             seconds = seconds_of_compiling()
@@ -83,11 +79,9 @@ _watch = _Watch()
 
 
 class ProgressBar(tqdm):
-    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
-
-    A caller may set `seconds_left`, the estimated time left, s; ``None`` if unknown. The field
-    ``{left}`` in a `bar_format` shows this time.
-    """
+    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere. A
+    caller may set `seconds_left`, the estimated time left, s; the field ``{left}`` in a
+    `bar_format` shows it."""
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
     _lock = threading.RLock()
@@ -99,21 +93,19 @@ class ProgressBar(tqdm):
     _latest_line: float | None = None
 
     @property
+    @override
     def format_dict(self) -> dict[str, object]:
-        """The values of the fields in the text, by name; `left` is the time left, such as "02:15",
-        or "?" if it is unknown."""
+        """The values of the fields in the text; `left` is the time left, such as "02:15",
+        or "?"."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
 
+    @override
     def display(self, msg: str | None = None, pos: int | None = None) -> bool:
-        """Show `msg`, or by default the text of the bar, and return whether it was shown.
-
-        On a terminal, `pos` is the number of lines between the cursor and the text, as in tqdm.
-        Where text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD`
-        seconds after the start or the latest line, nor for an empty `msg`, with which tqdm clears
-        a bar.
-        """
+        """Show `msg`, or by default the text of the bar, and return whether it was shown. Where
+        text cannot be overwritten, as in a log file, nothing is shown within `LINE_PERIOD` seconds
+        after the start or the latest line, nor for an empty `msg`, with which tqdm clears a bar."""
         if is_live(sys.stderr):
             return bool(super().display(msg, pos))
         now = time.time()
@@ -132,11 +124,8 @@ def is_live(stream: TextIO) -> bool:
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Return a context manager that shows a bar while its block runs, with a text such as
-    "compiling, 12 s" while a program is being compiled. Its value is the bar.
-
-    If the bar is not to be shown (`bar.disable`), no thread is started.
-    """
+    """Show a bar while the block runs, with a text such as "compiling, 12 s" while a program is
+    being compiled."""
     with bar:
         if bar.disable:
             yield bar
@@ -149,11 +138,8 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Return a context manager for a call that reports no progress. It shows only the time spent
-    compiling.
-
-    **Arguments:** `show`: whether to show it at all.
-    """
+    """Return a context manager for a call that reports no progress, which shows the time spent
+    compiling."""
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
 
@@ -182,16 +168,11 @@ class RunInterrupted(KeyboardInterrupt):
 
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
-    """Return a context manager for a run. The first Ctrl-C in its block raises no error, but is
-    noted, so that the run can stop when compiled code next returns to Python, and keep its results.
-
-    Its value is a function that returns whether Ctrl-C has been pressed. A further Ctrl-C raises
-    `KeyboardInterrupt`. Python handles signals only between its own instructions. Therefore a
-    further Ctrl-C also takes effect only when compiled code returns, and several presses during one
-    call of compiled code count as one. Outside the main thread, and in a program with its own
-    handler of SIGINT, the handling of the signal is not changed, and the function returns
-    ``False``.
-    """
+    """Note the first Ctrl-C in the block instead of raising an error, so that a run can stop when
+    compiled code next returns to Python, and keep its results. The value is a function that returns
+    whether Ctrl-C has been pressed. A further Ctrl-C raises `KeyboardInterrupt`, also only when
+    compiled code returns. Outside the main thread, and in a program with its own handler of SIGINT,
+    the handling of the signal is not changed, and the function returns ``False``."""
     requested = threading.Event()
     # Python delivers signals to the main thread only, and the handler of a program is respected.
     ours = threading.current_thread() is threading.main_thread()

@@ -1,5 +1,5 @@
-"""Impact of a free mass on a wall, which shows the restitution and the peak force of a contact
-law."""
+"""Impact of a free mass on a wall, which shows the restitution and the peak force of a
+contact law."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -100,13 +100,17 @@ def free_impact(
     remedy = "raise the entry speed, or the law's `entry_speed_floor`"
     require(rebounds, "law", law, expected, remedy)
     # The peaks are found from a second run with shorter steps.
-    fine = contact(jnp.asarray(duration / STEPS_A_CONTACT))
-    is_step = np.isfinite(np.asarray(fine.ts))
-    times, (depth, rate) = np.asarray(fine.ts)[is_step], np.asarray(fine.ys)[is_step].T
+    resolved = contact(jnp.asarray(duration / STEPS_A_CONTACT))
+    is_step = np.isfinite(np.asarray(resolved.ts))
+    times, (depth, rate) = np.asarray(resolved.ts)[is_step], np.asarray(resolved.ys)[is_step].T
     gap = Gap(depth, rate, bearing_radius, clearance)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
-    peaks = _crest(times, force), _crest(times, depth)
-    return FreeImpact(-float(rate[-1]) / entry_speed, *peaks, duration)
+    return FreeImpact(
+        restitution=-float(rate[-1]) / entry_speed,
+        peak_force=_crest(times, force),
+        largest_penetration=_crest(times, depth),
+        duration=duration,
+    )
 
 
 @Compiled
@@ -119,16 +123,8 @@ def _contact(
     longest_step: Scalar,
 ) -> diffrax.Solution:
     """Simulate the motion of a mass, kg, that meets a wall at the entry speed, m/s, until the force
-    ends.
-
-    **Arguments:** `bearing_radius`, `clearance`: m, or ``None``, as in `free_impact`;
-    `longest_step`: s.
-
-    **Returns:** diffrax's solution. Its `ts`, (N,) s, are the start of the motion and the ends of
-    all steps; `ys`, (N, 2), are the penetration, m, and its rate, m/s, at these times. N follows
-    from the limit of steps, and rows of steps that were not taken are infinite. `result` is
-    `event_occurred` if the force ended within `LONGEST` and within the limit of steps.
-    """
+    ends. The rows `ys`, (N, 2), of the solution are the penetration, m, and its rate, m/s, at `ts`;
+    rows of steps that were not taken are infinite."""
 
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
         del t, args
@@ -161,12 +157,8 @@ def _contact(
 
 
 def _crest(times: np.ndarray, values: np.ndarray) -> float:
-    """Return the peak of a curve from N >= 3 values at rising times, both (N,).
-
-    It is the largest value of a parabola through the largest of the values and both values beside
-    it. If the largest is the first or last one, the parabola goes through the three values at this
-    end.
-    """
+    """Return the peak of a curve from N >= 3 values at rising times: that of a parabola through the
+    largest of the values and both beside it, or through the three values at an end."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     start, middle, end = values[k - 1 : k + 2]
     # The position of the middle value on the way from the first time, 0, to the last one, 1.

@@ -1,12 +1,4 @@
-"""Decide whether a trial step is accepted, how long the next one is, and whether the run failed.
-
-An event is the onset or the end of a contact. Landing is the adjustment of a step so that it ends
-at an event. A breakpoint is a declared time at which a driver or load changes abruptly; steps end
-there too. Rates are time derivatives of the integrated variables. Tangents are derivatives of the
-variables with respect to parameters. Bristles are deflections of the surfaces in friction laws that
-can stick. A time map places the solver's stages non-uniformly in the time of a step (see
-`.time_map`).
-"""
+"""Decide whether a trial step is accepted, how long the next one is, and whether the run failed."""
 
 from typing import Any, TypeAlias
 
@@ -39,12 +31,11 @@ Flag: TypeAlias = Bool[Any, ""]
 
 DRIVER_TOLERANCE = 3.0
 """Tolerance within which a driver must be smooth over a step, as a multiple of the relative
-tolerance of the step-size controller. A driver is a constraint that prescribes a motion as a
-function of time. It counts as smooth if two pairs of numbers agree: the change of its rate over the
-step and the integral of its second time derivative, within the tolerance times the driver's speed;
-and the change of its value and the integral of its rate, within the tolerance times this speed
-times the step's length. The integrals are computed by a quadrature, and the factor leaves room for
-its error."""
+tolerance of the step-size controller. A driver is smooth if the change of its rate over the step
+agrees with the integral of its second time derivative, within the tolerance times the driver's
+speed, and the change of its value with the integral of its rate, within the tolerance times this
+speed times the step's length. The integrals are computed by a quadrature, and the factor leaves
+room for its error."""
 FIXED_STEPS_RTOL = 1e-6
 """Relative tolerance for drivers if the step-size controller has none, as in runs with fixed steps:
 the default `rtol` of `Settings`."""
@@ -57,21 +48,11 @@ step."""
 def decide_step(
     method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS]:
-    """Decide whether a trial step is accepted, and which step is tried next.
-
-    The step-size controller decides first. A trial that the controller accepts is still rejected if
-    a driver is not smooth over the step, or if the step passes a contact event at which it must
-    end. It is then repeated: in the first case with a shorter step, in the second case up to the
-    event.
-
-    **Arguments:** `method`: solver, step-size controller, and `landing`, the rule by which steps
-    end at contact events (``None`` if steps go across events); `system`: the scene and its
-    equations of motion; `step`: the state before the trial; `trial`: the trial as the solver
-    computed it; `t_end`: end of the run, s.
-
-    **Returns:** whether the trial is accepted; the step to try next; and the result code of the run
-    so far.
-    """
+    """Decide whether a trial step is accepted, and return also the step to try next and the result
+    code. The step-size controller decides first. A trial that the controller accepts is still
+    rejected if a driver is not smooth over the step, if bodies rotate too far in it, or if it
+    passes a contact event at which it must end. It is then repeated with a shorter step, or up to
+    the event."""
     t1, last, after = trial.t1, step.proposal, trial.gaps
     keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
         method, system, step, trial
@@ -161,10 +142,6 @@ def decide_step(
 
 
 def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
-    """Return the relative tolerance of a controller, or `FIXED_STEPS_RTOL` if it has none.
-
-    Controllers that wrap another one, such as `diffrax.ClipStepSizeController`, have its tolerance.
-    """
     inner = getattr(controller, "controller", None)
     if inner is not None:
         return _relative_tolerance(inner)
@@ -174,16 +151,11 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
 def _controller_decision(
     method: Method, system: System, step: Step, trial: Trial
 ) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
-    """Return the decision of diffrax's step-size controller about a trial step from `step`.
-
-    The controller gets the errors of variables and tangents together. Since it has one tolerance
-    for both, errors of tangents are first divided by `method.derivative_tolerance`, the factor by
-    which the tolerances of tangents are larger. The controller relates errors to the sizes of the
-    variables; `magnitudes` gives all components of a vector the same size.
-
-    **Returns:** whether the trial is accepted; the proposed end of the next step, s; whether the
-    rates may jump at the start of the next step; the controller's new state; and its result code.
-    """
+    """Return the decision of diffrax's step-size controller about a trial step from `step`: whether
+    it is accepted; the proposed end of the next step, s; whether the rates may jump at the start of
+    the next step; the controller's new state; and its result code. The controller gets the errors
+    of variables and tangents together. Since it has one tolerance for both, errors of tangents are
+    first divided by `method.derivative_tolerance`."""
 
     def scaled(y: PyTree) -> PyTree:
         return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
@@ -231,20 +203,11 @@ def _result(
     controller_result: diffrax.RESULTS,
     t_end: Scalar,
 ) -> RESULTS:
-    """Return the result code of the run after a trial step.
-
-    If several checks fail, the last of these decides: the step is too small, a journal is too deep
-    in the wall, a driver or ideal joint is not followed, a variable is not finite, the solver or
-    the controller failed. If none fails, the code in `step` stays.
-
-    **Arguments:**
-
-    - `step`: the state before the trial; `trial`: the trial as the solver computed it; `keep`:
-      whether it is accepted.
-    - `refused`: whether it was rejected because of a driver; ``None`` without drivers.
-    - `t_next`: end of the step proposed next, s; `t_end`: end of the run, s.
-    - `controller_result`: diffrax's result code of the controller.
-    """
+    """Return the result code of the run after a trial step. If several checks fail, the last of
+    these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint
+    is not followed, a variable is not finite, the solver or the controller failed. If none fails,
+    the code in `step` stays. `refused` says whether the trial was rejected because of a driver; it
+    is ``None`` without drivers."""
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps
     # A step shorter than the spacing of the numbers at its start makes no progress. At t = 0 that

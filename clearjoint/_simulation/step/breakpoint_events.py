@@ -1,17 +1,9 @@
 """Corrections of a step that ends at a breakpoint: of velocities that jump, and of derivatives with
 respect to parameters.
 
-A breakpoint is a declared time at which a driver or load changes abruptly. A step that ends at a
-breakpoint is corrected as in `.saltation`: the change of the rates at the breakpoint, times the
-time since the breakpoint, is added to the variables. Rates are time derivatives of the variables.
-The time since the breakpoint is zero except for rounding, but it has derivatives with respect to
-the parameters on which the breakpoint depends. Where the angle or distance that a driver prescribes
-has a kink, an impulse of the constraints changes the velocities. The new velocities are those that
-satisfy the constraints and differ least from the old ones, in the metric of the mass matrix.
-
-The clock of a `System` counts the time from its `origin`, s; without an origin it shows the scene's
-time. The entry speed of a contact is its penetration rate at its onset. The energy ledger of a run
-consists of integrals of powers, J, such as the energy "supplied" by drivers and loads.
+As in `.saltation`, the change of the rates at the breakpoint, times the time since the breakpoint,
+is added to the variables. This time is zero except for rounding, but it has derivatives with
+respect to the parameters on which the breakpoint depends.
 """
 
 from collections.abc import Mapping
@@ -23,6 +15,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from typing_extensions import override
 
 from ..._dynamics.breakpoints import one_sided_time, since_breakpoints
 from ..._dynamics.contact_forces import EntrySpeeds
@@ -37,27 +30,22 @@ T = TypeVar("T")
 
 
 class SwitchedForce(AbstractForce):
-    """A force whose wrenches and power are interpolated linearly between their values at two times.
-
-    With times just before and just after a breakpoint, the derivative of the rates with respect to
-    `share` is the change of the rates at the breakpoint.
-
-    - `force`: the force; `before`, `after`: the two times of the scene, s.
-    - `share`: position between the two values, 0 for those at `before` and 1 for those at `after`.
-    """
+    """A force whose wrenches and power are interpolated linearly between their values at two times,
+    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and just after
+    a breakpoint, the derivative of the rates with respect to `share` is the change of the rates at
+    the breakpoint."""
 
     force: AbstractForce
     before: Scalar
     after: Scalar
     share: Scalar
 
+    @override
     def body_names(self) -> tuple[str, ...]:
-        """Return the names of the bodies that the force acts on."""
         return self.force.body_names()
 
+    @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the interpolated wrenches, N and N m, by body name. A body without a wrench at one
-        of the two times has a wrench of zero there. `t` is not used."""
         del t
         old, new = (self.force.wrenches(motions, at) for at in (self.before, self.after))
         return {
@@ -65,9 +53,8 @@ class SwitchedForce(AbstractForce):
             for name in {**old, **new}
         }
 
+    @override
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the interpolated power, W, by which the force changes the total energy; `t` is not
-        used."""
         del t
         return self._between(
             *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
@@ -85,14 +72,11 @@ def across_breakpoints(
     t: Scalar,
     keep: Condition,
 ) -> Variables:
-    """Return the variables at the end of a step, corrected if the step ends at breakpoints.
+    """Return the variables at the end of a step from `start` to `t`, s, corrected if the step is
+    accepted (`keep`) and ends at breakpoints.
 
-    **Arguments:**
-
-    - `start`, `t`: start and end of the step, s, on the clock of `system`.
-    - `y`: variables at the end of the step; `entry_speeds`: entry speeds of contacts at its start,
-      m/s.
-    - `keep`: whether the step is accepted; otherwise `y` is returned.
+    **Arguments:** `y`: variables at the end of the step; `entry_speeds`: entry speeds of contacts
+    at its start, m/s.
     """
     scene = system.scene
     since = since_breakpoints(system, start, t)
@@ -105,11 +89,10 @@ def across_breakpoints(
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
 
-    # Shares of zero: all forces are as they were before their breakpoints.
-    none = {name: jnp.zeros(()) for name in forces}
+    # With these, all forces are as they were before their breakpoints.
+    no_shares = {name: jnp.zeros(()) for name in forces}
 
     def corrected(y: Variables) -> Variables:
-        """Return the variables with the changes at all breakpoints where the step ends."""
         if joints:
             # Move back to the breakpoint with the old rates, apply the velocity jump there, and
             # move forward again with the new rates. The time of these moves is zero except for
@@ -121,15 +104,15 @@ def across_breakpoints(
             # but their drift from the constraints.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
             time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
-            y = _moved_on(y, rates(none, y, before), -time)
-            y = _past_kink(_with_shares(system, before, after, none), y, after - time)
-            y = _moved_on(y, rates(none, y, after), time)
+            y = _moved_on(y, rates(no_shares, y, before), -time)
+            y = _past_kink(_with_shares(system, before, after, no_shares), y, after - time)
+            y = _moved_on(y, rates(no_shares, y, after), time)
         if forces:
             # The rates depend linearly on the share of each switched force. So the derivative of
             # the rates, in the direction in which each share grows by the time since the force's
             # breakpoint, is the sum of the changes of the rates times these times.
             times = {name: time for name, (_, time) in forces.items()}
-            y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (none,), (times,))[1], 1.0)
+            y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (no_shares,), (times,))[1], 1.0)
         return y
 
     # Few steps land on a breakpoint; a single run computes the correction for these only.
@@ -140,32 +123,25 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
-    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`
-    with this share.
-
-    **Arguments:** `before`, `after`: times on both sides of a breakpoint, s, on the clock of
-    `system`.
-    """
-    sides = system.clock(before), system.clock(after)
+    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`."""
     forces = {
-        name: SwitchedForce(force, *sides, shares[name]) if name in shares else force
+        name: SwitchedForce(force, system.clock(before), system.clock(after), shares[name])
+        if name in shares
+        else force
         for name, force in system.scene.forces.items()
     }
     return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
 
 
 def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
-    """Return the variables `y` after a `time`, s, with constant `rates`."""
     return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
 
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables with velocities that satisfy the constraints at the time t, s, just
-    after a kink in the angle or distance that a driver prescribes.
-
-    If the run has an energy ledger, the kinetic energy that the impulse of the constraints adds is
-    added to the integral "supplied".
-    """
+    after a kink in the angle or distance that a driver prescribes, and differ least from the old
+    ones, in the metric of the mass matrix. The kinetic energy that the impulse of the constraints
+    adds is added to the integral "supplied" of the energy ledger."""
     motion = system.project_velocities(y.motion, t)
     work = y.work
     if "supplied" in work:

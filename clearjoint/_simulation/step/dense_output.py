@@ -1,12 +1,5 @@
-"""States inside an accepted step by dense output, the solver's interpolant between the step's ends.
-
-Where the stabilisation projects states onto the constraints, interpolated states are projected too.
-Times are on the clock of a run's `System`, which counts the time from the system's `origin`, s;
-without an origin it shows the scene's time. Functions that take a `Method` need the one with which
-the step was made, because it contains the solver. An `Attempt` is a trial step with its data for
-dense output. The entry speed of a contact is its penetration rate at its onset. A time map gives
-the part of a step's time that has elapsed at each of the solver's stages; without one, this part is
-the node of the solver's tableau, and time is called uniform in the step.
+"""States inside an accepted step by dense output, projected onto the constraints where the
+stabilisation projects the ends of steps. Functions that take a `Method` need the one of the step.
 """
 
 from collections.abc import Callable, Mapping
@@ -32,11 +25,9 @@ def look_inside(
     method: Method, system: System, attempt: Attempt, t: Scalar
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
-    s, of the accepted step of an `attempt`.
-
-    Before the end of the step, entry speeds are those of `entry_speeds_inside`. At the end, the
-    stored variables and entry speeds are taken, which contain the corrections for events there.
-    """
+    s, of the accepted step of an `attempt`. Before the end of the step, entry speeds are those of
+    `entry_speeds_inside`. At the end, the stored variables and entry speeds are taken, which
+    contain the corrections for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     y = choose(t >= end, step.y, dense.evaluate(dense_time(attempt, t)))
@@ -46,13 +37,8 @@ def look_inside(
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
-    """Return the time, s, that must be passed to diffrax's dense output to obtain the state at the
-    time t, s.
-
-    diffrax assumes that time is uniform in the step. With a time map it is not: t is therefore
-    mapped to the fraction x of the step at which the solver would place a stage, and x linearly to
-    a time.
-    """
+    """Return the time, s, that must be passed to diffrax's dense output, which assumes that time is
+    uniform in the step, to obtain the state at the time t, s."""
     if attempt.time_map is None:
         return t
     length = attempt.step.t - attempt.t_start
@@ -62,11 +48,8 @@ def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
 
 def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at the end t, s, of a step, corrected by the stabilisation of the
-    constraints.
-
-    The energy that a projection onto the constraints removes, J, is added to the integral
-    "stabilisation" of the energy ledger, if the run has one.
-    """
+    constraints. The energy that a projection onto the constraints removes, J, is added to the
+    integral "stabilisation" of the energy ledger, if the run has one."""
 
     def energy(motion: MotionVariables) -> Scalar:
         return sum(system.energies(motion, t).values())
@@ -83,42 +66,36 @@ def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
 
 def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables at a time t, s, inside a step, with the motion corrected by the
-    stabilisation. The energy ledger is not changed, because the correction of a state inside a step
-    does not enter later steps."""
+    stabilisation. The energy ledger stays, because this correction does not enter later steps."""
     return replace(y, motion=stabilised(system, y, t).motion)
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that the solver of a `Method` is an `UnrolledExplicit`, the form that explicit
-    Runge-Kutta methods have there. The package computes quantities inside steps, and derivatives,
-    with these solvers only.
-
-    **Raises:** `ValueError` that names the solver's class.
-    """
-    fine, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
+    """Check that the solver of a `Method` is an `UnrolledExplicit`, the only one with which
+    quantities inside steps, and derivatives, are computed, or raise a `ValueError` that names its
+    class."""
+    is_explicit, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
     expected = (
         "an explicit Runge-Kutta method for sections, for values inside the steps of a sweep "
         "(saved states, peaks, statistics, impacts), and for derivatives"
     )
     remedy = "take one such as diffrax.Tsit5(), or leave these outputs out"
-    require(fine, "solver", kind, expected, remedy)
+    require(is_explicit, "solver", kind, expected, remedy)
 
 
 class Snapshot(eqx.Module):
-    """The state of a run at one time: the time t, s, on the clock of the run's system, the
-    variables `y`, and the entry speeds of contacts, m/s."""
+    """The state of a run at one time: the time t, s, the variables `y`, and the entry speeds of
+    contacts, m/s."""
 
     t: Scalar
     y: Variables
     entry_speeds: EntrySpeeds
 
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
-        """Return the snapshot as an `Instant`, from which quantities, such as the position of a
-        body, are computed.
+        """Return the snapshot as an `Instant`.
 
-        **Arguments:** `system`: the system of the run; `inside`: a function that returns the
-        `Instant` after a part, 0 to 1, of the time of the step that ends here; ``None`` if
-        quantities need no instants inside steps.
+        **Arguments:** `inside`: a function that returns the `Instant` after a part, 0 to 1, of the
+        time of the step that ends here; ``None`` if quantities need no instants inside steps.
         """
         motion, work = self.y.motion, self.y.work
         return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
@@ -131,15 +108,7 @@ class Snapshot(eqx.Module):
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step of a run, with the data for dense output.
-
-    - `start`, `end`: the states at its ends; `gaps`: the contact gaps at its end.
-    - `stages`: for each stage of the solver, the time derivatives of the variables, per s,
-      multiplied by the slope of the time map if there is one.
-    - `time_map`: function of the fraction x at which the solver's tableau places a stage, 0 to 1.
-      Its value is the part of the step's time, 0 to 1, that has elapsed at this stage. With
-      ``None`` the two are equal. See `.time_map`.
-    """
+    """The latest accepted step of a run, with the data for dense output."""
 
     start: Snapshot
     end: Snapshot
@@ -149,8 +118,7 @@ class DenseStep(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
-        """Return the step of an accepted attempt. The solver of the run must be an
-        `UnrolledExplicit`, an explicit Runge-Kutta method whose stages can be kept."""
+        """Return the step of an accepted attempt by an `UnrolledExplicit`."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
@@ -170,18 +138,16 @@ class DenseStep(eqx.Module):
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
         """Return the snapshot after a part `elapsed`, 0 to 1, of the step's time, with the entry
-        speeds of the step's start and without correction by the stabilisation.
-
-        **Raises:** `ValueError` if the solver is not an explicit Runge-Kutta method.
-        """
+        speeds of the step's start and without correction by the stabilisation. Raise a `ValueError`
+        if the solver is not an explicit Runge-Kutta method."""
         require_dense(method.solver)
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, of the step, on the clock of the run's system,
-        corrected by the stabilisation in the same way as the end of a step. At the end of the step
-        it is the stored `end`; before, it has the entry speeds of `entry_speeds_inside`."""
+        """Return the snapshot at a time t, s, of the step, corrected by the stabilisation. At the
+        end of the step it is the stored `end`; before, it has the entry speeds of
+        `entry_speeds_inside`."""
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)

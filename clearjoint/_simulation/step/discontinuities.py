@@ -1,19 +1,9 @@
 """Find undeclared discontinuities of elements, the joints and forces of a scene, in their traced
-programs and in accepted steps.
+programs and in accepted steps of runs with derivatives.
 
-If an element switches a force on where t > t_s, the force is constant before and after t_s. JAX's
-derivative of the comparison by t_s is zero, so the derivative of the motion lacks a term, and no
-run would show that it is missing. Therefore the traced program (jaxpr) of each element is searched
-for operations that compare, round or clip a number which depends on time. An element declares the
-times at which it changes abruptly by its method `breakpoints`.
-
-If a torque jumps at some angle, the instant of the jump depends on the parameters, and derivatives
-of the motion have a term for the shift of this instant (see `.saltation`). Contact laws declare
-such events. A user-defined element cannot declare them, and a step across its jump looks like any
-other. Therefore user-defined elements are searched for operations that compare or round a number
-which depends on the motion. If a scene has such an element, or a user-defined contact joint, each
-accepted step of a run with derivatives is checked: if the rates change by more than their slopes at
-both ends of the step allow, the run ends with the result code `force_jumped`.
+If an element switches a force on where t > t_s, JAX's derivative of the comparison by t_s is zero.
+The derivative of the motion then lacks a term, and no run would show it. Likewise if a force jumps
+at some angle: the instant of the jump depends on the parameters (see `.saltation`).
 """
 
 from functools import reduce
@@ -59,11 +49,8 @@ BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or ha
 
 def require_declared(scene: Scene) -> None:
     """Check that every element of a scene that may change abruptly at some time, because it
-    compares, rounds or clips a number that depends on time, declares its breakpoints.
-
-    **Raises:** `ValueError` that names the first such element whose class, or the class of a
-    function of time in it, does not define the method `breakpoints`.
-    """
+    compares, rounds or clips a number that depends on time, declares its breakpoints; raise a
+    `ValueError` that names the first one that does not, or its function of time."""
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
@@ -87,7 +74,6 @@ def require_declared(scene: Scene) -> None:
 
 
 def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunctionOfTime]:
-    """Return the functions of time in an element whose classes do not define `breakpoints`."""
     parts = jax.tree.leaves(element, is_leaf=lambda part: isinstance(part, AbstractFunctionOfTime))
     functions = [part for part in parts if isinstance(part, AbstractFunctionOfTime)]
     silent = AbstractFunctionOfTime.breakpoints
@@ -96,12 +82,8 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 @cached_by_numbers
 def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
-    """Return whether a function of time, or the forces or constraint rates of an element, may have
-    a jump or a kink, because they depend on an operation that compares, rounds or clips a number
-    that depends on time.
-
-    The function or element is as in the scene that the user made, with vectors as arrays (3,).
-    """
+    """Return whether a function of time, or the forces or constraint rates of an element, in packed
+    form, may have a jump or a kink in time."""
     part = unpack(part)
     if isinstance(part, AbstractFunctionOfTime):
         return _depends_on_primitive(program_of(part, 0.0)[0].jaxpr, [True], KINKED)
@@ -109,13 +91,9 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
-    """Return the traced program (jaxpr) of an element's forces or constraint rates.
-
-    The program has two arguments: the time, and one number that stands for every component of the
-    motion. For the search it does not matter on which component a comparison depends.
-
-    **Arguments:** `element`: the joint or force, with three separate scalars for each vector.
-    """
+    """Return the traced program of an element's forces or constraint rates. Its arguments are the
+    time, and one number that stands for every component of the motion: for the search it does not
+    matter on which component a comparison depends."""
 
     def outputs(t: Scalar, number: Scalar) -> PyTree[Scalar]:
         vector = Vector(number, number, number)
@@ -133,12 +111,8 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
 
 def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
     """Return whether the results of a program depend on one of certain operations, applied to a
-    variable that depends on one of the `chosen` arguments. These operations are those named in
-    `primitives`, and all whose result is not a float, such as comparisons.
-
-    **Arguments:** `program`: the traced program; `chosen`: for each of its arguments whether it is
-    chosen; `primitives`: names of JAX primitives.
-    """
+    variable that depends on one of the `chosen` arguments: those named in `primitives`, and all
+    whose result is not a float, such as comparisons."""
     # Variables that depend on a chosen argument.
     causes = {v for v, is_chosen in zip(program.invars, chosen, strict=True) if is_chosen}
     # Dead code is left out, such as comparisons in the value of a constraint, which is not used.
@@ -185,13 +159,10 @@ matrix spreads from the largest rate to all others."""
 
 
 def may_have_undeclared_jump(scene: Scene) -> bool:
-    """Return whether a scene has an element that may jump without declaring it.
-
-    Such an element is of a class from outside this package, or contains a part of such a class, and
-    it either compares or rounds numbers of the motion or is a contact joint. All contact joints
-    count, because the search for comparisons covers their constraint rows but not their contact
-    forces.
-    """
+    """Return whether a scene has an element that may jump without declaring it. Such an element is
+    of a class from outside this package, or contains a part of such a class, and it either compares
+    or rounds numbers of the motion or is a contact joint. All contact joints count, because the
+    search covers their constraint rows but not their contact forces."""
 
     def is_foreign(part: PyTree) -> bool:
         return isinstance(part, eqx.Module) and not is_of_package(part)
@@ -205,16 +176,9 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 
 
 def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial) -> Condition:
-    """Return whether any rate of the motion, the time derivative of a coordinate or velocity, jumps
-    within a trial step.
-
-    Steps end at breakpoints and at contact events, so these are not inside the step. The check is
+    """Return whether any rate of the motion jumps within a trial step from `step`. The check is
     skipped if the step ends at the onset or the end of a contact whose force, or its slope, may
-    jump there.
-
-    **Arguments:** `method`: integration method; `step`: the state before the trial; `trial`: its
-    result.
-    """
+    jump there."""
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
     def rates(t: Scalar, motion: object) -> object:

@@ -1,9 +1,7 @@
 """Loops of a run: JAX's own, or loops with checkpoints, which support reverse-mode differentiation.
 
-JAX cannot differentiate a `while_loop` in reverse mode, because the number of iterations is not
-known beforehand. equinox's loop stores the state at some iterations (checkpoints), and in the
-reverse pass computes the iterations between them again, as `diffrax.RecursiveCheckpointAdjoint`
-does.
+equinox's loop stores the state at some iterations (checkpoints), and in the reverse pass computes
+the iterations between them again, as `diffrax.RecursiveCheckpointAdjoint` does.
 """
 
 from collections.abc import Callable
@@ -50,20 +48,16 @@ class Loops(eqx.Module):
     checkpoints: int | None = eqx.field(default=None, static=True)
 
     def attempt(self, method: Method, system: System, step: Step, t_end: Scalar) -> Attempt:
-        """Try one step from `step`, at most to `t_end`, s, and return its outcome; see the function
-        `attempt` in `.stepping`.
-
-        In loops with checkpoints, the derivatives of a trial whose numbers are not finite are left
-        out, so that they do not spoil those of the run.
-        """
+        """Try one step from `step`, at most to `t_end`, s, and return its outcome. In loops with
+        checkpoints, the derivatives of a trial whose numbers are not finite are left out, so that
+        they do not spoil those of the run."""
         function = attempt if self.checkpoints is None else _attempt_with_finite_derivatives
         return function(method, system, step, t_end)
 
     def repeat(
         self, condition: Callable[[Carry], Condition], body: Callable[[Carry], Carry], start: Carry
     ) -> Carry:
-        """Apply `body` to a carry, whose first value is `start`, as long as `condition` holds for
-        the carry, and return the carry's last value, as `jax.lax.while_loop` does."""
+        """Apply `body` as `jax.lax.while_loop` does."""
         if self.checkpoints is None:
             return jax.lax.while_loop(condition, body, start)
         return eqxi.while_loop(
@@ -73,14 +67,7 @@ class Loops(eqx.Module):
     def each(
         self, body: Callable[[Carry, Item], tuple[Carry, Output]], start: Carry, items: Item
     ) -> tuple[Carry, Output]:
-        """Apply `body` to one item after the other, like `jax.lax.scan`.
-
-        **Arguments:** `body`: function of the carry and an item that returns the next carry and an
-        output; `start`: the first carry; `items`: the N items as one PyTree, whose leaves have a
-        first axis of length N.
-
-        **Returns:** the last carry, and the N outputs as one PyTree of the same kind.
-        """
+        """Apply `body` to one item after the other, as `jax.lax.scan` does."""
         if self.checkpoints is None:
             return jax.lax.scan(body, start, items)
         # The state before each item is stored, and all else is computed again in the reverse pass.
@@ -103,7 +90,7 @@ _attempt = Compiled(attempt)
 
 
 def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> Loops:
-    """Return the loops for the argument `adjoint` of `simulate`; `PLAIN` if it is ``None``."""
+    """Return the loops for the argument `adjoint` of `simulate`."""
     if adjoint is None:
         return PLAIN
     return Loops(CHECKPOINTS if adjoint.checkpoints is None else adjoint.checkpoints)
@@ -113,8 +100,7 @@ def loops_for(adjoint: diffrax.RecursiveCheckpointAdjoint | None) -> Loops:
 def _attempt_with_finite_derivatives(
     method: Method, system: System, step: Step, t_end: Scalar
 ) -> Attempt:
-    """Try one step, like `attempt` in `.stepping`, but with derivatives that stay finite if the
-    trial overflows; the next function computes them."""
+    """Try one step, but with derivatives that stay finite if the trial overflows."""
     return _attempt(method, system, step, t_end)
 
 
@@ -124,13 +110,8 @@ def _attempt_jvp(
 ) -> tuple[Attempt, Attempt]:
     """Return the attempt and its tangents. For a trial that overflowed, the field `step` of the
     attempt keeps the tangents from before the trial, and the tangents of all other fields are zero.
-
     Such a trial is rejected, so its tangents are multiplied by zero. In the reverse pass, zero
-    times the infinite derivatives of the trial would be NaN.
-
-    **Arguments:** `primals`: the arguments of the attempt; `tangents`: their derivatives, ``None``
-    for those that are not differentiated.
-    """
+    times the infinite derivatives of the trial would be NaN."""
     # Only arrays of floats are differentiated; the rest passes through unchanged.
     inputs, others = eqx.partition(primals, eqx.is_inexact_array)
     tangents = jax.tree.map(

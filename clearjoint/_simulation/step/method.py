@@ -1,10 +1,5 @@
 """Numerical scheme of a run: the integration method, and the formulation of the equations of motion
-(coordinates, stabilisation of the constraints, and energy ledger).
-
-Scenes have two forms: packed, with each vector as an array (3,), and scalar, with each vector as
-three separate scalars (a `Vector`). Runs receive packed scenes; the equations of motion are
-evaluated in scalar form.
-"""
+(coordinates, stabilisation of the constraints, and energy ledger)."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -29,25 +24,22 @@ from .step_state import Method
 
 class Scheme(eqx.Module):
     """Integration method and formulation of the equations of motion of a run. It contains no data
-    of a scene, so that runs of different scenes may use the same scheme.
-
-    - `method`: solver, step-size controller, and the rule by which steps end at contact events.
-    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
-    """
+    of a scene, so that runs of different scenes may use the same scheme."""
 
     method: Method
     formulation: Formulation
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays.
-
-        **Arguments:** `redundant`: whether some constraint equations depend linearly on others;
-        used if `settings.redundant` is ``None``.
-        """
+        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays;
+        `redundant` is used if `settings.redundant` is ``None``."""
         redundant = redundant if settings.redundant is None else settings.redundant
-        # The arguments of `Formulation`.
-        choices = settings.coordinates, settings.stabilisation, redundant, settings.ledger
+        formulation = Formulation(
+            coordinates=settings.coordinates,
+            stabilisation=settings.stabilisation,
+            redundant=redundant,
+            ledger=settings.ledger,
+        )
         rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
         # Impacts amplify errors of variables that are nearly zero, such as the misalignment of a
         # journal. The relative tolerance must hold for these too, so `atol` is far below `rtol`.
@@ -66,7 +58,7 @@ class Scheme(eqx.Module):
             is_number = isinstance(leaf, np.ndarray) or (isinstance(leaf, float) and leaf != 0.0)
             return jax.device_put(leaf) if is_number else leaf
 
-        return jax.tree.map(array, Scheme(method, Formulation(*choices)))
+        return jax.tree.map(array, Scheme(method, formulation))
 
     @staticmethod
     def on_host(settings: Settings, redundant: bool = False) -> "Scheme":
@@ -79,18 +71,13 @@ class Scheme(eqx.Module):
         return System(scene, self.formulation)
 
     def system_of_packed(self, folded_scene: ConstantFolded) -> System:
-        """Return the system of equations that a run integrates, for a scene in packed form.
-
-        **Arguments:** `folded_scene`: the scene, with marks at vector components that are exactly 0
-        or 1. These become constants of the compiled program.
-        """
+        """Return the system of equations that a run integrates, for a folded scene in
+        packed form."""
         return self.system(unpack(folded_scene))
 
 
 @cached_by_numbers
 def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
-    """Return `Scheme.of` with NumPy arrays. The fields of `Settings` are passed in a dictionary, a
-    PyTree, as the cache requires."""
     return keep_flattened(jax.device_get(Scheme.of(Settings(**settings), redundant)))
 
 
@@ -99,15 +86,9 @@ Auxiliary = TypeVar("Auxiliary")
 
 
 class SystemFamily(eqx.Module):
-    """A scene's equations of motion (`System`) and initial state as functions of p parameters.
-
-    - `family`: the scene and its initial state as functions of the parameters' coordinates, such as
-      the logarithm of a parameter on a logarithmic scale. All derivatives of this class are with
-      respect to these coordinates.
-    - `formulation`: coordinates, stabilisation of the constraints, and energy ledger.
-    - `origin`: the scene's time, s, at which the time t of the systems is zero; ``None`` if t is
-      the scene's time.
-    """
+    """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
+    p parameters, such as the logarithm of a parameter on a logarithmic scale. The time of the
+    systems is zero at `origin`, s; it is the scene's time if `origin` is ``None``."""
 
     family: ParametrisedScene
     formulation: Formulation
@@ -124,22 +105,10 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Auxiliary, Value]:
-        """Evaluate a function of the system, and differentiate it with respect to the parameters.
-
-        The derivatives are total ones: through the system, which depends on the parameters, and
-        through the function's further arguments.
-
-        **Arguments:**
-
-        - `function`: function of the system and of `primals`. It returns a pair of PyTrees: the
-          value, which is differentiated, and an auxiliary result, which is not.
-        - `primals`: the arguments of `function` after the system.
-        - `tangents`: derivatives of `primals` with respect to the parameters: PyTrees of the same
-          structures, whose leaves have an additional first axis of length p.
-
-        **Returns:** the value, the auxiliary result, and the value's derivatives, with a first axis
-        of length p in each leaf.
-        """
+        """Evaluate a function of the system and of `primals`, and differentiate it with respect to
+        the parameters, through the system and through `primals`, whose derivatives are `tangents`.
+        The function returns a value and an auxiliary result, which is not differentiated; the
+        result contains both, and the derivatives of the value."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System(scene, self.formulation, self.origin), *primals)

@@ -33,17 +33,16 @@ accurate = Settings(rtol=1e-8)
 1e-08
 """
 reference = Settings(solver=diffrax.Dopri8(), rtol=1e-10)
-"""Settings for reference solutions, with which others are compared. They use an integration method
-of order 8, whose program takes twice as long to compile.
+"""Settings for reference solutions, with which others are compared. Their integration method is of
+order 8, and its program takes twice as long to compile.
 
 >>> cj.presets.reference.rtol
 1e-10
 """
 derivatives = Settings(rtol=1e-9, landing_tolerance=1e-13, max_steps=1_000_000)
 """Settings that `sensitivities`, and functions that call it, such as `fit_horizon`, use if none are
-given. Steps end within a penetration of 1e-13 m at each onset of a contact, so that the adjustment
-of the steps leaves no visible error in the derivatives of entry speeds, the penetration rates at
-onsets.
+given. Steps end within 1e-13 m of penetration at each onset of a contact, so that their adjustment
+leaves no visible error in the derivatives of entry speeds.
 
 >>> cj.presets.derivatives.landing_tolerance
 1e-13

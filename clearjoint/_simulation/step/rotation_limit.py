@@ -1,12 +1,10 @@
 """Limit of the rotations in a step, in scenes whose steps are searched for events.
 
-A joint angle that grows evenly is a polynomial of time, which a solver integrates without error.
-The step-size controller then lengthens the steps to many revolutions. But contacts, sections, peaks
-and other statistics are searched for in each step as if the motion were smooth there, and all
-revolutions inside of a step would pass unseen. In such scenes, a step therefore ends after a part
-of a revolution. It is shortened in advance by the rotation rate at its start, and repeated if the
-rates in it were much higher. Rotations that change none of the numbers that are searched for are
-not limited.
+A joint angle that grows evenly is integrated without error, so that the controller lengthens the
+steps to many revolutions. But contacts, sections, peaks and other statistics are searched for in
+each step as if the motion were smooth there. In such scenes, a step therefore ends after a part of
+a revolution: it is shortened by the rotation rate at its start, and repeated if the rates in it
+were much higher. Rotations that change nothing that is searched for are not limited.
 """
 
 from collections.abc import Callable
@@ -19,7 +17,7 @@ from jaxtyping import PyTree
 from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.vectors import Scalar, larger
-from .solvers import DenseOutput, UnrolledExplicit
+from .solvers import UnrolledExplicit
 from .step_state import Method, Step
 from .trial_step import Trial
 
@@ -31,22 +29,17 @@ rotation that accelerates are rarely repeated.
 
 Contacts would allow longer steps: 200 random mechanisms had the impacts of runs with very short
 steps also with 2.1 rad. Statistics need short ones, since they approximate a quantity by a parabola
-in each step: the root mean square of a coordinate of a rotor is wrong by 7e-5 of its value with
-0.5 rad, and by 2.5e-4 with 0.7 rad.
+in each step: the root mean square of a coordinate of a rotor is wrong by 7e-5 of its value with 0.5
+rad, and by 2.5e-4 with 0.7 rad.
 """
 
 
 def rotating_bodies(
     system: System, motion: MotionVariables, searched: Callable[[MotionVariables], PyTree[Scalar]]
 ) -> frozenset[str]:
-    """Return the names of the bodies whose rotations a step must limit.
-
-    They are those that move the bodies of a contact joint relative to each other, and those on
-    which the numbers depend that recorders search for in each step.
-
-    **Arguments:** `motion`: the variables of the motion; `searched`: returns these numbers for
-    given variables.
-    """
+    """Return the names of the bodies whose rotations a step must limit: those that move the bodies
+    of a contact joint relative to each other, and those on which the numbers depend that recorders
+    search for in each step, the results of `searched`."""
     scene, coordinates = system.scene, system.formulation.coordinates
     # Only the names are needed here: the rates are traced and not computed.
     rates = jax.eval_shape(lambda: coordinates.rotation_rates(scene, motion))
@@ -76,15 +69,12 @@ def longest_step(method: Method, system: System, step: Step) -> Scalar:
 
 
 def rotation_in(method: Method, system: System, step: Step, trial: Trial) -> Scalar:
-    """Return the length of a trial step from `step` times the fastest rotation rate in it, rad.
-
-    The rates are those at both ends and, with a solver that has dense output for it, in the middle:
-    a motion may be at rest at both ends of a step.
-    """
+    """Return the length of a trial step from `step` times the fastest rotation rate in it, rad. The
+    rates are those at both ends and, with a solver that has dense output for it, in the middle: a
+    motion may be at rest at both ends of a step."""
     motions = [step.y.motion, trial.outcome.y.motion]
     if isinstance(method.solver, UnrolledExplicit):
-        inside = trial.outcome.information
-        stages = inside["y0"], inside["stages"]
-        motions.append(DenseOutput(method.solver.method, step.t, trial.t1, *stages).at(0.5).motion)
+        dense = method.solver.interpolation_cls(t0=step.t, t1=trial.t1, **trial.outcome.information)
+        motions.append(dense.at(0.5).motion)
     rates = [fastest_rotation(method, system, motion) for motion in motions]
     return (trial.t1 - step.t) * reduce(larger, rates)

@@ -25,12 +25,10 @@ from .solvers import require_ordinary
 from .types import Numbers
 
 FIRST_SHARE = 1e-6
-"""Default length of the first step, relative to the duration of the run. It is short enough for
-stiff contacts. In motions that allow longer steps, the controller lengthens each of the next steps
-up to tenfold."""
+"""Default length of the first step, relative to the duration of the run: short enough for stiff
+contacts. The controller lengthens each of the next steps up to tenfold."""
 
 NUMBERS = (int, float, np.number, np.ndarray, jax.Array)
-"""Types that are accepted as numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +49,9 @@ class Settings:
     - `controller`: a diffrax step-size controller. The default, ``None``, is a
       `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
     - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
-      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`. It is
-      so small because impacts amplify errors of variables that are nearly zero, such as the
-      misalignment of a journal. Give a smaller `atol` if all speeds of the motion are below
-      1e4 `atol`.
+      `atol` is in the SI unit of the variable (m, m/s, rad, ...). Its default is 1e-5 `rtol`,
+      because impacts amplify errors of variables that are nearly zero, such as the misalignment of
+      a journal. Give a smaller `atol` if all speeds of the motion are below 1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
     - `landing_tolerance`: m; steps end at each onset and end of a contact. The penetration there
       differs from that of the event by at most this value; in slow contacts, steps end at most
@@ -125,11 +122,11 @@ class Settings:
         # Steps that end early, at contact events, would miss the times at which a
         # `ClipStepSizeController` wants steps to end.
         clip = self.controller
-        fine = not isinstance(clip, diffrax.ClipStepSizeController) or (
+        keeps_steps = not isinstance(clip, diffrax.ClipStepSizeController) or (
             clip.step_ts is None and clip.jump_ts is None
         )
         remedy = "save at times by cj.Saving(times); functions of time declare their `breakpoints`"
-        require(fine, "controller", clip, "without `step_ts` and `jump_ts`", remedy)
+        require(keeps_steps, "controller", clip, "without `step_ts` and `jump_ts`", remedy)
         require_ordinary(self.solver)
         self.check_numbers()
         require_count("max_steps", self.max_steps, "give a number of steps")
@@ -138,13 +135,8 @@ class Settings:
             require(isinstance(value, kind), name, value, "True or False", "pass a bool")
 
     def check_numbers(self) -> None:
-        """Check that each tolerance, and the length of the first step, is a number in its range.
-
-        **Raises:** `ValueError` that names the setting, if it is not a single finite number, is
-        negative, or is zero. `rtol` or `atol` may be zero, but not both; `atol`, `first_step` and
-        `landing_tolerance` may be ``None``. Numbers that JAX traces raise no error; the compiled
-        program checks them.
-        """
+        """Check that each tolerance, and the length of the first step, is a number in its range, or
+        raise a `ValueError` that names it. The compiled program checks numbers that JAX traces."""
         # Name of each setting, remedy in the error message, and whether the setting may be zero.
         for name, remedy, zero in (
             ("rtol", "give a relative tolerance such as 1e-6", True),
@@ -157,15 +149,16 @@ class Settings:
             # These two must be numbers; for the others ``None`` has a meaning.
             if name not in ("rtol", "derivative_tolerance") and value is None:
                 continue
-            fine = isinstance(value, NUMBERS) and not isinstance(value, bool)
-            require(fine, name, value, "a number", remedy)
+            is_number = isinstance(value, NUMBERS) and not isinstance(value, bool)
+            require(is_number, name, value, "a number", remedy)
             require_positive(name, value, remedy, zero=zero)
         # Errors are divided by atol + rtol |variable|, so one of both must be positive. Traced
         # tolerances cannot be compared.
-        known = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
-        if known is not None:
-            fine, remedy = (known[0] > 0) | (known[1] > 0), "give a relative tolerance such as 1e-6"
-            require(fine, "rtol", self.rtol, "positive unless `atol` is", remedy)
+        tolerances = checkable(self.rtol, 0.0 if self.atol is None else self.atol)
+        if tolerances is not None:
+            is_positive = (tolerances[0] > 0) | (tolerances[1] > 0)
+            remedy = "give a relative tolerance such as 1e-6"
+            require(is_positive, "rtol", self.rtol, "positive unless `atol` is", remedy)
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
@@ -174,51 +167,34 @@ class Settings:
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step of a run from `start_time` to `end_time`, all in s:
-        the setting `first_step`, or its default.
-
-        For several runs, with end times (N,), the default has the shape (N,), but `first_step` is
-        returned as one number.
-        """
+        """Return the length of the first step of a run from `start_time` to `end_time`, s; the
+        default has the shape of the end times."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
 
     def looser(self, factor: float) -> "Settings":
-        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`, for runs
-        that are faster or that are compared with more accurate ones.
-
-        **Raises:** `ValueError` if a `controller` is set, because it has its own tolerances.
-        """
+        """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`. Raise a
+        `ValueError` if a `controller` is set, because it has its own tolerances."""
         self.require_tolerances("runs of several tolerances are made")
         atol = None if self.atol is None else factor * self.atol
         return replace(self, rtol=factor * self.rtol, atol=atol)
 
     def require_tolerances(self, where: str) -> None:
-        """Check that no `controller` is set, so that `rtol` and `atol` control the steps.
-
-        **Arguments:** `where`: the reason, for the message "... must be None where <reason>".
-
-        **Raises:** `ValueError` if a `controller` is set.
-        """
-        given, remedy = self.controller, "leave it out, and give rtol and atol"
-        require(given is None, "controller", given, f"None where {where}", remedy)
+        """Check that no `controller` is set, or raise a `ValueError` "... must be None where
+        `where`"."""
+        controller, remedy = self.controller, "leave it out, and give rtol and atol"
+        require(controller is None, "controller", controller, f"None where {where}", remedy)
 
     def require_double(self) -> None:
-        """Check that `allow_float32` is ``False``, for runs that need double precision.
-
-        **Raises:** `ValueError` if single precision is allowed.
-        """
+        """Check that `allow_float32` is ``False``, or raise a `ValueError`."""
         expected = "False for sweeps and runs with derivatives"
         remedy = "leave it out, and call clearjoint.configure() first"
         require(not self.allow_float32, "allow_float32", True, expected, remedy)
 
 
 def settings_or(settings: Settings | None, default: Settings) -> Settings:
-    """Return `settings`, or `default` if `settings` is ``None``.
-
-    **Raises:** `ValueError` if `settings` is of another type.
-    """
+    """Return `settings`, or `default` for ``None``; raise a `ValueError` for another type."""
     remedy = "pass cj.Settings(rtol=1e-8), say, or one of cj.presets"
     require_type("settings", settings, Settings | None, "Settings or None", remedy)
     return default if settings is None else settings
@@ -229,13 +205,12 @@ ROUNDINGS = 4.0
 in single precision, and times that a user computes as sums of steps, are wrong by that much."""
 SHORTEST = 1e10
 """Shortest duration of a run, in multiples of the smallest normal floating-point number. Processors
-may take numbers below the smallest normal one as zero, and steps are much shorter than the run: the
-first one is by default a millionth of the duration."""
+may take numbers below the smallest normal one as zero, and steps are much shorter than the run."""
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the `start` and `end` time of a run, s. If JAX traces one of them, only their types and
-    shapes are checked.
+    """Check the `start` and `end` time of a run, s; of traced times only types and shapes are
+    checked.
 
     **Raises:** `ValueError` if a time is not a single finite number, or if the end is not after the
     start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
@@ -243,11 +218,11 @@ def check_span(start: Scalar, end: Scalar) -> None:
     for name, value in (("start_time", start), ("end_time", end)):
         number = np.shape(as_number(value, name, "s")) == ()
         require(number, name, value, "a single number", "pass one time in s")
-    if (known := checkable(start, end)) is not None:
-        first, last = known
+    if (ends := checkable(start, end)) is not None:
+        first, last = ends
         after = f"after start_time = {as_shown(start)}"
-        fine = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
-        require(fine, "end_time", end, f"finite and {after}", "give times in s")
+        is_span = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
+        require(is_span, "end_time", end, f"finite and {after}", "give times in s")
         shortest = SHORTEST * float(jnp.finfo(jnp.result_type(float)).tiny)
         expected = f"at least {shortest:.1g} s {after}"
         remedy = "give times in s; the processor takes shorter spans as zero"
@@ -255,59 +230,44 @@ def check_span(start: Scalar, end: Scalar) -> None:
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
-    """Check that times lie within a run from `start` to `end`, s, and return them as an array.
+    """Return `times`, (N,) s, of a run from `start` to `end`, s, in double precision, with those
+    outside of the run by rounding errors alone moved to its start or end.
 
-    **Arguments:** `times`: (N,), s; `argument`: their name in error messages.
+    If JAX traces the times, only their shape is checked; if it traces the start or the end of the
+    run, the times are not compared with these. In both cases, the times are returned unchanged.
 
-    **Returns:** the times, (N,), in double precision. Times outside of the run by rounding errors
-    alone are moved to its start or end. If JAX traces the times, only their shape is checked; if it
-    traces the start or the end of the run, the times are not compared with these. In both cases,
-    the times are returned unchanged.
-
-    **Raises:** `ValueError` for times that decrease, are not finite, are not one-dimensional or are
-    outside of the run, and for an empty array.
+    **Raises:** `ValueError` that names the `argument`, for times that decrease, are not finite, are
+    not one-dimensional or are outside of the run, and for an empty array.
     """
     row = rising_times(times, argument)
-    if (known := checkable(row, start, end)) is not None:
-        row, first, last = known
+    if (numbers := checkable(row, start, end)) is not None:
+        row, first, last = numbers
         room = rounding(start, end, times)
-        fine = (row[0] >= first - room) & (row[-1] <= last + room)
+        is_inside = (row[0] >= first - room) & (row[-1] <= last + room)
         expected = f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}"
-        require(fine, argument, [row[0], row[-1]], expected, "leave out the times outside")
+        require(is_inside, argument, [row[0], row[-1]], expected, "leave out the times outside")
         return row.astype(float).clip(first, last)
     return row
 
 
 def rising_times(times: ArrayLike, argument: str) -> Column:
-    """Check that times, s, do not decrease, and return them as an array, (N,). Of traced times only
-    the shape is checked.
-
-    **Arguments:** `argument`: the times' name in error messages.
-
-    **Raises:** `ValueError` for times that decrease, are not finite, or are not one-dimensional,
-    and for an empty array.
-    """
+    """Return `times`, (N,) s, as an array, after a check that they do not decrease, with the errors
+    of `checked_times`. Of traced times only the shape is checked."""
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
     require(row.ndim == 1 and row.size > 0, argument, row, expected, remedy)
-    if (known := checkable(row)) is None:
+    if (numbers := checkable(row)) is None:
         return row
-    (row,) = known
-    fine = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
-    require(fine, argument, row, expected, remedy)
+    (row,) = numbers
+    rises = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
+    require(rises, argument, row, expected, remedy)
     return row
 
 
 def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
-    """Check that each of several times, s, is later than the one before, and return them as an
-    array, (N,). They must be known numbers, which JAX does not trace.
-
-    **Arguments:** `argument`: the times' name in error messages.
-
-    **Raises:** `ValueError` for times that decrease, are repeated, are not finite, or are not
-    one-dimensional, and for an empty array.
-    """
+    """Return `times`, (N,) s, as `rising_times`, but refuse repeated ones. JAX must not
+    trace them."""
     row = rising_times(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
@@ -315,11 +275,8 @@ def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
-    """Return by how much, s, `times` may be outside of a run from `start` to `end` because of
-    rounding errors alone.
-
-    The least precise floating-point type among the arguments determines the rounding error.
-    """
+    """Return by how much, s, `times` may be outside of a run because of rounding errors, in the
+    least precise floating-point type among the arguments."""
     arrays = [v if isinstance(v, jax.Array) else np.asarray(v) for v in (start, end, times)]
     kinds = [v.dtype if jnp.issubdtype(v.dtype, jnp.floating) else float for v in arrays]
     precision = max(float(jnp.finfo(kind).eps) for kind in kinds)

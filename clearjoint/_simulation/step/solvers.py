@@ -1,13 +1,10 @@
 """Solvers and step-size controllers of diffrax, prepared for single steps.
 
 diffrax loops over the stages of an explicit Runge-Kutta step, and decides inside the loop, for all
-lanes (runs) of a batch together, whether the last stage of the previous step can be reused.
-`UnrolledExplicit` writes the stages out instead. A step is then plain arithmetic: in a batch it
-takes a third of the time, and each lane has the same digits as a single run. Tableaux, error
-estimates and dense output (the solution between the ends of a step) are diffrax's.
-
-A time map may space the stages of a step non-uniformly in time: see `.time_map`. Rates are time
-derivatives of the variables.
+lanes together, whether the last stage of the previous step can be reused. `UnrolledExplicit` writes
+the stages out instead. A step is then plain arithmetic: in a batch it takes a third of the time,
+and each lane has the same digits as a single run. Tableaux, error estimates and dense output are
+diffrax's.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
+from typing_extensions import override
 
 from ..._compilation import elementwise
 from ..._fields.checks import require
@@ -33,20 +31,18 @@ Weights = Float[np.ndarray, " n"]
 Y = TypeVar("Y")
 """A PyTree with the variables of a run, or with their rates, per s."""
 DenseInformation: TypeAlias = dict[str, PyTree[Scalar]]
-"""Data from which a solver computes dense output. For `UnrolledExplicit`, "y0" are the
-variables at the start of the step, and "stages" is a tuple with the rates in each stage,
-multiplied by the slope of the time map if the step has one. Other solvers use other names."""
+"""Data from which a solver computes dense output. For `UnrolledExplicit`, "y0" are the variables at
+the start of the step, and "stages" the rates in each stage, multiplied by the slope of the time map
+if the step has one. Other solvers use other names."""
 
 
 class UnrolledExplicit(diffrax.AbstractSolver):
     """An explicit Runge-Kutta solver whose stages are written out instead of computed in a loop.
 
-    A step computes many variables as one array (see `.math.stacked`).
+    A step computes many variables as one array (see `..._math.stacked`). The solver's state
+    consists of the rates at the start of the next step.
 
     **Arguments:** `method`: diffrax's solver, which supplies the tableau.
-
-    The state that the solver carries from one step to the next consists of the rates at the start
-    of the next step. Arguments and results of the methods are those of diffrax's `AbstractSolver`.
     """
 
     method: diffrax.AbstractERK
@@ -58,29 +54,29 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         the step, `t0` and `t1`, s, and the items of `DenseInformation`."""
         return partial(DenseOutput, self.method)
 
+    @override
     def order(self, terms: diffrax.ODETerm) -> int | None:
-        """Return the order of convergence of the method."""
         return self.method.order(terms)
 
+    @override
     def error_order(self, terms: diffrax.ODETerm) -> Single | None:
-        """Return the order of the method's error estimate, from which a step-size controller
-        computes step lengths."""
         return self.method.error_order(terms)
 
+    @override
     def func(self, terms: diffrax.ODETerm, t0: Scalar, y0: Y, args: PyTree) -> Y:
-        """Return the rates of the variables `y0` at the time `t0`, s."""
         return terms.vf(t0, y0, args)
 
+    @override
     def init(self, terms: diffrax.ODETerm, t0: Scalar, t1: Scalar, y0: Y, args: PyTree) -> Y:
-        """Return the solver's state before the first step: the rates at `t0`, s."""
         del t1
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: PyTree) -> "DenseInformation":
-        """Return a placeholder with the structure and shapes of the data for dense output of a step
-        of the variables `y`. Its numbers have no meaning. A loop needs it as its initial value."""
+        """Return a placeholder of the data for dense output of a step of the variables `y`, which a
+        loop needs as its initial value."""
         return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
+    @override
     def step(
         self,
         terms: diffrax.ODETerm,
@@ -94,18 +90,12 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
         """Compute one step from `t0` to `t1`, s.
 
-        **Arguments:**
+        **Arguments:** as in diffrax. Only if `made_jump` is the Python value ``False`` are the
+        rates at `t0` those of `solver_state`; otherwise they are computed again. `time_map`: the
+        elapsed part of the step's time at each stage from the tableau's node; ``None`` if the two
+        are equal.
 
-        - `terms`: the differential equations; `args`: their further arguments.
-        - `y0`: variables at `t0`.
-        - `solver_state`: rates at `t0`, from the previous step.
-        - `made_jump`: whether the rates may have changed abruptly at `t0`. Only if this is the
-          Python value ``False`` is `solver_state` used; otherwise the rates are computed again.
-        - `time_map`: function that gives the elapsed part of the step's time at each stage from the
-          tableau's node; ``None`` if the two are equal.
-
-        **Returns:** the variables at `t1`, the estimate of their error, the data for dense output,
-        the rates at `t1`, and diffrax's result code. Error and data are `Stacked` if the variables
+        **Returns:** as in diffrax; error and data for dense output are `Stacked` if the variables
         are many.
         """
         tableau = _tableau(self.method)
@@ -144,13 +134,12 @@ class DenseOutput(eqx.Module):
     """Dense output of a step: the variables between its start `t0` and its end `t1`, s.
 
     The polynomials are diffrax's. Sums over the stages are written out: a reduction of an array
-    would be a loop between scalar operations. XLA does not keep the value of an expression from
-    before a loop, but computes it again at each use after the loop. One derivative of one
-    acceleration of the double pendulum had 59 MB of LLVM text and never compiled; without
-    reductions it has 11 MB.
+    would be a loop between scalar operations, and XLA computes the value of an expression from
+    before a loop again at each use after it. One derivative of one acceleration of the double
+    pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
 
-    **Arguments:** `method`: diffrax's solver; `y0`: variables at `t0`; `stages`: for each stage,
-    the rates, per s, multiplied by the slope of the time map if the step has one.
+    **Arguments:** `stages`: for each stage, the rates, per s, multiplied by the slope of the time
+    map if the step has one.
     """
 
     method: diffrax.AbstractERK
@@ -166,11 +155,9 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at the fraction x of the step, from 0 at its start to 1 at its end.
-
-        x is measured like the nodes of the solver's tableau. If time is uniform in the step, it is
-        the elapsed part of the step's time. With a time map, that part is `time_map.elapsed(x)`.
-        """
+        """Return the variables at the fraction x of the step, 0 to 1, measured like the nodes of
+        the solver's tableau. With a time map, the elapsed part of the step's time is
+        `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
@@ -184,10 +171,6 @@ class DenseOutput(eqx.Module):
 
 
 def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y) -> Y:
-    """Apply a function of `numbers` and a leaf of each PyTree to all leaves.
-
-    If the PyTrees are `Stacked`, the function is applied to arrays.
-    """
     if isinstance(trees[0], Stacked):
         function = partial(elementwise, function)
     return jax.tree.map(partial(function, numbers), *trees)
@@ -195,7 +178,7 @@ def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
     """Return the derivatives of the variables with respect to the fraction x of a step, divided by
-    the step's length, per s. They are the `rates` at x times the slope of the time map there."""
+    the step's length, per s."""
     return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 
@@ -205,8 +188,8 @@ def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
 
 
 def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
-    """Return y0 + h sum of w_i f_i: the variables y0 advanced by the step length h, s, with
-    `weights` w and rates f of the `stages`."""
+    """Return y0 + h sum of w_i f_i for a step of length h, s, with `weights` w and rates f of the
+    `stages`."""
 
     def advanced(h: Scalar, y: Scalar, *rates: Scalar) -> Scalar:
         return add(y, multiply(h, _weighted(weights, rates)))
@@ -215,8 +198,8 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the weighted sum of `values`, without operations for weights of zero. At least one
-    weight must not be zero."""
+    """Return the weighted sum of `values`, without operations for weights of zero; one must not be
+    zero."""
     pairs = zip(weights, values, strict=True)
     return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
@@ -232,8 +215,8 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
-    """Return the value at x of a polynomial with given coefficients, lowest power first. The
-    coefficient of power 0 must be zero, as in dense output, which is y0 at x = 0."""
+    """Return the value at x of a polynomial, lowest power first, whose coefficient of power 0 is
+    zero, as in dense output, which is y0 at x = 0."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)
@@ -242,16 +225,10 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 
 @cache
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
-    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method.
-
-    Here y0 are the variables at the start of a step, h is its length, f_i are the rates in its
-    stages, and x is the fraction of the step, 0 to 1. The polynomials are the same for all steps.
-    diffrax does not provide them, but its interpolant is linear in the stages. It is therefore
-    evaluated at Chebyshev nodes x with one stage equal to 1 and the others 0, and a polynomial is
-    passed through the values.
-
-    **Returns:** the coefficients, (stages, degree + 1), lowest power of x first.
-    """
+    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method, x from 0 to
+    1, as coefficients, (stages, degree + 1), lowest power first. diffrax does not provide them, but
+    its interpolant is linear in the stages. It is therefore evaluated at Chebyshev nodes x with one
+    stage equal to 1 and the others 0, and a polynomial is passed through the values."""
     tableau = _tableau(method)
     stages = tableau.num_stages
     # diffrax's interpolants have at most the order of the method as degree, but methods of low
@@ -282,10 +259,8 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
     """Return the largest absolute value in a PyTree, (), which step-size controllers use as the
-    norm of an error.
-
-    A mean would hide the error of one impact behind the small errors of bodies without contact.
-    """
+    norm of an error. A mean would hide the error of one impact behind the small errors of bodies
+    without contact."""
     # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
     # gathered into an array, which would keep the loop from becoming one native function.
     largest: dict[tuple[int, ...], Scalar] = {}
@@ -296,36 +271,29 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """Return diffrax's PID step-size controller. Its norm is `largest_component`, so that the error
-    estimate of each variable satisfies the tolerances: `rtol`, and `atol` in the SI unit of the
-    variable."""
+    """Return diffrax's PID step-size controller with the norm `largest_component`, so that the
+    error estimate of each variable satisfies the tolerances, of which `atol` is in its SI unit."""
     return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver integrates ordinary differential equations, given as one term. Solvers
-    of stochastic equations, and those that split the equations into several terms, do not.
-
-    **Raises:** `ValueError` that names the solver's class.
-    """
+    """Check that a solver integrates ordinary differential equations, given as one term, or raise a
+    `ValueError` that names its class, as for a solver of stochastic equations."""
     structure, kind = solver.term_structure, type(solver).__name__
-    fine = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
+    is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
     expected = "a solver of ordinary differential equations without splitting"
     remedy = "take one such as diffrax.Tsit5(), Dopri8() or Kvaerno5()"
-    require(fine, "solver", kind, expected, remedy)
+    require(is_ordinary, "solver", kind, expected, remedy)
 
 
 def ready_solver(
     solver: diffrax.AbstractSolver, rtol: float, atol: float
 ) -> diffrax.AbstractSolver:
     """Return a solver whose method `step` can be called directly, without the preparations that
-    `diffrax.diffeqsolve` makes.
-
-    Explicit Runge-Kutta methods become `UnrolledExplicit`. Other Runge-Kutta methods, unless their
-    `scan_kind` is set, loop over their stages by `lax.scan`, which forward differentiation
-    supports. Implicit methods iterate their stages to `rtol` and `atol` (in the SI unit of each
-    variable), unless their root finder has tolerances of its own.
-    """
+    `diffrax.diffeqsolve` makes. Explicit Runge-Kutta methods become `UnrolledExplicit`. Other
+    Runge-Kutta methods, unless their `scan_kind` is set, loop over their stages by `lax.scan`,
+    which forward differentiation supports. Implicit methods iterate their stages to `rtol` and
+    `atol`, unless their root finder has tolerances of its own."""
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
         solver = eqx.tree_at(

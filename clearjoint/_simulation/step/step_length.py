@@ -1,10 +1,5 @@
-"""Lengths of steps before and after events, and the magnitudes with which errors are compared.
-
-An event is the onset or the end of a contact, or a breakpoint, a time at which a driver or load
-changes abruptly. Steps end at events. A step that an event ends earlier than the step-size
-controller proposed is said to be cut short. Bristles are deflections of the surfaces in friction
-laws that can stick.
-"""
+"""Lengths of steps before and after events, and the magnitudes with which errors are compared. A
+step that an event ends earlier than the controller proposed is said to be cut short."""
 
 from dataclasses import replace
 from functools import reduce
@@ -25,8 +20,8 @@ from .rotation_limit import longest_step
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
-"""A step counts as cut short if it is shorter than this part of its `full_length`, the length that
-it would have without events. The margin disregards cuts as small as rounding errors."""
+"""A step counts as cut short if it is shorter than this part of its `full_length`. The margin
+disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
@@ -36,13 +31,10 @@ a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
-    """Return the end of the next trial, s.
-
-    It is the earliest of five times: the proposed end in `step.proposal`, the next breakpoint, the
-    predicted next event of a contact, the end of the longest step that `.rotation_limit` allows,
-    and the end `t_end` of the run. Without the rule `method.landing`, events of contacts do not
-    count. A time that is too close for floating-point times counts as a few of their spacings away.
-    """
+    """Return the end of the next trial, s. It is the earliest of five times: the proposed end in
+    `step.proposal`, the next breakpoint, the predicted next event of a contact (with
+    `method.landing`), the end of the longest step that `.rotation_limit` allows, and the end
+    `t_end` of the run."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
@@ -63,23 +55,12 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 def lengths_after_contacts(
     step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
-    """Return three fields of the next `Proposal`, the step to try next, in a scene with contacts.
+    """Return the fields `full_length`, `begins_contact` and `entry_length` of the next `Proposal`,
+    in a scene with contacts.
 
-    **Arguments:**
-
-    - `step`: the state before the trial.
-    - `after`: the penetration, m, and its rate, m/s, of each contact at the end of the trial, at
-      the time `t1`, s.
-    - `keep`: whether the trial is accepted.
-    - `lands`: whether the trial is rejected because it passes an event, and repeated up to this
-      event.
-    - `proposed`: length of the next step, s, without regard to events: that of the step-size
-      controller, adapted to the time map, or a shorter one after a trial in which a driver was not
-      smooth.
-
-    **Returns:** `full_length`, the length of the next step without events, s; `begins_contact`,
-    whether a contact begins at its start; and `entry_length`, the length of the latest step that
-    began with an onset and was not cut short, s.
+    **Arguments:** `after`: the contact gaps at the end of the trial, at the time `t1`, s; `keep`:
+    whether it is accepted; `lands`: whether it is rejected because it passes an event, and repeated
+    up to this event; `proposed`: length of the next step, s, without regard to events.
     """
     last = step.proposal
     length_tried = t1 - step.t
@@ -100,36 +81,28 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal`, its length without events, s, in a scene without
-    contacts, whose steps breakpoints or `.rotation_limit` may cut short. The arguments are those of
+    """Return `full_length` of the next `Proposal` in a scene without contacts, whose steps
+    breakpoints or `.rotation_limit` may cut short. The arguments are those of
     `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length that the next step would have without events, s.
-
-    It is the length that the step-size controller `proposed`. But if the step just tried was cut
-    short (`is_cut`), it is at least the length that this step would have had without events, which
-    is the `full_length` of its proposal, `last`.
-    """
+    """Return the length that the next step would have without events, s: the `proposed` one, but
+    after a step that was cut short at least the length that this step would have had without
+    events."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    The result has the structure and units of `y`. The controller takes absolute values, so signs
-    have no meaning.
-
     - Positions and velocities of bodies: the largest absolute component of the vector, for all
       three components.
-    - Bristle deflections: the absolute value, but at least 1.
-    - All other variables: the variable itself.
-
-    **Arguments:** `y`: variables whose bristle deflections are dimensionless, from
-    `with_relative_bristles`.
+    - Bristle deflections, dimensionless from `with_relative_bristles`: the absolute value, but at
+      least 1.
+    - All other variables: the variable itself; the controller takes absolute values.
     """
 
     def largest_component(vector: Vector) -> Vector:
@@ -155,15 +128,10 @@ def magnitudes(y: Variables) -> Variables:
 
 
 def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
-    """Return the numbers to which the step-size controller relates the errors of tangents, with a
-    first axis of length p in each leaf.
-
-    They are the `magnitudes` of the tangents, `along`, plus a share of the speeds for those of the
-    speeds: a parameter that changes the positions by a hundredth per unit is expected to change the
-    speeds by about a hundredth too.
-
-    **Arguments:** `sizes`: the `magnitudes` of the variables.
-    """
+    """Return the numbers to which the step-size controller relates the errors of tangents, from the
+    `magnitudes` of the variables, `sizes`, and of the tangents, `along`. They are those of the
+    tangents, plus a share of the speeds for those of the speeds: a parameter that changes the
+    positions by a hundredth per unit is expected to change the speeds by about a hundredth too."""
 
     # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far
@@ -188,10 +156,7 @@ def largest(tree: PyTree[Scalar]) -> Scalar:
 
 
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
-    """Return variables, or errors of variables, with dimensionless bristle deflections.
-
-    Each deflection, m, is divided by the deflection of its contact at full friction, m, which
-    follows from the `scene`.
-    """
+    """Return variables, or errors of variables, with each bristle deflection, m, divided by the
+    deflection of its contact at full friction."""
     full = full_deflections(scene)
     return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

@@ -1,12 +1,5 @@
 """Data that a run carries from step to step: variables, contacts, derivatives, and the next step to
-try.
-
-A run tries a step, accepts or rejects it, and tries the next one. Steps end at events: the onset or
-the end of a contact, or a breakpoint, a time at which a driver or load is declared to change
-abruptly. The tangents of a run are the derivatives of its variables with respect to p parameters.
-They are integrated together with the variables. Times are on the clock of the run's `System`, which
-counts the time from the system's `origin`, s; without an origin it shows the scene's time.
-"""
+try."""
 
 from functools import partial
 from typing import TypeAlias, TypeVar
@@ -14,6 +7,7 @@ from typing import TypeAlias, TypeVar
 import diffrax
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..._dynamics.contact_events import ContactGaps
@@ -30,8 +24,8 @@ from .time_map import AbstractTimeMap
 T = TypeVar("T")
 
 SolverState: TypeAlias = PyTree[Scalar]
-"""Data that a diffrax solver keeps from one step to the next. `UnrolledExplicit`, this package's
-form of explicit Runge-Kutta methods, keeps the rates at the end of the step."""
+"""Data that a diffrax solver keeps from one step to the next; for `UnrolledExplicit`, the rates at
+the end of the step."""
 ControllerState: TypeAlias = PyTree[Scalar]
 """Data that a diffrax step-size controller keeps from one step to the next."""
 
@@ -39,7 +33,6 @@ ControllerState: TypeAlias = PyTree[Scalar]
 class Method(eqx.Module):
     """Integration method of a run.
 
-    - `solver`, `controller`: diffrax's solver and step-size controller, ready for single steps.
     - `landing`: the rule by which steps end at the onset and the end of a contact; ``None`` if
       steps go across these events.
     - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
@@ -60,8 +53,7 @@ class Variables(eqx.Module):
     - `motion`: coordinates and velocities of the bodies, as the formulation defines them, in SI
       units.
     - `work`: integrals of the energy ledger by name, J; empty without a ledger.
-    - `bristles`: deflections of the surfaces in friction laws that can stick, m, as
-      `bristles[joint][contact]`; empty without such laws.
+    - `bristles`: deflections, m, as `bristles[joint][contact]`.
     """
 
     motion: MotionVariables
@@ -70,13 +62,9 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Derivatives of three fields of a `Step` with respect to p parameters.
-
-    Each field has the structure of the field of `Step` with the same name, and each leaf has an
-    additional first axis of length p. The derivatives are with respect to the parameters'
-    coordinates, such as the logarithm of a parameter on a logarithmic scale. Coordinates are pure
-    numbers, so that each leaf has the unit of the variable.
-    """
+    """Derivatives of three fields of a `Step` with respect to p parameters. They are with respect
+    to the parameters' coordinates, such as the logarithm of a parameter on a logarithmic scale.
+    Coordinates are pure numbers, so that each leaf has the unit of the variable."""
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -97,7 +85,6 @@ class Proposal(eqx.Module):
       event; before the first such step, the length of the run's first step.
     - `made_jump`: whether rates may have changed abruptly at the start of the step, so that the
       rates which the solver has kept are no longer valid.
-    - `controller_state`: state of the step-size controller.
     """
 
     t_next: Scalar
@@ -110,18 +97,12 @@ class Proposal(eqx.Module):
 
 
 class Step(eqx.Module):
-    """The complete state of a run between two steps.
+    """The complete state of a run between two steps: `t` is the end of the latest accepted step, s.
 
-    - `t`: end of the latest accepted step, s.
-    - `y`: the integrated variables at t.
-    - `entry_speeds`: m/s, by joint and contact; the penetration rate at the onset of the present
-      contact, zero without contact. Contacts whose law uses no entry speed have no entry.
-    - `contact_gaps`: penetration, m, and its rate, m/s, of each contact at t.
+    - `entry_speeds`: m/s, by joint and contact. Contacts whose law uses no entry speed have no
+      entry.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
       zero if the solver keeps no rates.
-    - `solver_state`: data that the solver keeps for the next trial; `proposal`: the step to try.
-    - `result`: the result code so far.
-    - `attempts`, `accepted`: number of trials so far, and of those that were accepted.
     - `tangents`: derivatives of the state; ``None`` in runs without tangents.
     """
 
@@ -139,16 +120,11 @@ class Step(eqx.Module):
 
 
 class Attempt(eqx.Module):
-    """The state after a trial step, with the data for dense output (the solution inside this step).
+    """The state after a trial step, with the data for dense output inside this step.
 
-    - `step`: the new state if the trial was accepted; otherwise the old one with a new proposal,
-      result code and number of attempts.
-    - `kept`: whether the trial was accepted.
+    - `step`: the new state if the trial was accepted (`kept`); otherwise the old one with a new
+      proposal, result code and number of attempts.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
-    - `information`: the solver's data for dense output.
-    - `time_map`: function of the fraction x of the trial, 0 to 1, at which the solver's tableau
-      places a stage. Its value is the part of the trial's time that has elapsed there; ``None`` if
-      this part is x in all steps. See `.time_map`.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
     """
 
@@ -162,17 +138,19 @@ class Attempt(eqx.Module):
 
 
 class TangentsInside(eqx.Module):
-    """Derivatives, with respect to p parameters, of the data for dense output inside a step.
-
-    Each field is the derivative of the field of `Attempt` with the same name; each leaf has an
-    additional first axis of length p.
-    """
+    """Derivatives of the fields of an `Attempt` with the same names."""
 
     entry_speeds_start: EntrySpeeds
     information: DenseInformation
 
 
 def choose(condition: Condition, first: T, second: T) -> T:
-    """Return the PyTree `first` if the scalar `condition` is true, otherwise `second`, selected
-    leaf by leaf. Both have the same structure."""
+    """Return the PyTree `first` if the scalar `condition` is true, otherwise `second`, leaf by
+    leaf."""
     return jax.tree.map(partial(where, condition), first, second)
+
+
+def without_weak_types(tree: T) -> T:
+    """Return a PyTree whose leaves have no weak types, like the results of loops. A program that
+    first gets a weak type, and later the result of a loop, would be compiled twice."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.result_type(leaf)), tree)

@@ -1,10 +1,4 @@
-"""One trial step of the solver with its tangents, before it is accepted or rejected.
-
-Rates are time derivatives of the variables. Tangents are derivatives of the variables with respect
-to p parameters. A contact is closed if it has a force. The entry speed of a contact is its
-penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
-can stick. A breakpoint is a declared time at which a driver or load changes abruptly.
-"""
+"""One trial step of the solver with its tangents, before it is accepted or rejected."""
 
 from dataclasses import replace
 
@@ -39,12 +33,8 @@ adapts the step to reject the trial."""
 def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
-    """Return the time derivatives of all integrated variables `y` at the time t, s, as arrays of
-    the dtype of `t`; stacked if the variables are.
-
-    **Arguments:** `entry_speeds`: m/s, by joint and contact; `closed`: whether each contact has a
-    force, by joint and contact; by default those that penetrate do.
-    """
+    """Return the rates of all integrated variables `y` at the time t, s, as arrays of the dtype of
+    `t`; stacked if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     powers = system.powers(dynamics, t)
@@ -58,13 +48,12 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
     """Return the differential equations as a diffrax term, a function of time, variables and
     `args`, the pair `(system, entry_speeds)`.
 
+    In a step from `step`, forces that depend on time have at a breakpoint the value that holds
+    inside of the step. If steps end at contact events, contacts stay open or closed as they are at
+    the start of the step, so that the rates are smooth within it.
+
     The rates are traced once per term and reused for all stages. Each term traces anew, because the
     traced function uses values of the surrounding trace.
-
-    **Arguments:** `step`: the state at the start of the step for which the rates are evaluated;
-    ``None`` outside of steps. In a step, forces that depend on time have at a breakpoint the value
-    that holds inside of the step. If steps end at contact events, contacts stay open or closed as
-    they are at the start of the step, so that the rates are smooth within it.
     """
     traced_rates = traced_once(rates_of)
     lands = step is not None and method.landing is not None
@@ -80,8 +69,8 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
 
 def error_order(method: Method) -> Single:
-    """Return the order of the solver's error estimate, which the step-size controller needs to
-    choose step lengths."""
+    """Return the order of the solver's error estimate, from which a controller computes step
+    lengths."""
     order = method.solver.error_order(term_of(method))
     assert order is not None, "only solvers of stochastic equations have none"
     return order
@@ -89,11 +78,8 @@ def error_order(method: Method) -> Single:
 
 class SolverStep(eqx.Module):
     """Result of a solver's step: variables, their error estimate, data for dense output, and solver
-    state. Error estimate and data are `Stacked` if the variables are many.
-
-    The tangents of a `SolverStep` have the same type. They are its derivatives with respect to p
-    parameters, and each leaf has an additional first axis of length p.
-    """
+    state. Error estimate and data are `Stacked` if the variables are many. Its tangents have the
+    same type."""
 
     y: Variables
     error: PyTree[Scalar]
@@ -102,17 +88,9 @@ class SolverStep(eqx.Module):
 
 
 class Trial(eqx.Module):
-    """A trial step as the solver computed it.
-
-    - `t1`: end of the step, s.
-    - `time_map`: function that gives the elapsed part of the step's time at each of the solver's
-      stages (see `.time_map`); ``None`` if time is uniform in the step.
-    - `outcome`: result of the step; `tangents`: its derivatives, ``None`` in runs without tangents.
-    - `gaps`: penetration, m, and its rate, m/s, of each contact at the end of the step.
-    - `finite`: whether the variables and errors of `outcome` and `tangents` are finite. If not, the
-      variables are those at the start of the step, and the errors are `REJECTED_ERROR`.
-    - `solver_result`: the solver's own result code.
-    """
+    """A trial step as the solver computed it: its end `t1`, s, the results of the solver, and the
+    contact gaps at the end. If it is not `finite`, the variables are those at the start of the
+    step, and the errors are `REJECTED_ERROR`."""
 
     t1: Scalar
     time_map: AbstractTimeMap | None
@@ -124,8 +102,8 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step from `step` to `t1`, s, which places the solver's stages in
-    time (see `.time_map`); ``None`` if time is uniform in all steps of the run."""
+    """Return the time map of the step from `step` to `t1`, s; ``None`` if time is uniform in all
+    steps of the run."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
@@ -145,11 +123,7 @@ def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables.
-
-    **Arguments:** `family`: the system as a function of the parameters; ``None`` in runs without
-    tangents.
-    """
+    the constraints, and normalise the variables."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -160,8 +134,6 @@ def try_step(
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
-        """Return the result of the step, and the solver's result code, as a function of all that
-        depends on the parameters."""
         if slopes_may_jump(method, system.scene):
             # The solver has kept the rates at the end of the last step, computed with the contacts
             # that were closed in that step. If a contact has begun or ended, the kept rates still
@@ -209,12 +181,9 @@ def try_step(
 def _without_drift(
     system: System, y: Variables, solver_state: SolverState
 ) -> tuple[Variables, SolverState]:
-    """Return variables normalised by `System.without_drift` (Euler parameters of unit norm, angles
-    between -2 pi and 2 pi), and the solver's state for them.
-
-    The solver keeps rates of the variables for its next step. Normalising is a change of variables,
-    so these rates are multiplied by its Jacobian.
-    """
+    """Return variables normalised by `System.without_drift`, and the solver's state for them. The
+    solver keeps rates of the variables for its next step. Normalising is a change of variables, so
+    these rates are multiplied by its Jacobian."""
 
     def matching(node: PyTree) -> PyTree:
         if not isinstance(node, Variables):
@@ -228,23 +197,18 @@ def _without_drift(
 
 def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
     """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
-    the start of the step, and with the error `REJECTED_ERROR`.
-
-    The step-size controller thus receives no NaN, and rejects the trial unless its steps are fixed.
-    """
+    the start of the step, and with an error that lets the controller reject the trial."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return replace(outcome, y=choose(finite, outcome.y, y), error=error)
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates may be discontinuous from the end of one step to the start of the next,
-    so that the rates which the solver has kept must be computed anew.
-
-    Rates are discontinuous at breakpoints and where a contact begins to drag bristles. If steps end
-    at contact events, they are also discontinuous where a force jumps at the onset or end of a
-    contact; if the force does not jump, it is still zero at the onset, and a new entry speed does
-    not change the rates. If steps go across contact events, a new entry speed changes them.
-    """
+    so that the rates which the solver has kept must be computed anew. Rates are discontinuous at
+    breakpoints and where a contact begins to drag bristles. If steps end at contact events, they
+    are also discontinuous where a force jumps at the onset or end of a contact; if the force does
+    not jump, it is still zero at the onset, and a new entry speed does not change the rates. If
+    steps go across contact events, a new entry speed changes them."""
     if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
@@ -252,28 +216,22 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends. There the tangents of the rates that the solver has kept are not valid.
-
-    The result is ``False`` if steps go across the events of contacts. It is also ``False`` with
-    solvers other than `UnrolledExplicit`, since runs with tangents use no other.
-    """
+    contact begins or ends, so that the tangents of the rates that the solver has kept are not
+    valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
 def all_finite(tree: PyTree[Scalar]) -> Condition:
-    """Return whether all numbers of a PyTree are finite.
-
-    0 times a NaN or an infinity is NaN, so the sum of all numbers times 0 is 0 only if all are
-    finite.
-    """
+    """Return whether all numbers of a PyTree are finite. 0 times a NaN or an infinity is NaN, so
+    the sum of all numbers times 0 is 0 only if they are."""
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         # Leaves of one shape are added elementwise first, so that there is one reduction for each
         # shape.
         families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
     sums = [_pairwise_sum(family) for family in families.values()]
-    return sum(one if jnp.ndim(one) == 0 else jnp.sum(one) for one in sums) == 0.0
+    return sum(part if jnp.ndim(part) == 0 else jnp.sum(part) for part in sums) == 0.0
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:

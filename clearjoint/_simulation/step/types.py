@@ -15,4 +15,4 @@ Flags: TypeAlias = Bool[np.ndarray, "*times"]
 Integers: TypeAlias = Int[Any, "*times"]
 """A whole number at each of N times, (N,); or at a single time, ()."""
 Vectors: TypeAlias = Float[Any, "*times 3"]
-"""The x, y and z component of a vector at each of N times, (N, 3); or at a single time, (3,)."""
+"""A vector at each of N times, (N, 3); or at a single time, (3,)."""
