@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.checks import require
 from .._fields.objects import on_device, quantity
@@ -56,6 +57,7 @@ class MovingSpline(AbstractPeriodicSpline):
     directions: Column = quantity("m", table=True)
     shifts: Column = quantity("1", table=True)
 
+    @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the four coefficients from the one before a knot to the second after it, (..., 4)
         m, moved by the shifts. `knot`: index of the knot, or an array (...) of indices."""
@@ -65,6 +67,7 @@ class MovingSpline(AbstractPeriodicSpline):
             found = found + self.shifts[k] * periodic(row, knot)
         return found
 
+    @override
     def angles(self) -> int:
         """Return the number of knots."""
         return np.shape(self.coefficients)[0]

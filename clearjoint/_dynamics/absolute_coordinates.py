@@ -11,6 +11,8 @@ one scalar constraint equation.
 from dataclasses import replace
 from typing import TypeAlias
 
+from typing_extensions import override
+
 from .._math.rotations import euler_parameter_rates, kept_unit, rotation_matrix, turned
 from .._math.vectors import ZERO, Matrix, Scalar, Vector
 from .._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Wrench
@@ -44,11 +46,13 @@ class AbsoluteCoordinates(AbstractCoordinates):
     AbsoluteCoordinates()
     """
 
+    @override
     def eliminated(self, scene: Scene) -> frozenset[str]:
         """Return the names of the ideal joints that need no constraint in these coordinates: an
         empty set."""
         return frozenset()
 
+    @override
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
         """Return the variables for given states of the bodies, by name.
 
@@ -62,6 +66,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
             variables[name] = replace(body, position=position)
         return variables
 
+    @override
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
         """Return the states of the bodies, by name, in which all positions are those of the centres
         of mass, m."""
@@ -70,17 +75,20 @@ class AbsoluteCoordinates(AbstractCoordinates):
             name: replace(body, position=motions[name].position) for name, body in variables.items()
         }
 
+    @override
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
         """Return pose and velocities of each body and of "ground", by name."""
         points = anchors(scene)
         free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
         return {GROUND: GROUND_MOTION, **free}
 
+    @override
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
         """Return the equations of motion of all bodies (eq. 29), evaluated for the positions and
         velocities in `variables`."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
+    @override
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
         """Return the variables with Euler parameters scaled to unit norm if their squared norm
         differs from one by more than 1e-6, and otherwise unchanged."""
@@ -89,6 +97,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
             for name, body in variables.items()
         }
 
+    @override
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
         """Return variables with the positions and orientations of `variables` and the velocities
         and spins of `others`."""
@@ -115,6 +124,7 @@ class AbsoluteMechanics(AbstractMechanics):
             name: (1.0 / body.mass, _inverse_inertia(body)) for name, body in scene.bodies.items()
         }
 
+    @override
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates of the speeds without the reactions of constraints, m/s^2 and rad/s^2,
         six for each body.
@@ -132,6 +142,7 @@ class AbsoluteMechanics(AbstractMechanics):
         accelerations = self.accelerations(self.solved(self.projected(loads))).values()
         return [part for one in accelerations for part in (*(one.linear + fall), *one.angular)]
 
+    @override
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return the generalised forces of wrenches, six numbers for each body: since H is the
         identity, the force, N, in global axes, and the moment, N m, in body axes.
@@ -142,6 +153,7 @@ class AbsoluteMechanics(AbstractMechanics):
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
+    @override
     def solved(self, forces: Speeds) -> Speeds:
         """Return the rates of the speeds that generalised forces cause, six for each body: force
         over mass, m/s^2, and inverse inertia times moment, rad/s^2."""
@@ -151,6 +163,7 @@ class AbsoluteMechanics(AbstractMechanics):
             rates += [*(load.linear * inverse_mass), *(inverse_inertia @ load.angular)]
         return rates
 
+    @override
     def bias(self, row: Row) -> Scalar:
         """Return zero.
 
@@ -160,11 +173,13 @@ class AbsoluteMechanics(AbstractMechanics):
         """
         return 0.0
 
+    @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Return the acceleration of each body, by name. It consists of the body's six numbers in
         `rates`, the time derivatives of the speeds."""
         return by_body(self._scene, rates)
 
+    @override
     def variable_rates(self, rates: Speeds) -> Bodies:
         """Return the time derivatives of each body's variables, by name, as a `BodyState`.
 
@@ -180,6 +195,7 @@ class AbsoluteMechanics(AbstractMechanics):
             variable_rates[name] = rate
         return variable_rates
 
+    @override
     def after_displacement(self, changes: Speeds) -> Bodies:
         """Return the variables after a small displacement.
 
@@ -197,6 +213,7 @@ class AbsoluteMechanics(AbstractMechanics):
             bodies[name] = replace(body, position=body.position + shift, orientation=orientation)
         return bodies
 
+    @override
     def after_speed_change(self, changes: Speeds) -> Bodies:
         """Return the variables with `changes` added to the velocities, m/s, and spins, rad/s, six
         numbers for each body."""

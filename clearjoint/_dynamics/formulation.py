@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import equinox as eqx
+from typing_extensions import override
 
 from .._fields.objects import AbstractConverting, quantity
 from .._fields.types import Single
@@ -87,6 +88,7 @@ class Baumgarte(AbstractStabilisation):
     alpha: Single = quantity("1/s", default=5.0, positive=True, zero=True)
     beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
+    @override
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """Return -2 alpha rate - beta^2 value, in m/s^2, rad/s^2 or 1/s^2."""
         return -2.0 * self.alpha * rate - self.beta**2 * value
@@ -102,6 +104,7 @@ class Projection(AbstractStabilisation):
     Projection()
     """
 
+    @override
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
         """Return variables whose positions and velocities are projected onto the constraints."""
         return project(variables)

@@ -19,6 +19,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from .linear_solvers import (
     AbstractMatrix,
@@ -217,10 +218,12 @@ class BlockMatrix(AbstractMatrix):
         index[self._places] = np.arange(self.n)
         return _gathered(numbers, index)
 
+    @override
     def trace(self) -> Scalar:
         """Return the sum of the diagonal."""
         return jnp.sum(_taken(self._blocks, self._diagonal()))
 
+    @override
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
         """Factorise S + `shift` I, and return the function that solves equations, see the base
         class."""

@@ -11,6 +11,7 @@ import abc
 from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
+from typing_extensions import override
 
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
@@ -172,6 +173,7 @@ class ScalarMatrix(AbstractMatrix):
     def __init__(self, rows: Rows):
         self._rows, self.n = rows, len(rows)
 
+    @override
     def trace(self) -> Scalar:
         """Return the sum of the diagonal."""
         trace: Scalar = 0.0
@@ -179,6 +181,7 @@ class ScalarMatrix(AbstractMatrix):
             trace = add(trace, row[i])
         return trace
 
+    @override
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
         """Return the function that solves the equations, see the base class."""
         matrix = self._rows
@@ -220,6 +223,7 @@ class AbstractSolver:
 class Exact(AbstractSolver):
     """Direct solver, for nonsingular matrices only."""
 
+    @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
         """Return the function that solves the equations by a factorisation of S."""
         return matrix.solving()
@@ -246,6 +250,7 @@ class LeastNorm(AbstractSolver):
     components of unit vectors, or of arms in m. The row of a constraint that the coordinates always
     satisfy consists of such errors, and would make the solution arbitrary."""
 
+    @override
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
         """Return the row with zeros in place of entries that are rounding errors."""
         return [
@@ -257,6 +262,7 @@ class LeastNorm(AbstractSolver):
         """Return eps for a matrix with n rows and the given trace; 1 for a matrix of zeros."""
         return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
+    @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
         """Return the function that solves the equations by a factorisation of S + eps I."""
         return matrix.solving(self._shift(matrix.trace(), matrix.n), self.sweeps)

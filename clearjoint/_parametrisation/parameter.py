@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.checks import require, require_positive, require_shape, require_types
 from .._math.vectors import Scalar, library
@@ -125,10 +126,12 @@ class Linear(AbstractScale):
     def __post_init__(self) -> None:
         require_positive("unit", self.unit, "give the size of a typical change")
 
+    @override
     def value(self, coordinate: Scalar) -> Scalar:
         """Return unit * coordinate."""
         return self.unit * coordinate
 
+    @override
     def coordinate(self, value: Scalar | np.ndarray) -> float:
         """Return value / unit.
 
@@ -136,6 +139,7 @@ class Linear(AbstractScale):
         """
         return _finite(value) / self.unit
 
+    @override
     def uninformative_std(self, coordinate: float) -> float:
         """Return max(1, abs(coordinate)).
 
@@ -144,6 +148,7 @@ class Linear(AbstractScale):
         """
         return max(1.0, abs(float(coordinate)))
 
+    @override
     def label(self, name: str) -> str:
         """Return the name divided by the unit, such as "length/0.01"; the name for unit 1."""
         return name if self.unit == 1.0 else f"{name}/{self.unit:g}"
@@ -162,10 +167,12 @@ class Log(AbstractScale):
 
     max_step: ClassVar[float] = 1.0
 
+    @override
     def value(self, coordinate: Scalar) -> Scalar:
         """Return exp(coordinate)."""
         return library((coordinate,)).exp(coordinate)
 
+    @override
     def coordinate(self, value: Scalar | np.ndarray) -> float:
         """Return log(value).
 
@@ -175,6 +182,7 @@ class Log(AbstractScale):
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
         return math.log(number)
 
+    @override
     def label(self, name: str) -> str:
         """Return "log" and the name, such as "log stiffness"."""
         return f"log {name}"
@@ -206,10 +214,12 @@ class Bounded(AbstractScale):
         above = f"above low = {self.low}"
         require(self.low < self.high, "high", self.high, above, "swap the bounds")
 
+    @override
     def value(self, coordinate: Scalar) -> Scalar:
         """Return low + (high - low)/(1 + exp(-coordinate))."""
         return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
 
+    @override
     def coordinate(self, value: Scalar | np.ndarray) -> float:
         """Return log((value - low)/(high - value)).
 
@@ -221,6 +231,7 @@ class Bounded(AbstractScale):
         require(inside, "value", number, bounds, "start inside the bounds, or widen them")
         return math.log((number - self.low) / (self.high - number))
 
+    @override
     def uninformative_std(self, coordinate: float) -> float:
         """Return pi/sqrt(3), about 1.8, for every coordinate.
 
@@ -229,6 +240,7 @@ class Bounded(AbstractScale):
         """
         return math.pi / math.sqrt(3.0)
 
+    @override
     def label(self, name: str) -> str:
         """Return "logit" and the name, such as "logit friction"."""
         return f"logit {name}"

@@ -12,6 +12,7 @@ from typing import ClassVar, NoReturn
 
 import jax
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._fields.checks import as_number, require
 from .._math.vectors import Scalar
@@ -89,10 +90,12 @@ class AbstractNumber(AbstractVariation):
         """Return the argument of `path`: the scene or the state."""
 
     @property
+    @override
     def function(self) -> NumberPath:
         """The user's path of the number."""
         return self.path
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
         """Return `unit`, or the SI unit of the number if `unit` is ``None``.
 
@@ -100,6 +103,7 @@ class AbstractNumber(AbstractVariation):
         """
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
+    @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Return a `NumberSetter` that sets values at the path.
 
@@ -122,6 +126,7 @@ class SceneNumber(AbstractNumber):
     example: ClassVar[str] = 'lambda scene: scene.joints["pin"].clearance'
 
     @staticmethod
+    @override
     def tree(scene: Scene, state: State) -> Scene:
         """Return the scene."""
         return scene
@@ -134,6 +139,7 @@ class StateNumber(AbstractNumber):
     example: ClassVar[str] = 'lambda state: state.bodies["arm"].spin[2]'
 
     @staticmethod
+    @override
     def tree(scene: Scene, state: State) -> State:
         """Return the initial state."""
         return state
@@ -160,14 +166,17 @@ class MadeByFunction(AbstractVariation):
         require(callable(self.make), "make", self.make, "a function", remedy)
 
     @property
+    @override
     def function(self) -> Change:
         """The user's `make(scene, state, value)`."""
         return self.make
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
         """Return `unit`."""
         return self.unit
 
+    @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Return `make`. No argument is needed, because the user's function accepts every scene."""
         del scene, state, example
@@ -204,14 +213,17 @@ class AbstractSeriesVariation(AbstractVariation):
         """Return the unit of the value for series in a given unit."""
 
     @property
+    @override
     def function(self) -> Callable[..., PyTree]:
         """Function that returns scene and state unchanged."""
         return unchanged
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
         """Raise a `ValueError`, because the unit depends on the series, not on the scene."""
         self._refuse()
 
+    @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Raise a `ValueError`, because a scene has no such number.
 
@@ -242,15 +254,18 @@ class SeriesDelay(AbstractSeriesVariation):
     noun: ClassVar[str] = "delay"
     users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         """Return 0: a delay changes the time at which the quantity is evaluated."""
         del value, quantity, elapsed
         return 0.0
 
+    @override
     def unit_of(self, unit: str) -> str:
         """Return "s"."""
         return "s"
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
         """Return "s"."""
         return "s"
@@ -262,10 +277,12 @@ class SeriesBias(AbstractSeriesVariation):
 
     noun: ClassVar[str] = "bias"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         """Return the bias."""
         return value
 
+    @override
     def unit_of(self, unit: str) -> str:
         """Return the unit of the series."""
         return unit
@@ -278,10 +295,12 @@ class SeriesGain(AbstractSeriesVariation):
     neutral: ClassVar[float] = 1.0
     noun: ClassVar[str] = "gain"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         """Return (gain - 1) times the quantity."""
         return (value - 1.0) * quantity
 
+    @override
     def unit_of(self, unit: str) -> str:
         """Return "1"."""
         return "1"
@@ -293,10 +312,12 @@ class SeriesDrift(AbstractSeriesVariation):
 
     noun: ClassVar[str] = "drift"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         """Return the drift times the time since the start of the run."""
         return value * elapsed
 
+    @override
     def unit_of(self, unit: str) -> str:
         """Return the unit of the series per second, such as "rad/s"."""
         return f"{unit}/s"

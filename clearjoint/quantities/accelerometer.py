@@ -8,6 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import numpy as np
+from typing_extensions import override
 
 from .._fields.cautions import quiet
 from .._fields.checks import (
@@ -56,6 +57,7 @@ class AccelerometerReading(AbstractQuantity):
     sensor: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m/s^2"
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has the sensor.
 

@@ -6,6 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from .._fields.checks import require, require_axis, require_point
 from .._math.rotations import transverse_axes, unit
@@ -37,6 +38,7 @@ class AbstractBodyQuantity(AbstractQuantity):
     body: str = eqx.field(static=True)
     applies_to_ground: ClassVar[bool] = True
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has a body of this name.
 
@@ -81,6 +83,7 @@ class Velocity(AbstractVectorQuantity, AbstractBodyQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the velocity of the centre of mass, m/s."""
         return now.motions[self.body].velocity
@@ -101,6 +104,7 @@ class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the acceleration of the centre of mass, m/s^2."""
         return now.dynamics.accelerations[self.body].linear
@@ -156,6 +160,7 @@ class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the velocity of the point, m/s."""
         return now.motions[self.body].velocity_at(Vector(*self.point))
@@ -187,6 +192,7 @@ class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the acceleration of the point, m/s^2."""
         motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
@@ -220,6 +226,7 @@ class AngularVelocity(AbstractVectorQuantity, AbstractBodyQuantity):
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "rad/s"
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the angular velocity, rad/s."""
         motion = now.motions[self.body]
@@ -244,6 +251,7 @@ class AngularAcceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     unit: ClassVar[str | None] = "rad/s^2"
     applies_to_ground: ClassVar[bool] = False
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the angular acceleration, rad/s^2."""
         angular = now.dynamics.accelerations[self.body].angular
@@ -348,6 +356,7 @@ class Distance(AbstractQuantity):
         if self.along is not None:
             require_axis("along", self.along)
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has both bodies.
 

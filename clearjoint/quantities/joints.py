@@ -15,6 +15,7 @@ from functools import reduce
 from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
+from typing_extensions import override
 
 from .._dynamics.equations_of_motion import Dynamics
 from .._dynamics.multipliers import row_rate
@@ -43,6 +44,7 @@ class AbstractJointQuantity(AbstractQuantity):
 
     joint: str = eqx.field(static=True)
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has a joint of this name to which the quantity applies.
 
@@ -60,10 +62,12 @@ class AbstractContactQuantity(AbstractJointQuantity):
 
     contact: str = eqx.field(static=True)
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the joints with contacts."""
         return scene.contact_joints()
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that the joint has the contact.
 
@@ -91,6 +95,7 @@ class ContactForce(AbstractContactQuantity):
     contact: str | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "N"
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that the joint has the contact, if one is given.
 
@@ -178,6 +183,7 @@ class EntrySpeed(AbstractContactQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has the contact, and that its law uses the entry speed.
 
@@ -207,10 +213,12 @@ class BristleDeflection(AbstractContactQuantity):
 
     unit: ClassVar[str | None] = "m"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the joints whose friction law has bristles."""
         return scene.bristle_laws()
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that the contact's friction law has bristles.
 
@@ -235,6 +243,7 @@ class AbstractJournalQuantity(AbstractJointQuantity):
 
     unit: ClassVar[str | None] = "m"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the revolute joints with clearance, which have a journal."""
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
@@ -356,6 +365,7 @@ class AbstractReaction(AbstractJointQuantity):
 
     body: str = eqx.field(static=True)
 
+    @override
     def check(self, scene: Scene) -> None:
         """Check that the scene has the joint, and that the joint acts on the body.
 
@@ -392,6 +402,7 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
 
     unit: ClassVar[str | None] = "N"
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the force, N."""
         joint, force = now.scene.joints[self.joint], ZERO
@@ -437,10 +448,12 @@ class ReactionMoment(AbstractVectorQuantity, AbstractReaction):
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "N m"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the ideal joints and drivers."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the moment, N m."""
         wrench, motion = self.constraint_wrench(now), now.motions[self.body]
@@ -470,6 +483,7 @@ class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
 
     unit: ClassVar[str | None] = "N"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the joints whose class overrides `film_wrenches`."""
         # The default returns no wrench: joints of the other classes have no film.
@@ -477,6 +491,7 @@ class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
         default = AbstractContactJoint.film_wrenches
         return [name for name, kind in kinds.items() if kind.film_wrenches is not default]
 
+    @override
     def vector(self, now: Instant) -> Vector:
         """Return the force, N."""
         joint = now.scene.contact_joints()[self.joint]
@@ -505,6 +520,7 @@ class AbstractJointAngle(AbstractJointQuantity):
     `joint` is the name of the joint, driver or force.
     """
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
         """Return the names of the scene's joints and forces that define an angle."""
         return elements_with_angle(scene)

@@ -39,6 +39,8 @@ from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
 
+from typing_extensions import override
+
 from ..._math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
 from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ..._model.joints.base import Motions, Row
@@ -152,6 +154,7 @@ class JointMechanics(AbstractMechanics):
         """Return lists of numbers, one for each speed, as a list for each link."""
         return [numbers[i:j] for i, j in pairwise(self._firsts)]
 
+    @override
     def solved(self, forces: Speeds) -> Speeds:
         """Return the rates r that generalised forces, one for each speed, cause."""
         return self._rates({}, self._by_link(forces))
@@ -164,6 +167,7 @@ class JointMechanics(AbstractMechanics):
             rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
         return list(chain(*rates))
 
+    @override
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         """Return the rates r that gravity and wrenches, by name of body, cause, without the
         reactions of constraints."""
@@ -174,6 +178,7 @@ class JointMechanics(AbstractMechanics):
             loads[k] = self._evaluate[k](_effective_load, *given, *body)
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
+    @override
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return the generalised forces, one for each speed, of wrenches by name of body."""
         loads = {k: self._links[k].load(*load) for k, load in self._loads(wrenches).items()}
@@ -191,6 +196,7 @@ class JointMechanics(AbstractMechanics):
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
 
+    @override
     def bias(self, row: Row) -> Scalar:
         """Return the row's Jacobian times the bodies' accelerations at constant speeds, where all
         rates r are zero.
@@ -227,6 +233,7 @@ class JointMechanics(AbstractMechanics):
             twists.append(twist)
             yield twist, relative
 
+    @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
         """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
         return {
@@ -236,6 +243,7 @@ class JointMechanics(AbstractMechanics):
             for k, (twist, _) in enumerate(self._per_link(rates))
         }
 
+    @override
     def variable_rates(self, rates: Speeds) -> TreeVariables:
         """Return the time derivatives of each body's variables, by name, for given rates r."""
         return {
@@ -243,6 +251,7 @@ class JointMechanics(AbstractMechanics):
             for branch, state, part, axes in self._per_branch(rates)
         }
 
+    @override
     def after_displacement(self, changes: Speeds) -> TreeVariables:
         """Return each body's variables, by name, after a small displacement along each speed, m or
         rad, in the form of r."""
@@ -251,6 +260,7 @@ class JointMechanics(AbstractMechanics):
             for branch, state, part, axes in self._per_branch(changes)
         }
 
+    @override
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
         """Return each body's variables, by name, after a sudden change of each speed, m/s or rad/s,
         in the form of r."""
@@ -334,12 +344,14 @@ class JointCoordinates(AbstractCoordinates):
     JointCoordinates()
     """
 
+    @override
     def eliminated(self, scene: Scene) -> frozenset[str]:
         """Return the names of the ideal joints that carry a body of a tree. Their coordinates are
         the variables, so that they need no constraints."""
         places = topology(scene).places.values()
         return frozenset(place.joint for place in places if place.joint is not None)
 
+    @override
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         """Return the variables for given states of the bodies, by name.
 
@@ -357,6 +369,7 @@ class JointCoordinates(AbstractCoordinates):
                 variables[branch.body] = evaluate(_encoded, *given)
         return variables
 
+    @override
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
         """Return the states of the bodies, by name."""
         trees, orientations = forest(scene), {GROUND: UPRIGHT}
@@ -372,15 +385,18 @@ class JointCoordinates(AbstractCoordinates):
             bodies[name] = BodyState(at.position, orientation, at.velocity, at.spin)
         return bodies
 
+    @override
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
         """Return pose and velocities of each body and of "ground", by name, computed from the roots
         to the leaves."""
         return _motions(forest(scene), variables)
 
+    @override
     def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
         """Return the equations of motion of all trees."""
         return JointMechanics(scene, variables)
 
+    @override
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         """Return normalised variables of the same motion, by name of body: Euler parameters are
         scaled to unit norm if their squared norm differs from one by more than 1e-6, and angles,
@@ -390,6 +406,7 @@ class JointCoordinates(AbstractCoordinates):
             for branch, evaluate in _branches(scene)
         }
 
+    @override
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
@@ -400,6 +417,7 @@ class JointCoordinates(AbstractCoordinates):
             for branch, _ in _branches(scene)
         }
 
+    @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
         """Return how fast bodies rotate in the joints that carry them, rad/s, by name; those in
         spherical joints, whose Euler parameters have integration errors, are left out."""
@@ -410,6 +428,7 @@ class JointCoordinates(AbstractCoordinates):
         }
         return {body: rate for body, rate in rates.items() if rate is not None}
 
+    @override
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the names of those bodies on the paths that connect `bodies` in the trees whose
         joints change the poses of `bodies` relative to each other."""

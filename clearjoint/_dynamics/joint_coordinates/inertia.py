@@ -20,6 +20,7 @@ from typing import TypeAlias, TypeVar
 
 import jax
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._compilation import NotSharedError, traced_for_a_kind
 from ..._math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
@@ -422,6 +423,7 @@ class AbstractTreeSolver(abc.ABC):
 class MassMatrix(AbstractTreeSolver):
     """Composite rigid body algorithm. The links must have one reference point in common."""
 
+    @override
     def _prepare(self, carried: list[Inertia]) -> None:
         links = self._links
         # Index of the first speed of each link, and the number of all speeds at the end.
@@ -454,6 +456,7 @@ class MassMatrix(AbstractTreeSolver):
             momentum = constrained(columns, momentum, row[first : first + len(columns)])
             k = self._parents[k]
 
+    @override
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
         """Return the rates r of each link's joint."""
         evaluate = [self._evaluate] * len(self._links)
@@ -466,6 +469,7 @@ class MassMatrix(AbstractTreeSolver):
 class ArticulatedBodies(AbstractTreeSolver):
     """Articulated body algorithm."""
 
+    @override
     def _prepare(self, carried: list[Inertia]) -> None:
         self._joints: list[LoadedJoint] = []
         for k in reversed(range(len(self._links))):
@@ -478,6 +482,7 @@ class ArticulatedBodies(AbstractTreeSolver):
                 self._joints.append(joint)
         self._joints.reverse()
 
+    @override
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
         """Return the rates r of each link's joint."""
         # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
