@@ -69,9 +69,9 @@ that the variables cannot represent is of the order of one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check that scene and state have the right types, that the state has exactly the scene's
-    bodies, and that all its numbers are finite, with Euler parameters of about unit norm (0.9 to
-    1.1). Numbers that JAX traces are not checked.
+    """Check that scene and state have the right types and the same bodies, and that all numbers of
+    the state are finite, with Euler parameters of about unit norm. Numbers that JAX traces are not
+    checked.
 
     **Raises:** `ValueError` if one of these conditions is not met.
     """
@@ -117,13 +117,12 @@ def assemble(
     returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
 
     Choose `moving` by what the guess says about velocities. Constraints do not determine those of
-    bodies behind a clearance: if a driver turns the crank of a four-bar with a played crank pin
-    and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes them with
-    its whole speed. With `moving=True`, they move as if all joints were ideal.
+    bodies behind a clearance: if a driver turns the crank of a four-bar whose crank pin has
+    clearance and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes
+    them with its whole speed. With `moving=True`, they move as if all joints were ideal.
 
     **Arguments:**
 
-    - `scene`: the mechanism; `state`: the guess, of positions and velocities.
     - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest. They
@@ -142,21 +141,18 @@ def assemble(
 
     **Raises:** `ValueError`
 
-    - if `scene` is no `Scene` or `state` no `State`, if the state's bodies are not those of the
-      scene, if a number of the state is not finite, or if Euler parameters are far from unit norm;
+    - if the state's bodies are not those of the scene, or a number of the state is not finite;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
     - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
       turned too far;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
       prescribe;
-    - if `resting` is a single string;
-    - if a name in `resting` is not that of a clearance joint with a centred position;
-    - if a journal in `resting` has no load across its axis, or its joint has no position of rest
-      (its method `resting_joint` returns ``None``).
+    - if a name in `resting` is not that of a clearance joint with a centred position, or if its
+      journal has no load across its axis.
 
-    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than
-    `STRIKING` of the kinetic energy would be lost if all journals stopped in their bearings.
+    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than a tenth
+    of the kinetic energy would be lost if all journals stopped in their bearings.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -206,8 +202,8 @@ def assemble(
 
 
 def _driven(scene: Scene, state: State, t: Scalar) -> bool:
-    """Return whether a constraint, such as a driver, moves bodies at time t, s: whether bodies at
-    rest violate its time derivative."""
+    """Return whether a constraint, such as a driver, moves bodies at time t: whether bodies at rest
+    violate its time derivative."""
     rest = body_state((0.0, 0.0, 0.0))
     at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
     rates = row_residuals(scene, at_rest, t).rates
@@ -215,7 +211,6 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
 
 
 def _with_motion(state: State, other: State) -> State:
-    """Return the positions of one state with the velocities and spins of another."""
     bodies = {
         name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
         for name, body in state.bodies.items()
@@ -226,8 +221,8 @@ def _with_motion(state: State, other: State) -> State:
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
     """Warn of journals that move relative to their bearings with much of the kinetic energy.
 
-    **Arguments:** `moved`: the state with the nearest velocities, in the metric of the mass matrix,
-    at which all journals rest in their bearings. Stopping the journals thus loses energy.
+    In the state `moved`, which has the nearest velocities in the metric of the mass matrix, all
+    journals rest in their bearings. Stopping the journals thus loses energy.
     """
     before, after = (float(_kinetic_energy(scene, each.bodies)) for each in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
@@ -245,7 +240,6 @@ def _caution_striking(scene: Scene, state: State, moved: State) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
-    """Return the kinetic energy of all bodies, J. In scene and states, vectors are arrays (3,)."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     return system.energies(system.encode(unpack(bodies)), 0.0)["kinetic"]
 
@@ -257,10 +251,7 @@ def _in_bearings(
     replace some clearance joints.
 
     Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
-    centres it, until no journal that can be centred is outside.
-
-    **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
-    further ones are added to this dictionary.
+    centres it, which is added to `ideal`, until no journal that can be centred is outside.
     """
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
@@ -272,15 +263,8 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return a state near `state` that satisfies the constraints at time t, s.
-
-    It is found by Newton steps, each of which is the smallest correction, in the metric of the mass
-    matrix, that satisfies the linearised constraints. The result is therefore only approximately
-    the nearest state. Entry speeds, work and bristles are unchanged.
-
-    **Raises:** `ValueError` if the iteration does not converge (the message names the worst
-    constraint), or if a joint would hold a wrong orientation (see `require_oriented`).
-    """
+    """Return a state near `state` that satisfies the constraints, by Newton steps as in `assemble`.
+    Entry speeds, work and bristles are unchanged."""
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
@@ -297,10 +281,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
-    """Return the state with the nearest velocities that satisfy the constraints at time t, s.
-
-    **Raises:** `ValueError` that names the worst constraint if there are none.
-    """
+    """Return the state with the nearest velocities that satisfy the constraints at time t."""
     bodies, t = state.bodies, on_device(t)
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.
@@ -315,9 +296,6 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
     """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`.
 
-    **Arguments:** `names`: of the m constraint equations; `values`: (m,), their values Phi;
-    `rates`: (m,), the time derivatives of Phi, per second.
-
     **Raises:** `ValueError` that names the worst constraint.
     """
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
@@ -328,11 +306,9 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
     """Check that the relative orientation in each fixed and prismatic joint is less than 90 degrees
     from the one that the joint declares.
 
-    The constraint equations of these joints are zero at the declared orientation, but also after a
-    further rotation by half a revolution about x, y or z, or by 120 degrees (a cyclic permutation
-    of the axes). A run that starts from such a wrong orientation would hold it.
-
-    **Arguments:** `cosines`: the result of `cosines_of_turns`.
+    The constraint equations of these joints are also zero after a further rotation by half a
+    revolution about x, y or z, or by 120 degrees (a cyclic permutation of the axes), and a run that
+    starts from such a wrong orientation would hold it.
 
     **Raises:** `ValueError` that names the joint.
     """
@@ -351,10 +327,7 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
     """Return the cosine of the angle by which the second body is turned away from the declared
-    orientation, for each fixed and prismatic joint by name.
-
-    In scene and states of the bodies, vectors are arrays (3,).
-    """
+    orientation, for each fixed and prismatic joint."""
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
     if not oriented:
         return {}
@@ -370,12 +343,8 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others.
-
-    With such a constraint, rounding errors would determine motion and reactions.
-
-    **Arguments:** `uncertain`: names of constraint equations that nearly depend on others; see
-    `ConstraintReport`.
+    """Check that no constraint nearly depends on the others (`ConstraintReport.uncertain`):
+    rounding errors would determine motion and reactions.
 
     **Raises:** `ValueError` if there are any.
     """
@@ -395,12 +364,9 @@ def require_representable(
 ) -> None:
     """Check that coordinates can represent an assembled state, and have at least one variable.
 
-    A state that satisfies all constraints need not be representable. For example, parallel and
-    antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
-    represents only parallel axes. The state is converted to the coordinates and back, and must keep
-    its orientations; other differences are not checked.
-
-    **Arguments:** `variables`, `represented`: the result of `round_trip`.
+    Parallel and antiparallel axes, for example, both satisfy the constraints of a revolute joint,
+    but its angle as variable represents only parallel axes. The state, converted to the coordinates
+    and back by `round_trip`, must keep its orientations.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
@@ -417,10 +383,8 @@ def require_representable(
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates of a scene have at least one variable.
-
-    A sweep calls this once for all its runs, since the variables depend only on the structure of
-    the scene.
+    """Check that the coordinates of a scene have at least one variable, once for all runs of a
+    sweep.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
@@ -429,12 +393,6 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
 
 
 def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
-    """Check that there is at least one variable, so that a run has something to integrate.
-
-    **Arguments:** `coordinates`: those of the variables, named in the message.
-
-    **Raises:** `ValueError` if there is none.
-    """
     moves, kind = bool(jax.tree.leaves(variables)), type(coordinates).__name__
     remedy = "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure"
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
@@ -445,14 +403,8 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
-    """Convert the poses of a state to coordinates, and back.
-
-    If the orientations after the conversion differ from the given ones, the coordinates cannot
-    represent the state (see `require_representable`).
-
-    **Returns:** the variables at rest, and the Euler parameters of the bodies, (4,), by name,
-    converted back from the variables.
-    """
+    """Convert the poses of a state to coordinates, and return these variables at rest and the Euler
+    parameters, (4,), converted back from them."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     # No velocity is compared, and structural zeros take no operations.
     resting = {
@@ -469,12 +421,7 @@ def _require_satisfied(
 ) -> None:
     """Check that all values or rates of constraints are at most `tolerance` in magnitude.
 
-    **Arguments:** `names`: of the m constraint equations; `residuals`: (m,), their values or rates;
-    `tolerance`: in the unit of `residuals`; `quality`: "consistent" for a state that
-    the user gave, "assembled" for one that was computed; `part`: "positions" or "velocities", for
-    the message.
-
-    **Raises:** `ValueError` that names the worst constraint.
+    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one.
     """
     if residuals.size == 0:
         return
@@ -497,11 +444,7 @@ def _corrected(
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    """Return the states of the bodies, by name, after one correction towards the constraints.
-
-    **Arguments:** `projection`: the method of `System` that corrects the variables, either
-    `project_positions` or `project_velocities`; `bodies`: the states before, by name; `t`: s, time
-    at which the constraints are evaluated.
-    """
+    """Return the states of the bodies after one correction towards the constraints by a method of
+    `System`."""
     system = System(unpack(scene), formulation)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

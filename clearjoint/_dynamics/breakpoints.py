@@ -1,13 +1,9 @@
 """Breakpoints: declared times at which elements of a scene change abruptly, and at which steps end.
 
 An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
-breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
-just after it. Therefore it does not matter whether the element compares time with < or <=. "Just
-before" and "just after" mean by a few rounding errors of the time. A breakpoint at infinity, as of
-an element that is never switched off, has no effect.
-
-A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
-zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
+breakpoint, the element is evaluated just before it, and in a step that starts there, just after it,
+by a few rounding errors of the time; so it does not matter whether the element compares time with <
+or <=. Times named t are on the clock of the system, which is zero at its `origin`; breakpoints are
 times of the scene.
 """
 
@@ -51,11 +47,8 @@ intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
-    """Return the breakpoints, s, of each joint or force that has any, by the name of the element.
-
-    Each value is a list of numbers, of arrays of any shape with one entry at least, and of
-    `Increasing` arrays.
-    """
+    """Return the breakpoints of each joint or force that has any, by the name of the element: a
+    list of numbers, of arrays with one entry at least, and of `Increasing` arrays."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {
         name: [
@@ -76,11 +69,9 @@ def _is_increasing(node: PyTree) -> bool:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint that is after the time t by more than rounding errors, s, on the
-    same clock as t.
+    """Return the first breakpoint after the time t by more than rounding errors, on the clock of t.
 
-    The result is infinity if no breakpoint is after t, and ``None`` if no element of the scene has
-    a breakpoint.
+    The result is infinity if no breakpoint is after t, and ``None`` if no element has a breakpoint.
     """
     soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
     return None if soonest is None else system.own_time(soonest)
@@ -88,12 +79,8 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     """Return the time at which elements are evaluated for the time t in a step that begins at
-    `start`.
-
-    The result is t, clipped to the open interval between the last breakpoint that is not after
-    `start` and the next one. At a breakpoint, an element thus has the value that holds inside of
-    the step. All times are on the clock of the system.
-    """
+    `start`: t, clipped to the open interval between the last breakpoint that is not after `start`
+    and the next one."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -110,15 +97,9 @@ def since_breakpoints(
     """Return, for each element with breakpoints, whether a step ends at one of them, and the time
     in s from this breakpoint to the end of the step.
 
-    Callers end steps at breakpoints, so that a breakpoint after the start and not after the end of
-    a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
-    the step ends at no breakpoint. The time is needed for its derivatives by the parameters on
-    which the breakpoint depends. If several breakpoints are at the end of the step, such as equal
-    ones in a table, the returned time is the mean of the times since each of them.
-
-    **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
-
-    **Returns:** a pair (condition, time) by the name of the element.
+    Callers end steps at breakpoints, so that the time is zero except for rounding. It is needed for
+    its derivatives by the parameters on which the breakpoint depends. If several breakpoints are at
+    the end of the step, such as equal ones in a table, it is the mean of the times since them.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -145,18 +126,10 @@ def drivers_are_smooth(
     """Return whether all drivers (constraints that depend on time) are smooth over a step, or
     ``None`` if there are no drivers.
 
-    A driver counts as smooth if, within a tolerance, the change of its value equals the integral of
-    its rate, and the change of its rate equals the integral of its second time derivative. This
-    test is needed because the equations of motion use only the second time derivative of a driver,
-    at the solver's stages. A kink or jump between two stages would have no effect on them: error
-    estimates would not show it, and the run would continue with the old speed.
-
-    **Arguments:**
-
-    - `variables`: motion variables, of which only the position is used. All bodies are taken to be
-      at rest, so that only time changes the constraints.
-    - `start`, `end`: of the step, s, on the clock of the system.
-    - `rtol`: tolerance relative to the driver's speed over the step.
+    A driver is smooth if the change of its value equals the integral of its rate, and the change of
+    its rate that of its second time derivative, within `rtol` relative to its speed. The equations
+    of motion use only the second time derivative, at the solver's stages. A kink or jump between
+    them would not show in error estimates, and the run would continue with the old speed.
     """
 
     # The rows are evaluated at eight times, and traced once for all of them.
@@ -203,8 +176,7 @@ def drivers_are_smooth(
 
 
 def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
-    """Return whether a breakpoint `at` is after the time t of the scene, both in s, by more than
-    rounding."""
+    """Return whether a breakpoint is after the time t of the scene by more than rounding."""
     return at > t + _rounding(system, at)
 
 
@@ -239,14 +211,11 @@ def _extreme(
     function: Callable[[jax.Array], jax.Array],
     after: bool,
 ) -> Scalar | None:
-    """Return the least value, s, of a function at the breakpoints after the time t of the scene, or
-    its largest value at those that are not after it.
+    """Return the least value of an increasing function at the breakpoints after the time t of the
+    scene, or (`after` is false) its largest value at those that are not after it.
 
     Without such breakpoints the value is infinite, and it is ``None`` if the scene has none at all.
     It is not differentiated, since the solution does not depend on where steps end.
-
-    **Arguments:** `function`: an increasing function of one breakpoint, or of an array of them
-    element by element; `after`: whether the breakpoints after t are meant.
     """
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None

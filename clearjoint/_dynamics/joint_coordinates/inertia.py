@@ -1,12 +1,9 @@
 """Solutions of the equations of motion of a tree of bodies for its rates r (see `.coordinates`).
 
-There are two algorithms for the same equations. Both go from the leaves to the root. The composite
-rigid body algorithm (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6) fills the mass
-matrix, which is then factorised. For a chain, the number of operations grows with the cube of the
-number of bodies. The articulated body algorithm (ch. 7) eliminates the rates of each joint before
-it goes on to the carrier, so that the number of operations is proportional to that of bodies.
-
-In a small tree, the mass matrix takes fewer operations (`LARGEST_DENSE`).
+The composite rigid body algorithm (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6)
+fills the mass matrix, whose factorisation takes fewer operations in a small tree. The articulated
+body algorithm (ch. 7) eliminates the rates of each joint before it goes on to the carrier, so that
+the number of operations is proportional to that of bodies.
 """
 
 import abc
@@ -65,27 +62,17 @@ class Inertia:
     def without(
         self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
     ) -> "Inertia":
-        """Return the part of this inertia that acts on the carrier (the parent) of a joint if all r
-        of the joint are zero, if this is the inertia of the bodies that the joint carries.
+        """Return the part of this inertia, that of the bodies which a joint carries, that acts on
+        the carrier (the parent) of the joint if all r of the joint are zero.
 
         In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
         angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
-        this axis does not act on the carrier.
-
-        Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
-        joint's speed, so that whole = M column. The matrix P = 1 - column axis^T removes the
-        rotation about the axis from a twist. The result is P^T M P = M - axis whole^T - rest
-        axis^T, in which `axis` has a linear part of zero. For a joint of several axes, the terms of
-        all axes are subtracted.
-
-        **Arguments:**
-
-        - `columns`: twists of the joint's free directions. The axis is the angular part, a unit
-          vector of the rotation, or zero for a translation.
-        - `wholes`: momentum of the carried bodies for a unit of each speed.
-        - `rests`: P^T whole, the part of each momentum that the joint transmits to its carrier. For
-          a joint of several axes, P is here the matrix that removes the rotations about all of
-          them.
+        this axis does not act on the carrier. Let M be the 6x6 matrix of this inertia, let column
+        be the twist for a unit of the joint's speed, and whole = M column. The matrix P = 1 -
+        column axis^T removes the rotation about the axis from a twist. The result is P^T M P = M -
+        axis whole^T - rest axis^T with rest = P^T whole, in which `axis`, the angular part of the
+        column, has a linear part of zero. For a joint of several axes, P removes the rotations
+        about all of them, and their terms are subtracted.
         """
         angular, coupling = self.angular, self.coupling
         for column, whole, rest in zip(columns, wholes, rests, strict=True):
@@ -105,10 +92,8 @@ class Inertia:
         )
 
     def shifted(self, offset: Vector) -> "Inertia":
-        """Return the same inertia about another point.
-
-        **Arguments:** `offset`: m, from the other point to the present one.
-        """
+        """Return the same inertia about another point; `offset` leads from there to the present
+        one."""
         # The columns of the coupling change by the cross products of `offset` with the columns,
         # which are also the rows, of the mass.
         columns = zip(self.coupling.T.rows, self.mass.rows, strict=True)
@@ -121,29 +106,21 @@ class Inertia:
 
 
 def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
-    """Return a symmetric matrix, whose lower triangle is that of `matrix` minus an outer product.
-
-    The product itself need not be symmetric if it is one term of a symmetric sum.
-    """
+    """Return a symmetric matrix, whose lower triangle is that of `matrix` minus an outer product,
+    which need not be symmetric if it is one term of a symmetric sum."""
     own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
     return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass in the tree's axes, kg m^2.
-
-    **Arguments:** `rotation`: matrix that maps components in body axes to the tree's axes.
-    """
+    """Return a body's inertia about its centre of mass in the tree's axes."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
 
 def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about its reference point.
-
-    **Arguments:** `mass`: kg; `arm`: m, from the reference point to the centre of mass; `central`:
-    kg m^2, the inertia about the centre of mass, in the tree's axes.
-    """
+    """Return the spatial inertia of a body about its reference point; `arm` leads from there to the
+    centre of mass."""
     # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = arm * mass, tuple(arm)
     first = tuple(h)
@@ -166,35 +143,26 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
     """Return a symmetric matrix, whose lower triangle consists of the results of a function of the
-    row and column numbers, 0 to 2."""
+    row and column numbers."""
     lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
     return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the dot product of the angular parts plus the dot product of the linear parts.
-
-    It is the power of a load (moment and force) with a twist, or the product of a momentum with a
-    column.
-    """
+    """Return the power of a load (moment and force) with a twist, or the product of a momentum with
+    a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load or momentum about the parent's reference point.
-
-    **Arguments:** `load`: about the body's reference point; `offset`: m, from the parent's
-    reference point to the body's.
-    """
+    """Return a load or momentum about the parent's reference point; `offset` leads from there to
+    the body's reference point, the load's present one."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
 def at_offset(twist: Twist, offset: Vector) -> Twist:
-    """Return the twist that a parent's motion gives to the reference point of a body.
-
-    **Arguments:** `twist`: of the parent at its own reference point; `offset`: m, from the parent's
-    reference point to the body's.
-    """
+    """Return the twist that a parent's motion gives to a body's reference point, to which `offset`
+    leads from the parent's."""
     return Twist(twist.angular, twist.linear + twist.angular.cross(offset))
 
 
@@ -202,17 +170,14 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
     equations for the rates r, with the rates of the joint given.
 
-    It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
-    it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
-    the choice of unknowns. Suppose that the carrier's acceleration changes, but the r of the joint
-    does not. The carried bodies do not follow an angular acceleration of the carrier about a free
-    axis, so a moment on them about this axis does not act on the carrier. They do follow an
-    acceleration of the carrier along a free translation, where r is relative to the carrier.
+    If the carrier's acceleration changes, but the r of the joint does not, then the carried bodies
+    do not follow an angular acceleration of the carrier about a free axis, so a moment on them
+    about this axis does not act on the carrier. They do follow an acceleration of the carrier along
+    a free translation. The result therefore has all forces, but no moments about the free axes;
+    about the axis of a screw it has the moment -pitch times the force along the axis, with the
+    pitch in m/rad.
 
-    **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
-    a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
-    body's reference point, and its `linear` part the force, N, or momentum; `along`: products of
-    `load` with each of the columns, which for a rotation are the moments about the joint's axis.
+    `along` are the products of the load with each of the columns.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
@@ -258,7 +223,6 @@ for _kind in (UnrolledFactorisation, OrderedFactorisation):
 class LoadedJoint:
     """A joint with the inertia of all bodies that it carries.
 
-    - `columns`, `offset`: as in the body's `Link`.
     - `factors`: of the inertia in the joint's free directions, D = columns^T M columns.
     - `rests`: momentum of the carried bodies for a unit of each speed, as far as it acts on the
       carrier; empty for a root.
@@ -284,8 +248,8 @@ class LoadedJoint:
     ) -> "tuple[LoadedJoint, Inertia]":
         """Return a joint, and the inertia of its carrier with the part that the joint transmits.
 
-        **Arguments:** `carried`: inertia of the joint's body and of all bodies that it carries, as
-        far as their joints transmit it; `carrier`: inertia of the carrier without this part.
+        `carried` is the inertia of the joint's body and of all bodies that it carries, as far as
+        their joints transmit it; `carrier` that of the carrier without this part.
         """
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
@@ -304,9 +268,8 @@ def absorbed(
     """Return the rates r that a load causes if the carrier does not accelerate, and the load on the
     carrier with the part that the joint transmits.
 
-    **Arguments:** `load`: on the body, and through it from all bodies that it carries, about the
-    body's reference point; `carrier`: load on the carrier without this part, about its reference
-    point; `forces`: generalised forces, one for each speed of the joint.
+    `load` comes from the body and all bodies that it carries, about the body's reference point;
+    `carrier` is the load on the carrier without this part, about its reference point.
     """
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
@@ -317,11 +280,8 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates r of a joint, and the acceleration of its body due to all r.
-
-    **Arguments:** `alone`: rates r without an acceleration of the carrier; `carrier`: acceleration
-    of the carrier due to all r, at its reference point.
-    """
+    """Return the rates r of a joint, and the acceleration of its body due to all r, from the rates
+    without an acceleration of the carrier (`alone`) and the acceleration of the `carrier`."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -332,11 +292,8 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return the acceleration of a body due to all r, and the rates u' of its joint.
-
-    **Arguments:** `columns`, `offset`: as in a `Link`; `rates`: the rates r of the joint;
-    `carrier`: acceleration of the carrier at its reference point.
-    """
+    """Return the acceleration of a body due to all r, and the rates u' of its joint, from the rates
+    r of the joint and the acceleration of the carrier."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -352,16 +309,11 @@ def _components(twist: Twist) -> tuple[Scalar, ...]:
 LARGEST_DENSE = 4
 """Number of bodies up to which a tree gets a mass matrix.
 
-Of four bodies, the matrix takes 1.14 times as many operations as the recursion for a planar chain
-of hinges, but 0.9 times as many for a spatial one, and 0.8 times as many for Bricard's linkage,
-whose constraints need solutions for many forces. Of the two bodies of `clearjoint.mechanisms`, it
-takes 0.95 times as many. For eight bodies, it takes 1.5 times (planar hinges), 0.95 times (spatial
-hinges) and 1.8 times (spherical joints) as many.
-
-In random chains with masses and inertias of different magnitudes, the rounding errors of both are
-equal for two bodies. Those of the matrix are twice as large for four bodies, six times for ten and
-twenty times for thirty, where the recursion has 3e-15 of the largest acceleration. The matrix
-refers all inertias of a tree to one point, and those of distant bodies cancel in its factorisation.
+For four bodies, the matrix takes between 0.8 (Bricard's linkage) and 1.14 times (planar chain of
+hinges) as many operations as the recursion; for eight, between 0.95 and 1.8 times. Its rounding
+errors in random chains are equal for two bodies, and twice as large for four, six times for ten and
+twenty times for thirty, since it refers all inertias of a tree to one point, and those of distant
+bodies cancel in its factorisation.
 """
 
 
@@ -396,11 +348,8 @@ def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree.
-
-    **Arguments:** `links`: bodies of the tree, the root first and each parent before its children;
-    `parents`: index of the parent of each; `inertias`: inertia of each body alone.
-    """
+    """Solution of the equations of motion of one tree, whose `inertias` are those of each body
+    alone. The root is first, and each parent before its children."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
@@ -413,11 +362,8 @@ class AbstractTreeSolver(abc.ABC):
 
     @abc.abstractmethod
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint.
-
-        **Arguments:** `loads`: about the reference points of links, by index of the link; `forces`:
-        generalised forces in the joint of each link, one for each of its speeds.
-        """
+        """Return the rates r of each link's joint that loads about the reference points of some
+        links, and generalised forces in all joints, cause."""
 
 
 class MassMatrix(AbstractTreeSolver):
@@ -442,12 +388,11 @@ class MassMatrix(AbstractTreeSolver):
         self._factors = OrderedFactorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed of the mass matrix, in place, with the products of a momentum
-        with the columns of link k and of all its carriers towards the root.
+        """Fill the row of one speed of the mass matrix with the products of a momentum with the
+        columns of link k and of all its carriers towards the root.
 
-        **Arguments:** `row`: the list of the row's entries; `k`: the carrier's index, ``None``
-        beyond the root; `momentum`: that of the carried bodies for a unit of the speed, as far as
-        it acts on link k (see `constrained`).
+        The momentum is that of the carried bodies for a unit of the speed, as far as it acts on
+        link k (see `constrained`).
         """
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
@@ -458,7 +403,6 @@ class MassMatrix(AbstractTreeSolver):
 
     @override
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint."""
         evaluate = [self._evaluate] * len(self._links)
         along = along_columns(self._links, self._parents, loads, evaluate)
         pairs = zip(chain(*forces), chain(*along), strict=True)
@@ -484,7 +428,6 @@ class ArticulatedBodies(AbstractTreeSolver):
 
     @override
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint."""
         # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
         # leaves, the accelerations of the bodies and the rates with them.
         totals = [loads.get(k, REST) for k in range(len(self._links))]
@@ -509,10 +452,8 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree of this size.
-
-    **Arguments:** `central`: inertia of each body about its centre of mass, in the tree's axes.
-    """
+    """Return the solver for a tree of this size; `central` are the inertias about the centres of
+    mass."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, own)
@@ -529,10 +470,7 @@ def along_columns(
     evaluate: Sequence[Evaluate],
 ) -> list[Speeds]:
     """Return the generalised forces in the joint of each link of loads on some links, by index of
-    the link, summed from the leaves to the root.
-
-    **Arguments:** `evaluate`: how to evaluate functions of each link.
-    """
+    the link, summed from the leaves to the root."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent.
