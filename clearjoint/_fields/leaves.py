@@ -22,24 +22,21 @@ def in_order_of_leaves(names: Iterable[str]) -> list[str]:
 
 
 def with_leaves(tree: Tree, leaves: Sequence[PyTree]) -> Tree:
-    """Return a scene, a state or a pair of both with other leaves, and with the names in their own
-    order.
+    """Return a scene, a state or a pair of both with other leaves, in the order of
+    `jax.tree.leaves`, and with the names in their own order.
 
     `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. Use this function
     for scenes and states that are returned to a user, or whose names are paired with columns.
-
-    **Arguments:** `leaves`: in the order of `jax.tree.leaves`.
     """
     return ordered_like(tree, jax.tree.unflatten(jax.tree.structure(tree), leaves))
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
-    """Return `other` with the names in the order of those of `tree`.
+    """Return `other`, a new scene, state or tuple of such, with the names in the order of those of
+    `tree`; its Equinox modules are changed in place.
 
-    Both are a scene, a state or a tuple of such. Dictionaries inside of elements are left as they
-    are: they pass through JAX in each run, so that their order can't matter.
-
-    **Arguments:** `other`: a new PyTree, whose Equinox modules are changed in place.
+    Dictionaries inside of elements are left as they are: they pass through JAX in each run, so that
+    their order can't matter.
     """
     if type(other) is tuple:
         return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))

@@ -1,7 +1,4 @@
-"""Objects whose fields are declared, checked, converted to arrays and printed.
-
-User-defined subclasses of `AbstractConverting` need only annotate their fields.
-"""
+"""Objects whose fields are declared, checked, converted to arrays and printed."""
 
 import inspect
 from collections.abc import Callable
@@ -38,10 +35,7 @@ _COUNTS = {(): "a single number", (3,): "three components", (4,): "four componen
 
 @dataclass(frozen=True)
 class Declaration:
-    """Allowed and usual values of a field.
-
-    The attributes are the arguments of `quantity` with the same names.
-    """
+    """Allowed and usual values of a field; the attributes are arguments of `quantity`."""
 
     unit: str
     shape: tuple[int, ...] | None = None
@@ -53,10 +47,9 @@ class Declaration:
     remedy: str = ""
 
     def check_value(self, name: str, value: ArrayLike) -> None:
-        """Check a value of the field `name` against the declaration.
+        """Check a value of the field `name` against the declaration, and warn of an unusual one.
 
         **Raises:** `ValueError` for a value that is not allowed.
-        **Warns:** `UnusualValueWarning` for an unusual value.
         """
         if self.check is not None:
             self.check(name, value)
@@ -124,11 +117,8 @@ def quantity(
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """Declare a field with the default ``None``, otherwise as `quantity` does.
-
-    ``None`` stands for an effect that is absent, and that compiled programs therefore don't
-    compute. `unit` and `options` are arguments of `quantity`, such as `shape` and `positive`;
-    `default` and `converter` are set here and cannot be given.
+    """Declare a field with the default ``None``, which stands for an effect that is absent and not
+    computed, otherwise as `quantity` does.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -155,23 +145,20 @@ def described(unit: str, text: str = "") -> Any:
 
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
-    """Return the fields of a class that have a declaration: the name and declaration of each."""
     return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]
 
 
 LONGEST = 16
-"""Largest number of entries of an array that is printed with its entries; of a larger array, dtype
-and shape are printed."""
+"""Largest number of entries of an array that is printed with its entries, not with dtype and
+shape."""
 
 
 class AbstractReadable(eqx.Module):
     """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
 
     When an object is made, the value of each field is checked against its declaration, such as
-    ``quantity("m", positive=True)``, unless it is ``None``. A subclass may define two further
-    checks, which run afterwards: `_check_together` for conditions on several fields, and
-    `_caution_together` for warnings about unusual combinations. The `repr` shows numbers and short
-    arrays as they were given.
+    ``quantity("m", positive=True)``, unless it is ``None``; afterwards `_check_together` and
+    `_caution_together`, which a subclass may define, are called.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -198,13 +185,10 @@ class AbstractReadable(eqx.Module):
             self._caution_together()
 
     def _check_together(self) -> None:
-        """Raise a ``ValueError`` if the values of several fields don't fit together.
-
-        By default there is no such condition.
-        """
+        """Raise a ``ValueError`` if the values of several fields don't fit together."""
 
     def _caution_together(self) -> None:
-        """Issue a warning if the values of several fields are unusual together; by default none."""
+        """Issue a warning if the values of several fields are unusual together."""
 
     def __setattr__(self, name: str, value: object) -> None:
         # Equinox sets fields in `__init__`; later it raises the error, which gets a remedy here.
@@ -224,14 +208,11 @@ class AbstractReadable(eqx.Module):
 
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
-    """Return a function ``__dir__`` for a package that lists its names without those of its
-    modules.
+    """Return a function ``__dir__`` for a package that lists the names of a namespace without those
+    of its modules, except the `public` ones.
 
-    Importing a module of a package adds the module's name to those of the package. Among many of
-    these, users who complete a name with the tab key would hardly find classes and functions.
-
-    **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
-    listed all the same.
+    Among the names of modules, users who complete a name with the tab key would hardly find classes
+    and functions.
     """
     return lambda: sorted(
         name
@@ -241,10 +222,7 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
 
 
 def _plain(leaf: object) -> object:
-    """Return a short array as a number or a list of numbers, and any other leaf unchanged.
-
-    Short arrays have at most `LONGEST` entries. Traced numbers are unchanged too.
-    """
+    """Return a short array as a number or a list of numbers, and any other leaf unchanged."""
     is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf
@@ -252,8 +230,7 @@ def _plain(leaf: object) -> object:
 
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of fields that hold no numbers. Such fields become static: part of a PyTree's
-structure."""
+"""Annotations of fields that hold no numbers, and become static: part of a PyTree's structure."""
 
 
 class AbstractConverting(AbstractReadable):
@@ -280,22 +257,21 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts the values given for the field `name`.
+        """Return the function that converts the values given for the field `name`; by default
+        `as_numbers`.
 
-        This method is called when a class is defined, for each field that the class itself
-        annotates (not for inherited ones), unless the field is static or declares a converter. A
-        subclass may override it for its own fields; by default it returns `as_numbers`.
+        It is called when a class is defined, for each field that the class itself annotates, unless
+        the field is static or declares a converter.
         """
         del name
         return as_numbers
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """Return a value in which numbers, and tuples and lists of numbers, are replaced by float64
-    arrays.
+    """Return a value in which numbers of Python and NumPy, and tuples and lists of numbers, are
+    replaced by float64 arrays.
 
-    The numbers are those of Python and NumPy, and NumPy arrays. Tuples and lists of numbers, or of
-    arrays of equal shape, are stacked to one array.
+    Tuples and lists of numbers, or of arrays of equal shape, are stacked to one array.
     Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
     unchanged, such as JAX arrays, texts and bools.
 
@@ -318,16 +294,15 @@ def as_numbers(value: PyTree) -> PyTree:
 
 
 def with_arrays(tree: PyTree) -> PyTree:
-    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
+    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays, before a
+    run.
 
-    It is called before each run. A Python number that `equinox.tree_at` has put into a scene would
-    otherwise be part of the program, which would be compiled for each of its values. Traced numbers
-    are not converted. In Equinox modules of other packages, numbers in fields without a converter
-    are not converted either, since they may be meant as parts of the program. Python's bools stay
-    parts of the program, so that a class may branch on them; NumPy's become 0.0 or 1.0. If all
-    leaves are 64-bit NumPy arrays or JAX arrays of floats, the PyTree itself is returned, and its
-    JAX arrays keep their precision. If not, JAX arrays that are not traced are converted like other
-    numbers.
+    A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
+    program, which would be compiled for each of its values. Traced numbers are not converted, nor
+    are numbers in fields without a converter in Equinox modules of other packages, since they may
+    be meant as parts of the program. Python's bools stay parts of the program, so that a class may
+    branch on them; NumPy's become 0.0 or 1.0. If all leaves are 64-bit NumPy arrays or JAX arrays
+    of floats, the PyTree itself is returned.
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.
@@ -359,11 +334,7 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves.
-
-    In Equinox modules of this package, these are the leaves in all fields that are not static; in
-    other modules, those in fields with a converter. Leaves outside of all modules count too.
-    """
+    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves."""
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
@@ -403,11 +374,7 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the dataclass field `name` of a class, static or with a converter.
-
-    A field that declares neither becomes static if its annotation is in `NAMES`, and gets the
-    converter of `field_converter` otherwise.
-    """
+    """Return the dataclass field `name` of a class, static or with a converter."""
     # The class may have declared a field, or only a default value, or neither.
     given = cls.__dict__.get(name)
     if isinstance(given, Field):

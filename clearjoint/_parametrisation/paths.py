@@ -1,6 +1,6 @@
 """Paths of numbers: find, list and replace the numbers of a scene or a state.
 
-A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. A path may return one
+A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 
@@ -20,23 +20,20 @@ from .._fields.checks import as_number, concrete, nearest, require
 from .._fields.leaves import in_order_of_leaves, with_leaves
 
 NumberPath = Callable[[PyTree], PyTree]
-"""Function that receives a scene or a state and returns one of its numbers, or several numbers that
-are tied."""
+"""Function that receives a scene or a state and returns one of its numbers, or several tied
+numbers."""
 Index = int | slice | EllipsisType
 """Part of an index into an array: for one axis or, as an ellipsis, for several axes."""
 Leaf = jax.Array | np.ndarray | float
-"""A number or an array of a scene or a state."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """Location of a number in a scene or a state, which are PyTrees.
+    """Location of a number in a scene or a state: index of the array in the list of
+    `jax.tree.leaves`, and indices into that array, empty for the whole array.
 
     Indexing a location, as in ``location[1]``, returns the location of a component. A slice or an
     ellipsis returns the location of several components; indexing this raises a `ValueError`.
-
-    - `leaf`: index of the array in the list of `jax.tree.leaves`.
-    - `component`: indices into that array; empty for the whole array.
     """
 
     leaf: int
@@ -60,9 +57,8 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
     **Raises:** `ValueError` if the path names an unknown element or field, if it indexes beyond the
-    end of a tuple or list, if it indexes the result of a slice, or if it returns a computed value,
-    a whole element such as a joint, or nothing. Whether an array has the selected component is not
-    checked.
+    end of a tuple or list or the result of a slice, or if it returns a computed value, a whole
+    element such as a joint, or nothing. Whether an array has the selected component is not checked.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -90,15 +86,12 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
 
 @lru_cache(maxsize=256)
 def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
-    """Return a tree of the given structure, in which each leaf is its own location."""
     return jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
 
 
 def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
-    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest known name.
-
-    **Arguments:** `tree`: scene or state; `error`: raised by the path, with the unknown name.
-    """
+    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest known
+    name."""
     missing = error.name if isinstance(error, AttributeError) else error.args[0]
     paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
     known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
@@ -113,11 +106,10 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
 
 
 def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with another value at a path.
+    """Return a copy of a scene or state with another value, in SI units, at a path; tied numbers
+    all receive it.
 
-    The value is in the SI unit of the number that it replaces; tied numbers all receive it. Only
-    the shape of the value is checked. The constructors' checks, such as that a mass is positive,
-    are not repeated.
+    The constructors' checks, such as that a mass is positive, are not repeated.
 
     **Raises:** `ValueError` if the path leads to no number or to a component that the array does
     not have, and if the value has another shape than the number that it replaces.
@@ -131,10 +123,9 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 
 
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with `value` at each of the locations `numbers`.
+    """Return a copy of a scene or state with a value at each of the locations.
 
-    **Raises:** `ValueError` for a value of another shape than the number, and for a component that
-    the scene or state doesn't have.
+    **Raises:** `ValueError` as in `require_fits`.
     """
     leaves, value = jax.tree.leaves(tree), as_number(value)
     require_fits(leaves, numbers, value)
@@ -144,12 +135,9 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
 
 
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
-    """Check that the located numbers exist and have the shape of the value.
+    """Check that the located numbers exist among the `leaves`, and have the shape of the value.
 
-    **Arguments:** `leaves`: the list of `jax.tree.leaves` of the scene or state.
-
-    **Raises:** `ValueError` for a component that the array does not have, and for a value of
-    another shape than one of the numbers.
+    **Raises:** `ValueError` otherwise.
     """
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
@@ -187,7 +175,6 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
 
 
 def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
-    """Return a copy of a leaf with `value` at a component, or `value` for an empty `component`."""
     if not component:
         return value
     # Numbers that JAX traces can only be set by JAX. Other numbers are set by NumPy, which compiles
@@ -200,10 +187,9 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
 
 
 def unit_at(tree: PyTree, path: NumberPath) -> str:
-    """Return the SI unit, as text, of the number that a path selects, or of the first of tied
-    numbers; "1" for a number without unit.
+    """Return the SI unit of the first number that a path selects; "1" for a number without unit.
 
-    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`.
+    **Raises:** `ValueError` if the path leads to no number.
     """
     index = numbers_at(tree, path)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
@@ -222,11 +208,11 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`.
+    """Yield name, value and unit of each number of a part of a scene or state, in the order of
+    `jax.tree.leaves`.
 
-    **Arguments:** `tree`: scene or state, or a part of it; `name`: name of this part, with which
-    the names of its numbers begin; `unit`: unit of the numbers of this part. It does not apply to
-    numbers in fields of an object: such a field declares its own unit.
+    The names begin with the `name` of the part. Its `unit` does not apply to numbers in fields of
+    an object, which declare their own.
     """
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):

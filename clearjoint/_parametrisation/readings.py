@@ -1,4 +1,7 @@
-"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters."""
+"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters.
+
+Outputs are by name; T is the number of times, p that of the parameters.
+"""
 
 from collections.abc import Mapping
 
@@ -16,15 +19,12 @@ from .parameter import AbstractScale, Parameter
 from .variations import AbstractSeriesVariation, MadeByFunction, SeriesDelay, unchanged
 
 Row = jax.Array | np.ndarray
-"""Numbers of one output at several times, or coordinates."""
+"""Numbers of one output at several times, (T,), or coordinates, (p,)."""
 
 
 class SensorErrors(eqx.Module):
-    """Those parameters of a run that are errors of the sensors of its outputs.
-
-    - `errors`: each error with its index among the p parameters.
-    - `scales`: (p,) scale of each parameter.
-    """
+    """Those parameters of a run that are errors of the sensors of its outputs: each error with its
+    index among the parameters, and the scales of all parameters."""
 
     errors: tuple[tuple[int, AbstractSeriesVariation], ...] = eqx.field(static=True, default=())
     scales: tuple[AbstractScale, ...] = eqx.field(static=True, default=())
@@ -40,19 +40,13 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value of an error, (...), at coordinates (..., p).
-
-        `number`: index of the error among the parameters.
-        """
+        """Return the value of the error with an index, (...), at coordinates (..., p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
     def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
-        """Return the reading of a sensor, (T,), with all errors except a delay.
-
-        **Arguments:** `name`: of the output; `quantity`: (T,) its values; `elapsed`: (T,) s, times
-        since the start of the run; `coordinates`: (p,) of the parameters.
-        """
+        """Return the reading of a sensor, (T,), with all errors except a delay; `elapsed` are the
+        times since the start of the run, s."""
         exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
         reading = exact
         for number, one in self.errors:
@@ -73,11 +67,8 @@ def with_sensor_errors(
     elapsed: Row,
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), by name.
-
-    **Arguments:** `values`: quantities (T,) by name; `derivatives`: theirs by the coordinates,
-    (T, p); `elapsed`: (T,) s, times since the start of the run; `coordinates`: (p,).
-    """
+    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), from the
+    quantities and their derivatives by the coordinates."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     for name in {name: None for _, one in sensors.errors for name in one.series}:
 
@@ -102,11 +93,7 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each, by name.
-
-    **Arguments:** `values`: quantities (n, T) by name; `elapsed`: (T,) s, times since the start of
-    the runs; `coordinates`: (n, p).
-    """
+    """Return the readings of all sensors in n runs, (n, T) each."""
 
     def of_one(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
@@ -142,7 +129,7 @@ def sensor_errors(
 
 
 def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters by name, with errors of sensors as parameters that change nothing."""
+    """Return the parameters, with errors of sensors as parameters that change nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
         name: Parameter(still, one.scale, value=one.value)
@@ -155,9 +142,7 @@ def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
 def units_of(
     parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the unit of each parameter's value by name.
-
-    **Arguments:** `series`: unit of each measured series by name.
+    """Return the unit of each parameter's value; `series` has those of the measured series.
 
     **Raises:** `ValueError` for an error of the sensors of series with different units.
     """

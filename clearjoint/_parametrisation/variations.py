@@ -1,9 +1,5 @@
 """Variations: the different ways in which a value of a sweep's axis or of a fit's parameter enters
-a run.
-
-The value may be a number of the scene, a number of the initial state, the argument of a function
-that makes both, or an error of the sensors of measured series, such as a delay.
-"""
+a run."""
 
 import abc
 from collections.abc import Callable
@@ -27,10 +23,7 @@ state) with that value."""
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way in which a value changes a scene and its initial state.
-
-    An axis of a sweep, and a parameter of a fit, has one.
-    """
+    """A way in which a value changes a scene and its initial state."""
 
     @property
     @abc.abstractmethod
@@ -38,18 +31,14 @@ class AbstractVariation(abc.ABC):
         """The function that says what varies: a path, which selects a number of a scene or state,
         or a function that makes scene and state from a value.
 
-        For an error of sensors, which changes neither, it returns scene and state unchanged. The
-        notes of a sweep's results contain a description of this function.
+        The notes of a sweep's results contain a description of it.
         """
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the value as text.
+        """Return the unit of the value; `scene` and `state` are those before the change.
 
-        **Arguments:** `scene`, `state`: before the change.
-
-        **Raises:** `ValueError` if the unit is that of a number of the scene or state, and the path
-        leads to no number.
+        **Raises:** `ValueError` if the unit is that of a number, and the path leads to no number.
         """
 
     @abc.abstractmethod
@@ -70,11 +59,8 @@ class AbstractVariation(abc.ABC):
 class AbstractNumber(AbstractVariation):
     """A number, or several tied numbers, that a path selects in the scene or the initial state.
 
-    - `path`: function of the scene or state that returns the number.
-    - `unit`: text that labels the value; ``None`` for the number's SI unit.
-    - `example`: Python source of a typical path, for error messages; each subclass has one.
-
-    **Raises:** `ValueError` for a path that is not a function.
+    `unit` labels the value; ``None`` for the number's SI unit. `example` is the source of a typical
+    path, for error messages.
     """
 
     path: NumberPath
@@ -92,27 +78,14 @@ class AbstractNumber(AbstractVariation):
     @property
     @override
     def function(self) -> NumberPath:
-        """The user's path of the number."""
         return self.path
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return `unit`, or the SI unit of the number if `unit` is ``None``.
-
-        **Raises:** `ValueError` for a path without numbers, if `unit` is ``None``.
-        """
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return a `NumberSetter` that sets values at the path.
-
-        The values have the shape of the argument `example`, a number or an array; it is not the
-        class's text of the same name.
-
-        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
-        `example`.
-        """
         tree = self.tree(scene, state)
         numbers = numbers_at(tree, self.path)
         require_fits(jax.tree.leaves(tree), numbers, as_number(example))
@@ -128,7 +101,6 @@ class SceneNumber(AbstractNumber):
     @staticmethod
     @override
     def tree(scene: Scene, state: State) -> Scene:
-        """Return the scene."""
         return scene
 
 
@@ -141,21 +113,15 @@ class StateNumber(AbstractNumber):
     @staticmethod
     @override
     def tree(scene: Scene, state: State) -> State:
-        """Return the initial state."""
         return state
 
 
 @dataclass(frozen=True)
 class MadeByFunction(AbstractVariation):
-    """A value from which a function of the user makes the scene and its initial state, so that
-    several of their numbers can depend on it.
+    """A value from which a user's function ``make(scene, state, value)`` makes the scene and its
+    initial state, so that several of their numbers can depend on it.
 
-    - `make`: function ``make(scene, state, value)`` of the unchanged scene and initial state and of
-      the value, which returns the changed pair (scene, state). Two variations are equal only if
-      they have the same function object.
-    - `unit`: text that labels the value.
-
-    **Raises:** `ValueError` for a `make` that is not a function.
+    Two variations are equal only if they have the same function object.
     """
 
     make: Change
@@ -168,17 +134,14 @@ class MadeByFunction(AbstractVariation):
     @property
     @override
     def function(self) -> Change:
-        """The user's `make(scene, state, value)`."""
         return self.make
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return `unit`."""
         return self.unit
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return `make`. No argument is needed, because the user's function accepts every scene."""
         del scene, state, example
         return self.make
 
@@ -187,11 +150,10 @@ class MadeByFunction(AbstractVariation):
 class AbstractSeriesVariation(AbstractVariation):
     """An error of the sensors of measured series, with an unknown value.
 
-    It changes no scene: fits, which have measurements, compare the samples with the reading of the
-    sensor, which is the quantity plus its errors.
+    It changes no scene: fits compare the samples with the reading of the sensor, which is the
+    quantity plus its errors.
 
-    - `series`: names of the series in `Measurements`, the measured data of a fit, or of the outputs
-      or sensors of a prediction.
+    - `series`: names of the series, or of the outputs or sensors of a prediction.
     - `neutral`: value of an ideal sensor.
     - `noun`: name of the kind of error, also of the function of `Parameter` that makes one.
     """
@@ -202,11 +164,8 @@ class AbstractSeriesVariation(AbstractVariation):
 
     @abc.abstractmethod
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return what the error adds to the reading of the sensor, in the quantity's unit.
-
-        **Arguments:** `value`: of the parameter; `quantity`: measured quantity; `elapsed`: time
-        since the start of the run, s.
-        """
+        """Return what the error adds to the reading of the sensor, in the quantity's unit;
+        `elapsed` is the time since the start of the run, s."""
 
     @abc.abstractmethod
     def unit_of(self, unit: str) -> str:
@@ -215,7 +174,6 @@ class AbstractSeriesVariation(AbstractVariation):
     @property
     @override
     def function(self) -> Callable[..., PyTree]:
-        """Function that returns scene and state unchanged."""
         return unchanged
 
     @override
@@ -225,10 +183,7 @@ class AbstractSeriesVariation(AbstractVariation):
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Raise a `ValueError`, because a scene has no such number.
-
-        Calls that support errors of sensors don't call it (`clearjoint._parametrisation.readings`).
-        """
+        """Raise a `ValueError`, because a scene has no such number."""
         self._refuse()
 
     def _refuse(self) -> NoReturn:
@@ -246,28 +201,23 @@ class AbstractSeriesVariation(AbstractVariation):
 
 @dataclass(frozen=True)
 class SeriesDelay(AbstractSeriesVariation):
-    """Delay, s, of the time stamps of measured series.
-
-    Fits evaluate the outputs at the samples' times less the delay.
-    """
+    """Delay, s, of the time stamps of measured series, by which fits evaluate the outputs
+    earlier."""
 
     noun: ClassVar[str] = "delay"
     users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return 0: a delay changes the time at which the quantity is evaluated."""
         del value, quantity, elapsed
         return 0.0
 
     @override
     def unit_of(self, unit: str) -> str:
-        """Return "s"."""
         return "s"
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return "s"."""
         return "s"
 
 
@@ -279,12 +229,10 @@ class SeriesBias(AbstractSeriesVariation):
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return the bias."""
         return value
 
     @override
     def unit_of(self, unit: str) -> str:
-        """Return the unit of the series."""
         return unit
 
 
@@ -297,12 +245,10 @@ class SeriesGain(AbstractSeriesVariation):
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return (gain - 1) times the quantity."""
         return (value - 1.0) * quantity
 
     @override
     def unit_of(self, unit: str) -> str:
-        """Return "1"."""
         return "1"
 
 
@@ -314,28 +260,22 @@ class SeriesDrift(AbstractSeriesVariation):
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return the drift times the time since the start of the run."""
         return value * elapsed
 
     @override
     def unit_of(self, unit: str) -> str:
-        """Return the unit of the series per second, such as "rad/s"."""
         return f"{unit}/s"
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    """Return the pair (scene, state) unchanged; `value` has no effect."""
+    """Return the pair (scene, state) unchanged."""
     del value
     return scene, state
 
 
 @dataclass(frozen=True)
 class NumberSetter:
-    """A `Change` that sets the value at given locations in the scene or in the state.
-
-    - `numbers`: the locations.
-    - `in_scene`: whether the locations are in the scene; otherwise they are in the state.
-    """
+    """A `Change` that sets the value at given locations in the scene or in the state."""
 
     numbers: tuple[Number, ...]
     in_scene: bool
