@@ -1,10 +1,9 @@
 """Derivatives of the wear of some cycles with respect to parameters.
 
-`clearjoint.wear` computes wear in stages: each is a run of some cycles, extrapolated over many,
-after which the profiles are changed. A parameter changes the wear of a stage directly, and through
-the depths that were worn off in the stages before. One run with derivatives
-(`clearjoint.sensitivities`) includes both effects: each of its parameters moves a number of the
-scene and, at the same time, moves the profiles along the derivatives of their depths.
+A parameter changes the wear of a stage directly, and through the depths that were worn off in the
+stages before. One run with derivatives (`clearjoint.sensitivities`) includes both effects: each of
+its parameters moves a number of the scene and, at the same time, moves the profiles along the
+derivatives of their depths.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,12 +38,9 @@ Rates = Mapping[str, tuple[float, float]]
 
 
 class MovingSpline(AbstractPeriodicSpline):
-    """A worn profile that p parameters move: a periodic spline with N knots.
+    """A worn profile that p parameters move: a periodic spline with N knots, whose coefficients are
+    `coefficients` plus, for each parameter, its shift times its directions.
 
-    The coefficients of the spline are `coefficients` plus, for each parameter, its shift times its
-    directions.
-
-    - `coefficients`: (N,) m, as in `PeriodicSpline`.
     - `directions`: (p N,) m, the derivatives of the N coefficients with respect to the first
       parameter, then those with respect to the second, and so on.
     - `shifts`: (p,) by how much each parameter's coordinate is changed. They are zero: only
@@ -59,8 +55,6 @@ class MovingSpline(AbstractPeriodicSpline):
 
     @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
-        m, moved by the shifts. `knot`: index of the knot, or an array (...) of indices."""
         found, count = periodic(on_device(self.coefficients), knot), self.angles()
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
@@ -69,22 +63,18 @@ class MovingSpline(AbstractPeriodicSpline):
 
     @override
     def angles(self) -> int:
-        """Return the number of knots."""
         return np.shape(self.coefficients)[0]
 
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """A `Change` by which one parameter moves a number and all profiles that wear.
-
-    It is called with a scene, a state and a value, and returns the changed scene and state. The
-    value is the distance from the present coordinate of the parameter.
+    """A `Change` by which one parameter moves a number and all profiles that wear. The value is the
+    distance from the present coordinate of the parameter.
 
     - `index`: place of the parameter in the `shifts` of each `MovingSpline`.
     - `joints`: names of the joints that wear.
-    - `change`: how the parameter's value changes the scene and the state; ``None`` for a wear rate.
-      A run depends on wear rates only through the profiles.
-    - `scale`: of the parameter, which converts a coordinate to a value; ``None`` for a wear rate.
+    - `change`, `scale`: of the parameter; ``None`` for a wear rate, on which a run depends only
+      through the profiles.
     - `coordinate`: present coordinate of the parameter.
     """
 
@@ -95,8 +85,8 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) at a distance `value` from the present coordinate: with
-        the number changed, and the shifts of all profiles that wear."""
+        """Return scene and state with the number changed, and the shifts of all profiles that
+        wear."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
@@ -111,11 +101,7 @@ class ParameterDirection:
         return scene, state
 
     def without_profiles(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) with the number changed, but not the profiles.
-
-        **Arguments:** `value`: distance from the present coordinate. For a wear rate it has no
-        effect.
-        """
+        """Return scene and state with the number changed, but not the profiles."""
         if self.change is None or self.scale is None:
             return scene, state
         return self.change(scene, state, self.scale.value(self.coordinate + value))
@@ -124,15 +110,11 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return a `ParameterDirection` for each parameter and for the logarithm of each positive wear
-    rate, by name.
+    """Return a `ParameterDirection` for each parameter and, after them, for the logarithm of each
+    positive wear rate, by name.
 
-    A wear rate has the name of its joint and part, such as "pin bearing rate". Parameters come
-    first, then wear rates; the index of each direction is its place in this order.
-
-    **Arguments:** `scene`: with a `MovingSpline` for each profile that wears, which has one shift
-    for each direction; the directions fit only scenes of this structure. `state`: the initial
-    state. `rates`: of all joints that wear. `parameters`: by name.
+    The scene has a `MovingSpline` for each profile that wears; the directions fit only scenes of
+    this structure.
 
     **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
     the name of a wear rate.
@@ -156,8 +138,8 @@ def directions_of(
 
 
 def rate_name(joint: str, part: str) -> str:
-    """Return the name of the parameter that is the logarithm of a wear rate, such as
-    "pin bearing rate" for the joint "pin" and the part "bearing"."""
+    """Return the name of the logarithm of a wear rate as a parameter, such as "pin bearing
+    rate"."""
     return f"{joint} {part} rate"
 
 
@@ -171,24 +153,12 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Return the derivatives of the depths that wear off in several spans of time of a run.
+    """Return the derivatives of the depths that wear off in several spans of time of a new run, by
+    default with the settings `clearjoint.presets.derivatives`, and its result code.
 
-    A new run is computed, from `start_time`, s, to the last time in `spans`.
-
-    **Arguments:**
-
-    - `scene`: with `MovingSpline`s as the profiles of bearings and journals that wear.
-    - `state`: at `start_time`.
-    - `spans`: for each span, the times, (T,) s, at which its wear is integrated by Simpson's rule;
-      from `quadrature_times`.
-    - `rates`: specific wear rates of bearing and journal, m^2/N, by the names of the J joints.
-    - `directions`: of the p parameters, which include the logarithms of wear rates, by name; from
-      `directions_of`.
-    - `settings`: of the run; by default `clearjoint.presets.derivatives`.
-    - `samples`: number of evenly spaced angles around the wall, and around the journal.
-
-    **Returns:** the derivatives, (spans, p, J, 2, samples), bearing before journal, m per unit of
-    each parameter's coordinate, or ``None`` if the run failed; and the result code of the run.
+    `spans` are, for each span, the times from `quadrature_times`, and `directions` those of the p
+    parameters from `directions_of`. The derivatives are (spans, p, joints, 2, samples), bearing
+    before journal, m per unit of each parameter's coordinate, or ``None`` if the run failed.
     """
     # Spans that follow each other share a time.
     times = np.unique(np.concatenate(spans))

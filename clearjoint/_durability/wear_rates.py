@@ -59,14 +59,11 @@ class WearRates:
 
     @staticmethod
     def on_hard_steel(material: Material, part: Part = "bearing") -> "WearRates":
-        """Return `WearRates` with the typical rate of a part that slides on hard steel without a
-        lubricant.
+        """Return `WearRates` with the typical rate of a material, such as "brass", of the bearing
+        or journal that slides on hard steel without a lubricant. The other part doesn't wear.
 
         Measured rates scatter by a factor of ten, and lubrication reduces them by a factor of a
         hundred or more. The rate for mild steel is that of mild steel on mild steel.
-
-        **Arguments:** `material`: of the part that wears, such as "brass"; `part`: "bearing" or
-        "journal". The other part is of hard steel and doesn't wear.
 
         **Raises:** `ValueError` for an unknown material or part.
 
