@@ -1,8 +1,4 @@
-"""Wear of clearance joints over many cycles of a periodic motion, with profiles that change.
-
-The computation proceeds in stages. In each, a run measures the wear of some cycles, which is then
-extrapolated over as many cycles as the change of the profiles allows.
-"""
+"""Wear of clearance joints over many cycles of a periodic motion, in stages."""
 
 import dataclasses
 import shutil
@@ -346,11 +342,8 @@ class _CycleRun:
     directions: Mapping[str, ParameterDirection]
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
-        """Return the wear per cycle and the state after the run.
-
-        Wear and derivatives are zero if the run failed; `failure` then says why. A second run
-        computes the derivatives. If only this one failed, only the derivatives are zero.
-        """
+        """Return the wear per cycle, its derivatives and the state after the run. They are zero if
+        the run, or that of the derivatives, failed; `failure` then says why."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         solution = simulate(
@@ -394,12 +387,9 @@ class _CycleRun:
         )
 
     def difference(self, found: "_Measured") -> float:
-        """Return the largest relative difference of the two halves of the measured cycles: of the
-        sums of the depths of each joint, and of the derivatives with respect to each parameter.
-
-        The difference of two sums is divided by the larger one of the two sums of magnitudes, since
-        derivatives of opposite signs may cancel in a sum.
-        """
+        """Return the largest relative difference of the sums of depths, or of derivatives, in the
+        two halves of the measured cycles, divided by the sum of magnitudes, since derivatives may
+        cancel in a sum."""
         values, slopes = found.halves[:, 0], found.halves[:, 1:]
         sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
         sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
@@ -471,11 +461,11 @@ class _Stages:
         goals: Float[np.ndarray, "*n"],
         largest_change: float | None,
     ) -> None:
-        """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
+        """Measure the wear of the last stage and extrapolate it to a new one.
 
-        If the run fails or its wear can't be extrapolated, the first stage raises an error. Later
-        stages set `failure`, so that the results so far are kept. `goals` are the numbers of cycles
-        before each stage after the first one, or one number, to which the stages lead.
+        Where this fails, the first stage raises an error, and later ones set `failure`, so that the
+        results so far are kept. `goals` is one number of cycles, or those before each further
+        stage.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
@@ -545,12 +535,8 @@ class _Stages:
         self.failure = reason
 
     def _length(self, scene: Scene, left: float, largest_change: float | None) -> float:
-        """Return how many cycles the next stage has: `left`, or less if the depth of a point would
-        otherwise change by more than the limit. The first stage has a tenth of that.
-
-        **Raises:** `ValueError` if `largest_change` is ``None`` and a joint wears without reaching
-        the penetration at which the force begins according to its law's `onset_offset`.
-        """
+        """Return how many cycles the next stage has, `left` at most, so that no depth changes by
+        more than the limit. The first stage has a tenth of that."""
         length = left
         # Each joint limits the stage by its own penetration.
         rows = zip(self.names, self.rates[-1][0], self.extremes[-1], strict=True)
@@ -632,11 +618,8 @@ class _Store:
     digest: str
 
     def write(self, found: "xr.Dataset") -> None:
-        """Replace the store by one of a result of `wear`.
-
-        If the process is killed meanwhile, `_folder` returns the folder of the old store (if there
-        was one) or of the new one, which is complete.
-        """
+        """Replace the store by one of a result of `wear`. If the process is killed meanwhile,
+        `_folder` returns the folder of the old or of the new store, which is complete."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -648,10 +631,7 @@ class _Store:
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
-        """Return the stored stages, or `first` if there is no store.
-
-        **Raises:** `ValueError` for a store of another computation.
-        """
+        """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
         found = open_wear(self.path)
@@ -844,10 +824,7 @@ def check_wear(
     tolerance: float,
     largest_change: float | None,
 ) -> None:
-    """Check arguments of `wear`.
-
-    **Raises:** `ValueError` that names the argument.
-    """
+    """Check arguments of `wear`."""
     require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
     known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
     for name, of_joint in rates.items():

@@ -1,7 +1,4 @@
-"""Depths that the contacts of a run remove around a bearing and its journal.
-
-A base of a journal is one of the two ends of its axis, where it touches the wall.
-"""
+"""Depths that the contacts of a run remove around a bearing and its journal."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -76,11 +73,8 @@ class AllSignals(eqx.Module):
 def quadrature_times(
     solution: Solution, start: float, end: float, longest: float
 ) -> Float[np.ndarray, " T"]:
-    """Return times from `start` to `end`, s, for Simpson's rule: ends of intervals at even indices,
-    and middles at odd ones.
-
-    The intervals are the saved steps of the run, divided into equal parts of at most `longest`, s.
-    """
+    """Return the ends and middles of intervals from `start` to `end`, s, for Simpson's rule: the
+    saved steps of the run, divided into equal parts of at most `longest`, s."""
     assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
     ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])

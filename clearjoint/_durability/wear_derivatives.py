@@ -1,9 +1,8 @@
 """Derivatives of the wear of some cycles with respect to parameters.
 
-A parameter changes the wear of a stage directly, and through the depths that were worn off in the
-stages before. One run with derivatives (`clearjoint.sensitivities`) includes both effects: each of
-its parameters moves a number of the scene and, at the same time, moves the profiles along the
-derivatives of their depths.
+A parameter changes the wear of a stage directly, and through the depths of the stages before. So
+each parameter of a run with derivatives moves a number of the scene and, at the same time, the
+profiles along the derivatives of their depths.
 """
 
 from collections.abc import Mapping, Sequence

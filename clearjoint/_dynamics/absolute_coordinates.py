@@ -90,10 +90,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
 class AbsoluteMechanics(AbstractMechanics):
     """Newton-Euler equations of all bodies (eq. 29).
 
-    The speeds are six numbers for each body, in the order of ``scene.bodies``: velocity of the
-    centre of mass, m/s, in global axes, and spin, rad/s, in body axes. The matrix H that maps
-    speeds to velocities and spins is therefore the identity, and no part of an acceleration remains
-    if the rates of the speeds are zero.
+    The speeds are, for each body in the order of ``scene.bodies``, the velocity of the centre of
+    mass, m/s, in global axes, and the spin, rad/s, in body axes, so that H is the identity.
     """
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
@@ -147,8 +145,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
     @override
     def after_displacement(self, changes: Speeds) -> Bodies:
-        """Return the variables after a displacement of each centre of mass, m, in global axes, and
-        a rotation vector, rad, in body axes."""
+        """Return the variables after displacements, m, and rotation vectors, rad, in body axes."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear
@@ -171,8 +168,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Convert a list with six numbers for each body, also of forces and moments or of displacements
-    and rotations, to a pair of vectors for each body."""
+    """Convert a list with six numbers for each body to a pair of vectors for each."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)

@@ -1,9 +1,5 @@
 """Compute and check initial states that satisfy the constraints of a scene in position and
-velocity.
-
-Phi is the vector of the values of all constraint equations, which is zero if the constraints are
-satisfied.
-"""
+velocity."""
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -69,11 +65,10 @@ that the variables cannot represent is of the order of one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check that scene and state have the right types and the same bodies, and that all numbers of
-    the state are finite, with Euler parameters of about unit norm. Numbers that JAX traces are not
-    checked.
+    """Check types and names of scene and state, and that the state's numbers are finite and
+    sensible.
 
-    **Raises:** `ValueError` if one of these conditions is not met.
+    **Raises:** `ValueError` if they are not. Numbers that JAX traces are not checked.
     """
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
@@ -202,8 +197,7 @@ def assemble(
 
 
 def _driven(scene: Scene, state: State, t: Scalar) -> bool:
-    """Return whether a constraint, such as a driver, moves bodies at time t: whether bodies at rest
-    violate its time derivative."""
+    """Return whether a constraint, such as a driver, moves bodies at time t."""
     rest = body_state((0.0, 0.0, 0.0))
     at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
     rates = row_residuals(scene, at_rest, t).rates
@@ -221,8 +215,7 @@ def _with_motion(state: State, other: State) -> State:
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
     """Warn of journals that move relative to their bearings with much of the kinetic energy.
 
-    In the state `moved`, which has the nearest velocities in the metric of the mass matrix, all
-    journals rest in their bearings. Stopping the journals thus loses energy.
+    In `moved`, the state with the nearest velocities, all journals rest in their bearings.
     """
     before, after = (float(_kinetic_energy(scene, each.bodies)) for each in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
@@ -247,11 +240,9 @@ def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Return the state near a guess that satisfies the constraints of a scene in which ideal joints
-    replace some clearance joints.
+    """Return the state near a guess that satisfies the constraints of a scene with ideal joints.
 
-    Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
-    centres it, which is added to `ideal`, until no journal that can be centred is outside.
+    Assembly may move further journals out of their bearings, which get ideal joints too.
     """
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
@@ -263,8 +254,7 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return a state near `state` that satisfies the constraints, by Newton steps as in `assemble`.
-    Entry speeds, work and bristles are unchanged."""
+    """Return a state near `state` that satisfies the constraints, by Newton steps."""
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
@@ -281,7 +271,6 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
-    """Return the state with the nearest velocities that satisfy the constraints at time t."""
     bodies, t = state.bodies, on_device(t)
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.
@@ -326,8 +315,8 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
-    """Return the cosine of the angle by which the second body is turned away from the declared
-    orientation, for each fixed and prismatic joint."""
+    """Return the cosine of the angle from the declared orientation for each joint that declares
+    one."""
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
     if not oriented:
         return {}
@@ -343,11 +332,7 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others (`ConstraintReport.uncertain`):
-    rounding errors would determine motion and reactions.
-
-    **Raises:** `ValueError` if there are any.
-    """
+    """Check that no constraint nearly depends on others: rounding errors would determine motion."""
     expected = "without constraints that nearly depend on the others"
     remedy = (
         "align the points and axes of these joints with the others' exactly, or misalign them by "
@@ -403,8 +388,8 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
-    """Convert the poses of a state to coordinates, and return these variables at rest and the Euler
-    parameters, (4,), converted back from them."""
+    """Convert the poses of a state to variables at rest, and these back to Euler parameters,
+    (4,)."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     # No velocity is compared, and structural zeros take no operations.
     resting = {
@@ -419,7 +404,7 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all values or rates of constraints are at most `tolerance` in magnitude.
+    """Check that all residuals are at most `tolerance` in magnitude.
 
     `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one.
     """
@@ -444,7 +429,5 @@ def _corrected(
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    """Return the states of the bodies after one correction towards the constraints by a method of
-    `System`."""
     system = System(unpack(scene), formulation)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

@@ -32,8 +32,7 @@ SHORTEST = 1e-12
 """s: the rounding error of a breakpoint is taken to be at least that of this time, so that it is
 positive also for a breakpoint at zero. This time is much shorter than any step."""
 FEW = 8
-"""Number of times up to which those of a table are compared one by one, and not found by
-bisection."""
+"""Number of times up to which those of a table are compared one by one, without a search."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
@@ -47,8 +46,7 @@ intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
-    """Return the breakpoints of each joint or force that has any, by the name of the element: a
-    list of numbers, of arrays with one entry at least, and of `Increasing` arrays."""
+    """Return the breakpoints of each joint or force that has any, without empty arrays."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {
         name: [
@@ -95,11 +93,10 @@ def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
     """Return, for each element with breakpoints, whether a step ends at one of them, and the time
-    in s from this breakpoint to the end of the step.
+    in s from this breakpoint (or the mean of equal ones in a table) to the end of the step.
 
-    Callers end steps at breakpoints, so that the time is zero except for rounding. It is needed for
-    its derivatives by the parameters on which the breakpoint depends. If several breakpoints are at
-    the end of the step, such as equal ones in a table, it is the mean of the times since them.
+    The time is zero except for rounding. It is needed for its derivatives by the parameters on
+    which the breakpoint depends.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -176,7 +173,6 @@ def drivers_are_smooth(
 
 
 def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
-    """Return whether a breakpoint is after the time t of the scene by more than rounding."""
     return at > t + _rounding(system, at)
 
 

@@ -1,9 +1,8 @@
 """Bristle deflections in the course of a run: initial values, rates, and corrections after each
 step.
 
-Bristles are a model of friction that can stick: the surfaces of a contact deflect against each
-other like bristles. The deflection, a vector in m in the axes of the joint's first body, is
-integrated with the motion, and is zero while the contact is open.
+Bristles model friction that can stick: the surfaces of a contact deflect against each other like
+bristles, and the deflection is integrated with the motion.
 """
 
 import jax
@@ -19,8 +18,7 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return a deflection for each contact with a bristle law: the one in `given` if there is one,
-    otherwise zero."""
+    """Return the deflection in `given` for each contact with a bristle law, or zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
@@ -36,8 +34,8 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the approximate deflection in steady sliding of each contact with bristles, in x, y
-    and z: the scale of the deflections in the error control of steps."""
+    """Return the deflection in steady sliding of each contact, the scale for the control of
+    steps."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)

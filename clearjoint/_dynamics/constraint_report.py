@@ -45,18 +45,16 @@ class ConstraintReport:
     """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
     bodies.
 
-    - `bodies`: names of the bodies, in the scene's order.
     - `names`: m strings, each "joint: label", in the scene's order of joints.
-    - `values`: (m,), Phi, in m, rad or without unit.
-    - `rates`: (m,), time derivatives of Phi, m/s, rad/s or 1/s.
+    - `values`: (m,), Phi, in m, rad or without unit; `rates`: (m,), their time derivatives.
     - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
       (rad/s, body axes) of each body, in the order of `bodies`.
     - `redundant`: names of the rows that depend linearly on rows before them.
     - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
       such rows, since rounding errors would determine its reactions.
 
-    The other fields describe all rows, but `redundant` and `uncertain` leave out those that the
-    argument `coordinates` of `constraint_report` eliminates.
+    `redundant` and `uncertain` leave out the rows that the argument `coordinates` of
+    `constraint_report` eliminates.
     """
 
     bodies: tuple[str, ...]
@@ -68,8 +66,7 @@ class ConstraintReport:
     uncertain: tuple[str, ...]
 
     def columns(self, bodies: Sequence[str]) -> Float[np.ndarray, "m v"]:
-        """Return the columns of `jacobian` that belong to some bodies, six for each, in the order
-        of their names."""
+        """Return the columns of `jacobian` that belong to some bodies, six for each."""
         return self.jacobian[:, _columns(self.bodies, bodies)]
 
     def degrees_of_freedom(self) -> int:
@@ -139,11 +136,10 @@ class StartRows(NamedTuple):
         return tuple(map(_text, self.all_names))
 
     def in_order_of(self, scene: Scene) -> "StartRows":
-        """Return the rows in the scene's order of joints, and the columns of `jacobian` in its
-        order of bodies, as NumPy arrays.
+        """Return the rows in the scene's order of joints, and the columns in its order of bodies.
 
-        The order determines which of several dependent rows count as redundant: those that depend
-        on rows before them. So this does not depend on names.
+        The order determines which of several dependent rows count as redundant; it does not depend
+        on names.
         """
         every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
         bodies, jacobian = tuple(scene.bodies), self.jacobian
@@ -163,16 +159,14 @@ class StartRows(NamedTuple):
 
 
 def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
-    """Return the indices of rows in the scene's order of joints; rows of the same joint keep their
-    order."""
+    """Return the indices of rows in the scene's order of joints."""
     rank = {name: k for k, name in enumerate(scene.joints)}
     return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all constraint rows in a state, in the scene's order, in a time
-    that is proportional to the number of bodies; that of a `ConstraintReport` grows with its cube.
-    """
+    """Return values and rates of all constraint rows, in a time proportional to the number of
+    bodies."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 
@@ -215,8 +209,7 @@ def start_rows(
 
 
 def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
-    """Return pose and velocities of each body and of "ground" in states that may violate the
-    constraints."""
+    """Return the motions of states that may violate the constraints."""
     absolute = AbsoluteCoordinates()
     return absolute.motions(scene, absolute.encode(scene, bodies))
 
@@ -293,11 +286,8 @@ def dependent(
     names: tuple[RowName, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names "joint: label" of the rows, (n, s), that depend linearly on rows before
-    them, and those of the rows that nearly do.
-
-    `known` keeps the results of `_distances` by the bytes of `rows`, since scenes of a sweep often
-    have equal rows.
-    """
+    them, and those of the rows that nearly do. Scenes of a sweep often have equal rows, so results
+    are `known`."""
     key = rows.tobytes()
     if key not in known:
         known[key] = _distances(rows)
@@ -309,8 +299,7 @@ def dependent(
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """Return the distance of each row from the span of the independent rows before it, by
-    Gram-Schmidt orthogonalisation."""
+    """Return the distance of each row from the span of the independent rows before it."""
     basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):

@@ -35,8 +35,7 @@ a run. Its true depth is then zero, and the sign is due to rounding."""
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class ContactGap:
-    """Penetration of a contact, m, measured from the onset of its force and positive if it is
-    closed, and the time derivative of the penetration, m/s."""
+    """Penetration of a contact, measured from the onset of its force, m, and its rate, m/s."""
 
     depth: Scalar
     rate: Scalar
@@ -152,8 +151,7 @@ def entry_speeds_inside(
 
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
-    """Return the penetration rate of a contact at its onset shortly before, estimated from the
-    `gap` and the second time derivative of the depth, m/s^2."""
+    """Return the penetration rate of a contact at its onset shortly before."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the
@@ -181,9 +179,8 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 def closed(gaps: ContactGaps) -> Closed:
     """Return whether each contact is closed.
 
-    If steps end at contact events, each contact keeps for a whole step its state at the step's
-    start. A contact that is open there has no force in this step, even beyond the wall, so that the
-    motion in the step is smooth, and the time at which the wall is crossed can be interpolated.
+    If steps end at contact events, each contact keeps this state for a whole step. One that is open
+    at its start has no force even beyond the wall, so that the motion in the step is smooth.
     """
     families = gaps.items()
     return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}
@@ -222,14 +219,14 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact begins at the start of a run: its depth is positive and at most
+    """Return whether any contact begins at the start of a run: has a depth of at most
     `TOUCHING`."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is deeper than the limit that its joint's method `deepest` returns
-    for it, at which a run ends."""
+    """Return whether any contact is deeper than the limit `deepest` of its joint, where a run
+    ends."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()
@@ -246,8 +243,7 @@ def updated_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds after an accepted step.
 
-    A contact that began in the step gets its penetration rate at the onset, estimated from the rate
-    and its time derivative (`second_rates`, m/s^2) at the end of the step. An open contact gets
+    A contact that began in the step gets its penetration rate at the onset, an open contact gets
     zero, and any other contact keeps its entry speed.
     """
 

@@ -22,8 +22,7 @@ from .._model.scene import Scene
 from .kinds import Kinds
 
 EntrySpeeds: TypeAlias = ByLabel[Scalar]
-"""Entry speed (penetration rate at the onset), m/s, of each contact whose law uses it; zero while
-the contact is open."""
+"""Penetration rate at the onset, m/s, of contacts whose laws use it; zero for an open contact."""
 Closed: TypeAlias = ByLabel[Condition]
 """Whether each contact is closed: has a force."""
 Bristles: TypeAlias = ByLabel[Vector]
@@ -119,9 +118,9 @@ def contact_wrenches(
     """Yield name and wrench of each body, other than the ground, on which one contact of a joint
     acts.
 
-    With a friction moment, each body is yielded twice: the moment has its own wrench. For a contact
-    that acts as a couple (see `Contact.turning`), `friction` and `friction_moment` are ignored; for
-    the friction of an ideal hinge (see `Contact.lever`), the normal force is.
+    With a friction moment, each body is yielded twice. For a contact that acts as a couple (see
+    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
+    `Contact.lever`), the normal force is.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -234,8 +233,8 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force of a contact at a gap, which for a closed contact is continued past the wall;
-    see `contact_force`. An open contact has no force."""
+    """Return a force of a contact, continued past the wall if it is closed (see
+    `contact_force`)."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():
@@ -253,9 +252,8 @@ def _continued(
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
     """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
 
-    At the onset the depth is minus `onset_offset`, since the force may begin while the surfaces are
-    still apart. Exactly there the law has no force yet, so the depth is slightly larger: by
-    `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero.
+    Exactly at the onset, at the depth minus `onset_offset`, the law has no force yet. The depth is
+    slightly larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero.
     """
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)
@@ -264,8 +262,7 @@ def depth_at_wall(law: AbstractContactLaw) -> Scalar:
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Return the friction on the second body and the rate of the bristles' deflection, both in
-    global axes."""
+    """Return the friction on the second body and the rate of deflection, both in global axes."""
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     # The ratio is the friction, with opposite sign, divided by the normal force.

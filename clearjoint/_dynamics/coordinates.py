@@ -34,15 +34,14 @@ MotionVariables: TypeAlias = PyTree
 coordinates. The time derivative of the variables has the same structure."""
 Wrenches: TypeAlias = dict[str, Wrench]
 Speeds: TypeAlias = list[Scalar]
-"""A list with one scalar for each speed u of the coordinates: rates of the speeds, generalised
-forces, or changes of speeds or positions."""
+"""One scalar for each speed u: rates, generalised forces, or changes of speeds or positions."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class BodyAcceleration:
-    """Acceleration of the centre of mass, m/s^2, in global axes, and time derivative of the spin,
-    rad/s^2, in body axes."""
+    """Acceleration of the centre of mass, m/s^2 (global), and rate of the spin, rad/s^2 (body
+    axes)."""
 
     linear: Vector
     angular: Vector
@@ -85,8 +84,7 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
-        """Return (H^T M H)^-1 times `forces`: the rates of the speeds that generalised forces
-        cause."""
+        """Return (H^T M H)^-1 times generalised forces: the rates that they cause."""
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
@@ -103,18 +101,15 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def variable_rates(self, rates: Speeds) -> MotionVariables:
-        """Return the time derivatives of the variables, in their structure, for given rates of the
-        speeds."""
+        """Return the time derivatives of the variables for given rates of the speeds."""
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after a small displacement (velocity times a short time) along each
-        speed, m or rad, with the same speeds."""
+        """Return the variables after a small displacement along each speed, m or rad."""
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
-        """Return the variables with a change, m/s or rad/s, added to each speed, at the same
-        positions."""
+        """Return the variables with a change, m/s or rad/s, added to each speed."""
 
 
 class AbstractCoordinates(eqx.Module):
@@ -185,11 +180,11 @@ class AbstractCoordinates(eqx.Module):
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return the two points of the `Anchor` of each body that has one: the point on the body, m in
-    body axes, and the fixed point of the ground near it, m in global coordinates.
+    """Return the points of the `Anchor` of each body that has one: on the body, m in body axes, and
+    on the ground, m. Of several anchored joints of a body, the first counts.
 
-    The vector between these points, as a variable, keeps digits that a difference of global
-    positions would lose. A body with several anchored joints gets the points of the first.
+    The vector between them, as a variable, keeps digits that a difference of global positions would
+    lose.
     """
     points = {}
     for joint in scene.contact_joints().values():

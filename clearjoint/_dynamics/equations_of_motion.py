@@ -111,8 +111,7 @@ def _wrenches_of_joint(
 def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
 ) -> ByLabel[Row]:
-    """Return the constraint rows without the joints that the coordinates eliminate. A joint without
-    rows has no entry."""
+    """Return the constraint rows of joints that the coordinates do not eliminate."""
     eliminated = coordinates.eliminated(scene)
     kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
     kinds = Kinds(scene)
@@ -136,6 +135,5 @@ def _rows_of_joint(
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:
-    """Return all rows in one list, in the order of the dictionaries, which is also that of the
-    multipliers."""
+    """Return all rows in one list, in the order of the dictionaries and of the multipliers."""
     return [row for family in rows.values() for row in family.values()]

@@ -1,5 +1,4 @@
-"""Choices for the equations of motion that are not part of the scene: coordinates, stabilisation,
-solver."""
+"""Choices for the equations of motion: coordinates, stabilisation, solver."""
 
 from collections.abc import Callable
 from typing import TypeVar

@@ -1,9 +1,5 @@
 """Checks and corrections of the positions of journals in their bearings, at the start and end of a
-run.
-
-Ideal joints that replace clearance joints hold journals in a position while an initial state is
-assembled.
-"""
+run."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -74,10 +70,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named clearance joints centred.
-
-    Joints whose method `centred_joint` returns ``None`` have no centred position and are left out.
-    """
+    """Return ideal joints that hold the journals of the named joints centred, where there are
+    any."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -212,11 +206,10 @@ def require_in_bearings(
 
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
-    """Check that the named joints, whose bodies `assemble` has centred, have no contact deeper than
-    `FAR_OUTSIDE` times the largest penetration that the joint allows.
+    """Check that no contact of the named joints, whose bodies `assemble` has centred, is deep in a
+    wall.
 
-    **Raises:** `ValueError` that names the contact, for example for a pin beyond the end of its
-    slot, since `assemble` centres a pin only across the slot.
+    **Raises:** `ValueError`, for example for a pin beyond the end of its slot.
     """
     by_joint, joints = depths(scene, state), scene.contact_joints()
     for name in names:
@@ -231,11 +224,8 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Issue a `LeftBearingWarning` for each joint whose journal has slid out of its bearing at a
-    saved time or at the end of a run, with the earliest such time.
-
-    `kept` are pairs of saved times, (N,), s, and the states then, with a first axis of length N.
-    """
+    """Issue a `LeftBearingWarning` for each joint whose journal has slid out of its bearing, with
+    the earliest of the times in `kept`, pairs of times and states, and at the end."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
@@ -311,8 +301,7 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 def starting_contacts(
     scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
 ) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
-    """Return the results of `contact_depths` and of `approaches_unknown` for vectors that are
-    scalars."""
+    """Return the results of `contact_depths` and `approaches_unknown` in scalar form."""
     gaps, laws = contact_gaps(scene, motions), scene.laws()
     # Gaps are measured from the onset of the force.
     surfaces = {
@@ -330,8 +319,7 @@ def starting_contacts(
 def _speeds_of_rest(
     names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
 ) -> ByLabel[Scalar]:
-    """Return the speed of an impact, m/s, whose energy is the elastic energy, for each contact of
-    the named joints whose law uses the entry speed; zero if the contact is open."""
+    """Return the speed of an impact whose energy is the elastic energy of each contact, or zero."""
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(bodies))
@@ -364,10 +352,8 @@ def _speeds_of_rest(
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return the load on each constraint of a scene, while all bodies are at rest: the force, N,
-    that the last of the joint's bodies exerts on the first, in the axes of the first.
-
-    Gravity, force elements, films and drivers cause it, but no contact has a force.
+    """Return the load on each constraint while all bodies are at rest and no contact has a force:
+    the force, N, that the last of the joint's bodies exerts on the first, in the axes of the first.
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
     # norm makes the reactions unique if constraints are redundant. Stabilisation would add forces

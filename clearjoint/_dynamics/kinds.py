@@ -40,9 +40,8 @@ which they don't act. Others are raised at once: a handler of signals may raise 
 class Kinds:
     """Evaluates functions of the elements of a scene.
 
-    The number of elements of a class decides whether they share functions. If the number of a kind
-    did, the choice would depend on which numbers are folded as constants, and a lane of a sweep
-    could differ from a single run in the last bit.
+    The number of elements of a class, not of a kind, decides whether they share functions: a kind
+    depends on which numbers are folded as constants, and a lane could differ from a single run.
     """
 
     def __init__(self, scene: Scene):
@@ -84,8 +83,7 @@ class Kinds:
 def _renamed(element: Element, names: dict[str, str]) -> Element:
     """Return an element with other names of its bodies.
 
-    **Raises:** `NotSharedError` if the element's names are in other places than fields of itself
-    and of its parts.
+    **Raises:** `NotSharedError` if names are in other places than fields of it and of its parts.
     """
     renamed = element
     for path, name in list(_texts(element)):

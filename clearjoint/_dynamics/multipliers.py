@@ -50,12 +50,8 @@ class ConstraintEquations:
         self._solve = solver.solving(gram_matrix(rows, self._solved_rows)) if rows else list
 
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
-        """Return the smallest change of the speeds' rates that changes the second time derivative
-        of each row by its target, and the multipliers of the rows.
-
-        The change is M^-1 D^T lambda, the smallest in the metric of M. Projections use the same
-        method with changes of speeds or positions in place of rates.
-        """
+        """Return the smallest change of rates, speeds or positions in the metric of M that changes
+        each row by its target, M^-1 D^T lambda, and the multipliers of the rows."""
         weights = self._weights
         aims = [
             targets[k] if weights is None else multiply(weights[k], targets[k]) for k in self._kept
@@ -95,8 +91,7 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
 
 
 def _mean_inertia(body: Body) -> Scalar:
-    """Return the mean of a body's principal moments of inertia, kg m^2, which is exact enough for
-    weights."""
+    """Return the mean of a body's principal moments of inertia, exact enough for weights."""
     inertia = body.inertia
     if isinstance(inertia, Matrix):
         return (inertia.row_x.x + inertia.row_y.y + inertia.row_z.z) / 3.0
@@ -104,8 +99,7 @@ def _mean_inertia(body: Body) -> Scalar:
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Stack n scalars to an array (n,) of floats: a JAX array if any of them is one, otherwise a
-    NumPy array."""
+    """Stack scalars to an array of floats, of JAX if any of them is of JAX."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
 

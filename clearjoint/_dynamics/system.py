@@ -1,8 +1,4 @@
-"""Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
-
-Each compiled program makes one `System` at its beginning, from which steps, outputs and reports
-compute motions, forces and rates.
-"""
+"""Evaluation of a scene's equations of motion at an instant, in chosen coordinates."""
 
 import functools
 from collections.abc import Sequence
@@ -86,8 +82,7 @@ class System(eqx.Module):
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return normalised variables of the same motion; see
-        `AbstractCoordinates.without_drift`."""
+        """Return normalised variables, see `AbstractCoordinates.without_drift`."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
@@ -99,8 +94,7 @@ class System(eqx.Module):
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return kinematics and mass matrix of the scene, which include gravity, but no other
-        forces."""
+        """Return kinematics and mass matrix of the scene."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
@@ -131,8 +125,7 @@ class System(eqx.Module):
     def dynamics_under(
         self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
-        """Solve the equations of motion with given contact forces; ``{}`` for a motion without
-        them."""
+        """Solve the equations of motion with given contact forces."""
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
         rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
         if not rows:
@@ -159,18 +152,13 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Return the time derivatives of the variables, and the powers of the energy ledger, W, by
-        name.
-
-        The arguments are those of `dynamics`.
-        """
+        """Return the time derivatives of the variables, and the powers of the energy ledger, W."""
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-        """Return the powers of the energy ledger, W, by name; an empty dictionary if the
-        formulation has no ledger."""
+        """Return the powers of the energy ledger, W; none if the formulation has no ledger."""
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
@@ -178,15 +166,13 @@ class System(eqx.Module):
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
-        """Return penetration, m, and its rate, m/s, of each contact, measured from the onset of its
-        force."""
+        """Return penetration and its rate of each contact, from the onset of its force."""
         return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
         self, variables: MotionVariables, variable_rates: MotionVariables
     ) -> ByLabel[Scalar]:
-        """Return the second time derivative of each contact's penetration, m/s^2, for given time
-        derivatives of the variables."""
+        """Return the second time derivative of each contact's penetration, m/s^2."""
 
         def rates(variables: MotionVariables) -> ByLabel[Scalar]:
             return jax.tree.map(
@@ -203,15 +189,11 @@ class System(eqx.Module):
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
-        """Return geometry and forces of each contact. Contacts that penetrate have a force.
-
-        **Raises:** `ValueError` as in `dynamics`.
-        """
+        """Return geometry and forces of each contact, with the errors of `dynamics`."""
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables corrected towards the constraints, first in position, then in
-        velocity."""
+        """Return the variables corrected towards the constraints in position and velocity."""
         return self.project_velocities(self.project_positions(variables, t), t)
 
     def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:

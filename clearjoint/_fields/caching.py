@@ -1,8 +1,4 @@
-"""Cache of function results, with the numbers in PyTrees as keys.
-
-It serves the checks before a run, which take longer than a short run and are often repeated with
-the same numbers.
-"""
+"""Cache of function results, with the numbers in PyTrees as keys, for the checks before a run."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable

@@ -114,11 +114,8 @@ def quiet() -> Iterator[None]:
 
 
 def level_of_the_user() -> int:
-    """Return the `stacklevel` for `warnings.warn` with which a warning refers to the user's code:
-    the innermost stack frame outside of this package and Equinox.
-
-    The function that calls this one must also call `warnings.warn`.
-    """
+    """Return the `stacklevel` with which a warning of the caller refers to the innermost stack
+    frame outside of this package and Equinox."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_PACKAGES):
         level, frame = level + 1, frame.f_back

@@ -43,8 +43,7 @@ _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", defau
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """Return a value as a float64 NumPy array; a JAX array is returned unchanged, and a list or
-    tuple that contains traced numbers as a JAX array.
+    """Return a value as a float64 NumPy array, but JAX arrays and traced numbers as a JAX array.
 
     **Raises:** `ValueError`, with the name and unit of the value, if it does not consist of
     numbers; texts, bools, dates, complex numbers and ``None`` are refused. In a list that also
@@ -84,11 +83,8 @@ def concrete(value: object) -> np.ndarray | None:
 
 
 def as_shown(value: Any) -> Any:
-    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing; lists and
-    tuples entry by entry, and other values, also JAX arrays, unchanged.
-
-    A number that differs by a few roundings from its form with 14 digits is replaced by that form.
-    """
+    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing; a number
+    that differs by a few roundings from its form with 14 digits is replaced by that form."""
     if isinstance(value, list | tuple) and type(value) in (list, tuple):
         return type(value)(map(as_shown, value))
     if isinstance(value, np.ndarray | np.generic):
@@ -119,11 +115,8 @@ def checkable(*values: object) -> list[Any] | None:
 
 
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
-    """Return the conditions, each a traced boolean (), under which a check raises no error.
-
-    Each `require` in the check whose condition is traced adds this condition to the list. Errors
-    for known values are raised as usual.
-    """
+    """Return the conditions, each a traced boolean (), under which a check raises no error; errors
+    for known values are raised."""
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
     try:
@@ -164,10 +157,8 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values; it may involve the other values too.
-
-    In `expected`, `{0}`, `{1}` and so on are replaced by the values.
-    """
+    """Check a condition on the first of several values; `{0}` and so on in `expected` are replaced
+    by the values."""
     if (known := checkable(*values)) is not None:
         holds = condition(*known)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
@@ -218,13 +209,9 @@ def _all_finite(array: np.ndarray | jax.Array) -> bool:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Raise a ``ValueError`` unless a value is one finite number, positive or, with `zero`, not
-    negative.
+    """Raise a ``ValueError`` unless a value is one finite number, positive or, if `zero`, zero.
 
-    >>> extend.require_positive("radius", -1.0, "give it in m")
-    Traceback (most recent call last):
-        ...
-    ValueError: Argument `radius` must be positive, but is -1.0: give it in m.
+    >>> extend.require_positive("radius", 1.0, "give it in m")  # else raises
     """
     require_shape(argument, value, (), "pass a single number")
     expected = "zero or positive" if zero else "positive"
@@ -278,22 +265,17 @@ def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """Return a dictionary with the entries of a mapping, after `require_names` has checked its
     keys.
 
-    The ``__init__`` methods of Equinox modules call it before they store the dictionary. JAX sorts
-    the keys of a stored dictionary, and its error for keys of mixed types would not name the
-    argument.
+    JAX sorts the keys of a dictionary in a module, and its error for keys of mixed types would not
+    name the argument.
     """
     require_names(argument, given, remedy)
     return dict(given)
 
 
 def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
-    """Raise a ``ValueError`` unless a value is one finite number in the closed interval [lower,
-    upper].
+    """Raise a ``ValueError`` unless a value is one finite number in [lower, upper].
 
-    >>> extend.require_range("restitution", 1.5, 0.0, 1.0, "give c")
-    Traceback (most recent call last):
-        ...
-    ValueError: Argument `restitution` must be in [0.0, 1.0], but is 1.5: give c.
+    >>> extend.require_range("restitution", 0.9, 0.0, 1.0, "give c")  # else raises
     """
     require_shape(argument, value, (), "pass a single number")
     expected = f"in [{lower}, {upper}]"
@@ -340,13 +322,10 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless a direction has three finite components, (3,), and a length
-    above 1e-12.
+    """Raise a ``ValueError`` unless a direction has three finite components and a length above
+    1e-12.
 
-    >>> extend.require_axis("axis", (0, 0, 0))
-    Traceback (most recent call last):
-        ...
-    ValueError: Argument `axis` must be a vector of non-zero length, but is ...
+    >>> extend.require_axis("axis", (0, 0, 1))  # else raises
     """
     require_shape(argument, value, (3,), "pass three components")
     expected, remedy = "a vector of non-zero length", "give a direction, for example (0, 0, 1)"
@@ -367,11 +346,8 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 
 
 def recheck(tree: PyTree) -> None:
-    """Repeat the checks of the constructors for all Equinox modules in a PyTree, without warnings.
-
-    Values may have been replaced in a scene without calling its constructors, as by
-    `equinox.tree_at`.
-    """
+    """Repeat the checks of the constructors for all Equinox modules in a PyTree, without warnings:
+    `equinox.tree_at` may have replaced values."""
     with quiet():
         _check_here(tree)
         for part in _children(tree):
@@ -382,9 +358,8 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
     """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
     without warnings: the faster form of `recheck` for a sweep.
 
-    A module of this package that contains changed leaves only through a dictionary, list or tuple
-    is not checked, since its checks don't depend on the numbers in the entries of these containers.
-    A module of any other package is checked if it contains a changed leaf anywhere.
+    Modules of this package that contain changed leaves only through a dictionary, list or tuple are
+    left out, since their checks don't depend on the numbers in these containers.
     """
     with quiet():
         for path in _paths_to_changed(structure, changed):
@@ -394,12 +369,9 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """Return the conditions under which `recheck_changes` would raise no error: traced booleans of
-    shape (), which a compiled program evaluates for the numbers of all runs of a sweep.
-
-    The result is ``None`` if any class to be checked is not of this package, since its checks may
-    need known numbers.
-    """
+    """Return the conditions under which `recheck_changes` would raise no error, for a compiled
+    program, or ``None`` if a class to be checked is not of this package: its checks may need known
+    numbers."""
     for path in _paths_to_changed(structure, changed):
         if not is_of_package(reduce(_child, path, tree)):
             return None
@@ -442,11 +414,8 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    """Call the method `__check_init__` of the class of a module and of each base class.
-
-    While `conditions_of` collects conditions, a check that fails because it needs known values is
-    omitted.
-    """
+    """Call the checks of a module of its class and of each base class. While `conditions_of`
+    collects conditions, a check that fails because it needs known values is omitted."""
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if check := vars(cls).get("__check_init__"):

@@ -156,9 +156,9 @@ shape."""
 class AbstractReadable(eqx.Module):
     """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
 
-    When an object is made, the value of each field is checked against its declaration, such as
-    ``quantity("m", positive=True)``, unless it is ``None``; afterwards `_check_together` and
-    `_caution_together`, which a subclass may define, are called.
+    When an object is made, each field is checked against its declaration, such as ``quantity("m",
+    positive=True)``, unless it is ``None``; then `_check_together` and `_caution_together` are
+    called.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -209,11 +209,7 @@ class AbstractReadable(eqx.Module):
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
     """Return a function ``__dir__`` for a package that lists the names of a namespace without those
-    of its modules, except the `public` ones.
-
-    Among the names of modules, users who complete a name with the tab key would hardly find classes
-    and functions.
-    """
+    of its modules, except the `public` ones, so that users find classes with the tab key."""
     return lambda: sorted(
         name
         for name, value in namespace.items()
@@ -257,12 +253,7 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts the values given for the field `name`; by default
-        `as_numbers`.
-
-        It is called when a class is defined, for each field that the class itself annotates, unless
-        the field is static or declares a converter.
-        """
+        """Return the function that converts the values given for a field without a converter."""
         del name
         return as_numbers
 
@@ -299,10 +290,9 @@ def with_arrays(tree: PyTree) -> PyTree:
 
     A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
     program, which would be compiled for each of its values. Traced numbers are not converted, nor
-    are numbers in fields without a converter in Equinox modules of other packages, since they may
-    be meant as parts of the program. Python's bools stay parts of the program, so that a class may
-    branch on them; NumPy's become 0.0 or 1.0. If all leaves are 64-bit NumPy arrays or JAX arrays
-    of floats, the PyTree itself is returned.
+    are Python's bools and numbers in fields without a converter in Equinox modules of other
+    packages, since they may be meant as parts of the program. If all leaves are 64-bit NumPy arrays
+    or JAX arrays of floats, the PyTree itself is returned.
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.
@@ -355,11 +345,8 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
-    """Return a value as a JAX array of the given type.
-
-    It is converted to a NumPy array first, because `jax.numpy.asarray` of Python's and NumPy's
-    numbers compiles a small program for each shape.
-    """
+    """Return a value as a JAX array, by way of NumPy: `jax.numpy.asarray` of numbers of Python and
+    NumPy compiles a small program for each shape."""
     return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
 

@@ -42,8 +42,8 @@ _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
 
 def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
-    """Return the symmetric matrix S = D X^T in the form that suits its size; `first` and `second`
-    are the rows of D and X."""
+    """Return the symmetric matrix S = D X^T of the rows of D and X in the form that suits its
+    size."""
     supports = [[_support(row) for row in rows] for rows in (first, second)]
     neighbours: list[set[int]] = [set() for _ in first]
     shared: list[list[bool]] = []
@@ -91,8 +91,7 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in reordered[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices, among all rows of blocks, of the rows that a group of rows has in a
-        block."""
+        """Return the indices of the rows that a group of rows has in a block."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
@@ -184,8 +183,7 @@ class BlockMatrix(AbstractMatrix):
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return the blocks of a matrix with ones on the diagonal in rows beyond those of a group,
-        which has fewer than `SIZE`, and zeros elsewhere."""
+        """Return blocks with ones on the diagonal in the rows beyond those of a group."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):
@@ -290,8 +288,8 @@ def _looped(
     start: jax.Array,
     table: Sequence[_Step],
 ) -> jax.Array:
-    """Return an array of which each row of a table changes one row of `SIZE` numbers: `step`
-    returns these numbers and their index."""
+    """Return an array of which each row of a table changes a row, by the numbers and index of
+    `step`."""
 
     def changed(array: jax.Array, row: jax.Array) -> tuple[jax.Array, None]:
         numbers, index = step(array, row)
@@ -314,7 +312,7 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of the factor L of L L^T, followed by the inverses of the blocks of its
+    """Return the blocks of the factor L of L L^T, and the inverses of the blocks of its
     diagonal."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal

@@ -90,8 +90,7 @@ class Bend(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """Polynomial of fifth degree over a step of length `h`; the lowest power of x is the first of
-    the `coefficients`."""
+    """Polynomial of fifth degree over a step of length `h`, its lowest power of x first."""
 
     coefficients: tuple[Scalar, ...]
     h: Scalar
@@ -206,9 +205,8 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) 
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position x of the maximum of the parabola through three points in order of x,
-    limited to the interval from the first to the last, or that of the middle point if there is no
-    maximum."""
+    """Return the position x of the maximum of the parabola through three points, between the outer
+    ones; that of the middle point if there is no maximum."""
     left = _slope(first, middle)
     right = _slope(middle, last)
     bend = (right - left) / _positive(last.x - first.x)
@@ -248,11 +246,8 @@ def highest_after(
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the approximate position x of the maximum of the cubic through four points in order of
-    x, by a Newton step from the maximum of the parabola through the last three.
-
-    If the cubic does not bend downwards there, the result is that of `vertex` for the parabola.
-    """
+    """Return the approximate position x of the maximum of the cubic through four points, by a
+    Newton step from the maximum of the parabola through the last three."""
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
     # In Newton's form, the cubic is the parabola plus twist (x - first)(x - middle)(x - last). The
@@ -295,8 +290,7 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return the higher one of the inner points `middle` and `new` with its neighbours, in order of
-    x."""
+    """Return the higher one of two inner points with its neighbours, in order of x."""
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value
@@ -321,9 +315,5 @@ def _slope(first: Point, second: Point) -> Scalar:
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return a length, or 1 in its place if it is zero, for use as a divisor.
-
-    If two points have equal x, the difference of values or slopes that is divided is zero too, and
-    the quotient is 0/1 instead of 0/0.
-    """
+    """Return a length, or 1 if it is zero, for use as a divisor of a difference, then zero too."""
     return jnp.where(length > 0.0, length, 1.0)

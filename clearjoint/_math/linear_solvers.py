@@ -24,9 +24,7 @@ Solve = Callable[[Sequence[Scalar]], list[Scalar]]
 
 def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
     """Return, for each column of the triangular factor of a symmetric matrix, the indices of the
-    rows below the diagonal with an entry that is not a structural zero.
-
-    `neighbours` are, for each unknown, the columns of its row in which the matrix has entries.
+    rows below the diagonal with entries, from the columns of the entries in each row of the matrix.
     """
     columns = [{i for i in others if i > j} for j, others in enumerate(neighbours)]
     for column in columns:
@@ -39,11 +37,9 @@ def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
 
 
 def least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
-    """Return the indices of unknowns in an order of elimination that reduces fill-in.
-
-    The next unknown to be eliminated is always one that is coupled with the fewest remaining ones
-    (W. F. Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
-    """
+    """Return the indices of unknowns in an order of elimination that reduces fill-in: next is
+    always one that is coupled with the fewest remaining ones (W. F. Tinney, J. W. Walker, Direct
+    solutions of sparse network equations, 1967)."""
     remaining = {i: set(others) for i, others in enumerate(neighbours)}
     order = []
     while remaining:
@@ -68,11 +64,8 @@ def _neighbours(matrix: Rows) -> list[set[int]]:
 
 
 class UnrolledFactorisation:
-    """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic.
-
-    Operations on structural zeros are omitted, so that a sparse matrix stays sparse except for
-    fill-in. Only the lower triangle is read.
-    """
+    """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic, without
+    operations on structural zeros."""
 
     def __init__(self, matrix: Rows):
         n = len(matrix)
@@ -105,8 +98,7 @@ class UnrolledFactorisation:
 
 
 def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
-    """Return `start` minus the products of the entries that two dictionaries have in common, in the
-    order of the first one."""
+    """Return `start` minus the products of the entries that two dictionaries have in common."""
     for k, a in first.items():
         if k in second:
             start = subtract(start, multiply(a, second[k]))
@@ -122,8 +114,7 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of ``matrix @ x = right``, in the original order of the
-        unknowns."""
+        """Return the solution x of ``matrix @ x = right``, in the original order."""
         if all(map(is_zero, right)):
             return list(right)
         solution = self._factorisation.solve([right[i] for i in self._order])
@@ -187,8 +178,7 @@ class AbstractSolver:
     """
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return a row of D, with zeros in place of entries that the solver takes for rounding
-        errors; by default the row unchanged. The matrix is computed from the results."""
+        """Return a row of D, with zeros in place of entries that are rounding errors."""
         return list(row)
 
     def solving(self, matrix: AbstractMatrix) -> Solve:
@@ -239,8 +229,7 @@ class LeastNorm(AbstractSolver):
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-    """Return the inner product of two lists of n scalars, without operations on structural
-    zeros."""
+    """Return the inner product of two lists, without operations on structural zeros."""
     total: Scalar = 0.0
     for a, b in zip(first, second, strict=True):
         total = add(total, multiply(a, b))

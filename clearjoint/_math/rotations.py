@@ -37,8 +37,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
 
 
 def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
-    """Return the time derivatives of Euler parameters for a spin (angular velocity) in body axes,
-    rad/s."""
+    """Return the time derivatives of Euler parameters for a spin in body axes, rad/s."""
     a, b, c = 0.5 * spin.x, 0.5 * spin.y, 0.5 * spin.z
     return EulerParameters(
         -(p.e1 * a + p.e2 * b + p.e3 * c),
@@ -202,11 +201,8 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle from 0 to pi divided by its sine, given the squared sine and the cosine.
-
-    At exactly pi, where the quotient is infinite, it is an arbitrary finite number; the vector that
-    it multiplies is zero there.
-    """
+    """Return an angle from 0 to pi divided by its sine; at exactly pi, some finite number, since
+    the vector that it multiplies is zero."""
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)

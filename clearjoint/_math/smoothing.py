@@ -30,8 +30,7 @@ def cosine(angle: Scalar) -> Scalar:
 
 
 def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return the polar angle, rad in [-pi, pi], of a point with coordinates proportional to cosine
-    and sine."""
+    """Return the polar angle, rad in [-pi, pi], of the point (cosine, sine) at any distance."""
     return library((sine, cosine)).arctan2(sine, cosine)
 
 

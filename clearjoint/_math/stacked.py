@@ -25,8 +25,8 @@ class Stacked(eqx.Module):
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
-    """Return a PyTree of at least `FEWEST` floats of JAX, or arrays of one shape such as
-    derivatives by parameters, as a `Stacked`, and any other unchanged."""
+    """Return a PyTree of at least `FEWEST` floats, or arrays of one shape, of JAX as a
+    `Stacked`."""
     leaves, structure = jax.tree.flatten(tree)
     if len(leaves) < FEWEST or not all(isinstance(leaf, jax.Array) for leaf in leaves):
         return tree

@@ -36,8 +36,7 @@ Condition: TypeAlias = bool | jax.Array
 
 
 _NUMBERS = int, float
-"""Written out, `int | float` would be made anew for each operand of each operation that JAX
-traces."""
+"""Written out, `int | float` would be made anew for each operand that JAX traces."""
 
 
 def _is(value: Scalar, number: float) -> bool:
@@ -45,20 +44,15 @@ def _is(value: Scalar, number: float) -> bool:
 
 
 def are_traced_alike(a: Scalar, b: Scalar) -> bool:
-    """Return whether both numbers are JAX tracers of the same shape and dtype.
-
-    The primitive can then be called directly, which JAX traces in a quarter of the time of an
-    operator.
-    """
+    """Return whether both numbers are tracers of the same shape and dtype, so that the primitive
+    can be called directly, which JAX traces in a quarter of the time of an operator."""
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
 def have_primitive(a: Scalar, b: Scalar) -> bool:
-    """Return whether JAX's primitives can be called with both numbers as they are.
-
-    Either `are_traced_alike`, or one is a tracer of one number of float64 and the other a float of
-    Python, for which an operator takes four times as long as the primitive.
-    """
+    """Return whether JAX's primitives can be called with both numbers as they are: tracers that are
+    `are_traced_alike`, or one of one number of float64 with a float of Python, for which an
+    operator takes four times as long."""
     if isinstance(a, Tracer) and isinstance(b, Tracer):
         return a.aval == b.aval
     traced, number = (a, b) if isinstance(a, Tracer) else (b, a)
@@ -108,8 +102,7 @@ def larger(a: Scalar, b: Scalar) -> Scalar:
 
 
 def square_root(a: Scalar) -> Scalar:
-    """Return the square root of a number that is not negative; a Python float for floats of Python
-    and NumPy."""
+    """Return the square root of a number that is not negative."""
     return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
 
 
@@ -328,8 +321,8 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of all leaves of a PyTree from the indices in `_DIGITS` of the components
-    of all vectors, one after the other, and the vectors' indices among the leaves and sizes."""
+    """Return the patterns of all leaves from the indices in `_DIGITS` of all vectors'
+    components."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -342,8 +335,7 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the indices of the leaves whose components may be marked, and their numbers of
-    components."""
+    """Return the indices and sizes of the leaves whose components may be marked."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
     return vectors, tuple(math.prod(shapes[k]) for k in vectors)
@@ -351,11 +343,8 @@ def _vectors(
 
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
-    """Return for each leaf of a PyTree whether it is in a field with ``{"table": True}`` in its
-    metadata.
-
-    An array of shape (3,) in it is a column of three numbers, not a vector.
-    """
+    """Return for each leaf whether it is in a field with ``{"table": True}`` in its metadata, where
+    an array of shape (3,) is no vector."""
     return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
 
 
@@ -380,8 +369,7 @@ def _pattern(leaf: ArrayLike) -> Pattern:
 
 
 def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
-    """Return the component at an index behind the leading axes. JAX traces primitives in half of
-    the time of an index."""
+    """Return a component. JAX traces primitives in half of the time of an index."""
     if leading or not isinstance(leaf, Tracer):
         return leaf[(slice(None),) * leading + index]
     part = jax.lax.slice(leaf, index, [k + 1 for k in index])
@@ -443,8 +431,8 @@ def _pack_leaf(leaf: PyTree) -> PyTree:
 
 
 def library(parts: Sequence[Scalar]) -> ModuleType:
-    """Return the module ``jax.numpy`` if any of the numbers is an array of JAX, else ``numpy``,
-    with which nothing is compiled."""
+    """Return ``jax.numpy`` if any of the numbers is of JAX, else ``numpy``, which compiles
+    nothing."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 

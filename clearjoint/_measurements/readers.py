@@ -67,10 +67,8 @@ class _Column:
     unit: str | None
 
     def numbers(self) -> np.ndarray:
-        """Return the values as floats, with NaN for texts that are not numbers.
-
-        **Raises:** `ValueError` for dates and truth values.
-        """
+        """Return the values as floats, with NaN for texts; dates and truth values raise an
+        error."""
         import pandas as pd
 
         kind = self.values.dtype.kind
@@ -259,10 +257,6 @@ def from_xarray(
 
 
 def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
-    """Return the table in a CSV file.
-
-    **Raises:** `ValueError`, with a remedy, for a file that can't be read.
-    """
     import pandas as pd
 
     # pandas only warns of rows with more fields than the header, and drops the surplus.

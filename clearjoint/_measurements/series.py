@@ -1,8 +1,5 @@
-"""Measured series of quantities with their noise, and conversion of units to SI by pint.
-
-The units are those of pint's application registry, in which users can define their own
-(`pint.get_application_registry().define`).
-"""
+"""Measured series of quantities with their noise, and conversion of units to SI by pint, in whose
+application registry users can define their own."""
 
 import math
 import re
@@ -303,8 +300,7 @@ class Measurements(AbstractReadable):
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that the channels name; plain functions are not
-        checked.
+        """Check that a scene has the elements that the channels name.
 
         **Raises:** `ValueError` that names the series, and lists the names that the scene has.
         """

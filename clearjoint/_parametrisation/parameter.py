@@ -85,12 +85,8 @@ class AbstractScale(abc.ABC):
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return the standard deviation of the coordinate above which an estimate carries no
-        information, so that the parameter counts as not identifiable.
-
-        The default is 1, the size of a typical change: on a `Log` scale, an uncertainty by a factor
-        of e.
-        """
+        """Return the standard deviation of the coordinate above which a parameter counts as not
+        identifiable; by default 1, on a `Log` scale an uncertainty by a factor of e."""
         return 1.0
 
     def label(self, name: str) -> str:
@@ -273,11 +269,8 @@ class Parameter:
         value: float | None = None,
         unit: str | None = None,
     ) -> "Parameter":
-        """Return a parameter that is a number of the initial state, such as that of the path
-        ``lambda state: state.bodies["arm"].spin[2]``.
-
-        The other arguments, and the errors, are as in `Parameter`.
-        """
+        """Return a parameter that is a number of the initial state, such as ``lambda state:
+        state.bodies["arm"].spin[2]``, with arguments and errors of `Parameter`."""
         return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod
@@ -391,10 +384,7 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
-    """Check that `parameters` is a dictionary of `Parameter` by name.
-
-    **Raises:** `ValueError` that names the wrong entry.
-    """
+    """Check that `parameters` is a dictionary of `Parameter` by name."""
     require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 
 

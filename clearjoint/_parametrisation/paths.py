@@ -56,9 +56,9 @@ class Number:
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
-    **Raises:** `ValueError` if the path names an unknown element or field, if it indexes beyond the
-    end of a tuple or list or the result of a slice, or if it returns a computed value, a whole
-    element such as a joint, or nothing. Whether an array has the selected component is not checked.
+    **Raises:** `ValueError` if the path names an unknown element or field, indexes where there is
+    nothing, or returns a computed value, a whole element such as a joint, or nothing. Whether an
+    array has the selected component is not checked.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -123,10 +123,7 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 
 
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with a value at each of the locations.
-
-    **Raises:** `ValueError` as in `require_fits`.
-    """
+    """Return a copy of a scene or state with a value at each of the locations."""
     leaves, value = jax.tree.leaves(tree), as_number(value)
     require_fits(leaves, numbers, value)
     for number in numbers:
@@ -135,10 +132,7 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
 
 
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
-    """Check that the located numbers exist among the `leaves`, and have the shape of the value.
-
-    **Raises:** `ValueError` otherwise.
-    """
+    """Check that the located numbers exist among the `leaves`, and have the shape of the value."""
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
         expected = f"of shape {shape}, as the number it replaces"
@@ -146,11 +140,8 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 
 
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
-    """Return the value that a path selects in a scene or state; of tied numbers, the first value.
-
-    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`, or to a component
-    that the array does not have.
-    """
+    """Return the value that a path selects in a scene or state; of tied numbers, the first
+    value."""
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     _shape(leaf, number.component)  # refuses a missing component
@@ -158,10 +149,7 @@ def value_at(tree: PyTree, path: NumberPath) -> Leaf:
 
 
 def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
-    """Return the shape of a leaf, or of its component.
-
-    **Raises:** `ValueError` if the leaf has no such component.
-    """
+    """Return the shape of a leaf, or of its component, which must exist."""
     shape = np.shape(leaf)
     try:
         # NumPy refuses an index that is out of range, whereas JAX would silently accept it. The
@@ -187,10 +175,7 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
 
 
 def unit_at(tree: PyTree, path: NumberPath) -> str:
-    """Return the SI unit of the first number that a path selects; "1" for a number without unit.
-
-    **Raises:** `ValueError` if the path leads to no number.
-    """
+    """Return the SI unit of the first number that a path selects; "1" for a number without unit."""
     index = numbers_at(tree, path)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
 
@@ -209,11 +194,8 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Yield name, value and unit of each number of a part of a scene or state, in the order of
-    `jax.tree.leaves`.
-
-    The names begin with the `name` of the part. Its `unit` does not apply to numbers in fields of
-    an object, which declare their own.
-    """
+    `jax.tree.leaves`. The unit of the part holds for numbers outside of fields, which declare their
+    own."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

@@ -1,7 +1,5 @@
-"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters.
-
-Outputs are by name; T is the number of times, p that of the parameters.
-"""
+"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters: at T
+times, with p parameters."""
 
 from collections.abc import Mapping
 

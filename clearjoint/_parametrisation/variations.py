@@ -28,27 +28,20 @@ class AbstractVariation(abc.ABC):
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The function that says what varies: a path, which selects a number of a scene or state,
-        or a function that makes scene and state from a value.
-
-        The notes of a sweep's results contain a description of it.
-        """
+        """The function that says what varies, of which results of a sweep have a description."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the value; `scene` and `state` are those before the change.
-
-        **Raises:** `ValueError` if the unit is that of a number, and the path leads to no number.
-        """
+        """Return the unit of the value in an unchanged scene and state."""
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Return a function of a scene, a state and a value that returns scene and state with the
         value.
 
-        It accepts scenes and states of the same structure as `scene` and `state`, and values of the
-        shape of `example`. Equal variations return equal functions for equal structures, so that
-        JAX reuses compiled programs.
+        It accepts scenes, states and values of the structure of `scene`, `state` and `example`.
+        Equal variations return equal functions for equal structures, so that JAX reuses compiled
+        programs.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
         `example`, and for an error of sensors, which changes no scene.
@@ -59,8 +52,7 @@ class AbstractVariation(abc.ABC):
 class AbstractNumber(AbstractVariation):
     """A number, or several tied numbers, that a path selects in the scene or the initial state.
 
-    `unit` labels the value; ``None`` for the number's SI unit. `example` is the source of a typical
-    path, for error messages.
+    `example` is the source of a typical path, for error messages.
     """
 
     path: NumberPath

@@ -231,32 +231,22 @@ class AbstractQuantity(eqx.Module):
 
 
 def check_quantity(argument: str, function: object, scene: Scene) -> None:
-    """Check that a scene has the elements that an `AbstractQuantity` names; any other function is
-    accepted.
-
-    **Raises:** `ValueError` that begins with the user's `argument`, and lists the available names.
-    """
+    """Check that a scene has the elements that an `AbstractQuantity` names; the error begins with
+    `argument`."""
     if isinstance(function, AbstractQuantity):
         with errors_about(argument):
             function.check(scene)
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check that a value is callable, as a quantity or a function is, and no class.
-
-    **Raises:** `ValueError` about the user's argument.
-    """
+    """Check that a value is callable, as a quantity or a function is, and no class."""
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
     require(is_function, argument, function, "a scalar function of an Instant", remedy)
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is among the scene's names.
-
-    **Raises:** `ValueError` about the user's argument, which lists the known names and suggests the
-    most similar one.
-    """
+    """Check that a name is among the scene's names; the error suggests the most similar one."""
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"
         remedy = nearest(name, known, "correct the name, or add it to the scene")

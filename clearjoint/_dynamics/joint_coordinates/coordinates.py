@@ -70,17 +70,12 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""Variables by name of body: a `JointState` if a joint carries the body, a `BodyState` if it is
-free."""
+"""Variables by name of body: a `JointState` if a joint carries it, a `BodyState` if it is free."""
 
 
 class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene.
-
-    Each tree is prepared once for all forces and constraints. The number of operations is
-    proportional to the number of bodies, apart from the mass matrices of small trees (see
-    `.inertia`).
-    """
+    """Equations of motion of all trees of a scene, each prepared once for all forces and
+    constraints."""
 
     def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
@@ -144,8 +139,7 @@ class JointMechanics(AbstractMechanics):
         return self._rates({}, self._by_link(forces))
 
     def _rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> Speeds:
-        """Return the rates r that loads on some links, by index of the link, and generalised forces
-        in the joint of each link cause."""
+        """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
             rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
@@ -168,8 +162,8 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return force and moment on the links of the bodies in `wrenches`, by index of the link,
-        from the roots to the leaves."""
+        """Return the loads on the links of the bodies in `wrenches`, from the roots to the
+        leaves."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
@@ -233,8 +227,7 @@ class JointMechanics(AbstractMechanics):
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[TreeBranch, MotionVariables, Speeds, Matrix]]:
-        """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
-        of its tree."""
+        """Yield each branch with its variables, its rates u', and the axes of its tree."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, part), axes in links:
             yield branch, self._variables[branch.body], part, axes
@@ -258,8 +251,7 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return that part of the load on a link that changes its speeds, about the reference point;
-    the remainder causes the accelerations at constant speeds."""
+    """Return that part of the load on a link that changes its speeds."""
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass
@@ -348,8 +340,8 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
-        """Return the rates in joints; those in spherical joints, whose Euler parameters have
-        integration errors, are left out."""
+        """Return the rates in joints other than spherical ones, whose Euler parameters have
+        errors."""
         rates = {
             branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
             for branch, evaluate in _branches(scene)
@@ -363,8 +355,7 @@ class JointCoordinates(AbstractCoordinates):
 
 
 def _branches(scene: Scene) -> Iterator[tuple[TreeBranch, Evaluate]]:
-    """Yield the branches of all trees, a parent before its children, each with how to evaluate
-    functions of it."""
+    """Yield the branches of all trees, each with how to evaluate functions of it."""
     for tree in forest(scene):
         evaluate = evaluation(len(tree))
         for branch in tree:

@@ -83,8 +83,7 @@ class Inertia:
         return Inertia(self.mass, coupling, angular)
 
     def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
-        """Return this inertia minus the outer product of two momenta, which is symmetric, or is one
-        term of a symmetric sum of such products."""
+        """Return this inertia minus the outer product of two momenta, a term of a symmetric sum."""
         return Inertia(
             _minus_symmetric(self.mass, first.linear, second.linear),
             self.coupling.minus_outer(first.angular, second.linear),
@@ -92,7 +91,7 @@ class Inertia:
         )
 
     def shifted(self, offset: Vector) -> "Inertia":
-        """Return the same inertia about another point; `offset` leads from there to the present
+        """Return the same inertia about another point, from which `offset` leads to the present
         one."""
         # The columns of the coupling change by the cross products of `offset` with the columns,
         # which are also the rows, of the mass.
@@ -106,8 +105,7 @@ class Inertia:
 
 
 def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
-    """Return a symmetric matrix, whose lower triangle is that of `matrix` minus an outer product,
-    which need not be symmetric if it is one term of a symmetric sum."""
+    """Return the symmetric matrix with the lower triangle of `matrix` minus an outer product."""
     own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
     return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
 
@@ -119,8 +117,7 @@ def central_inertia(body: Body, rotation: Matrix) -> Matrix:
 
 
 def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about its reference point; `arm` leads from there to the
-    centre of mass."""
+    """Return the spatial inertia of a body about its reference point."""
     # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = arm * mass, tuple(arm)
     first = tuple(h)
@@ -142,27 +139,24 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
-    """Return a symmetric matrix, whose lower triangle consists of the results of a function of the
-    row and column numbers."""
     lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
     return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the power of a load (moment and force) with a twist, or the product of a momentum with
-    a column."""
+    """Return the power of a load with a twist, or the product of a momentum with a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load or momentum about the parent's reference point; `offset` leads from there to
-    the body's reference point, the load's present one."""
+    """Return a load or momentum about the parent's reference point, from which `offset` leads to
+    its own."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
 def at_offset(twist: Twist, offset: Vector) -> Twist:
-    """Return the twist that a parent's motion gives to a body's reference point, to which `offset`
-    leads from the parent's."""
+    """Return the twist that a parent's motion gives to a point at an offset from its reference
+    point."""
     return Twist(twist.angular, twist.linear + twist.angular.cross(offset))
 
 
@@ -186,8 +180,7 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
-    """Return the generalised forces of a load in a joint, and the part of the load that acts on the
-    carrier, about the carrier's reference point, in the equations for the rates r."""
+    """Return the generalised forces of a load in a joint, and the load that acts on the carrier."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 
@@ -196,7 +189,7 @@ def momenta(
     columns: Sequence[Twist], carried: Inertia
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
     """Return the momentum of carried bodies for a unit of each speed, its products with the
-    columns, and the part of it that the joint transmits to the carrier."""
+    columns, and the part of it that acts on the carrier."""
     wholes = [carried.momentum(column) for column in columns]
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
@@ -246,11 +239,7 @@ class LoadedJoint:
     def under(
         columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia of its carrier with the part that the joint transmits.
-
-        `carried` is the inertia of the joint's body and of all bodies that it carries, as far as
-        their joints transmit it; `carrier` that of the carrier without this part.
-        """
+        """Return a joint, and the inertia of its carrier with the part that the joint transmits."""
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
@@ -266,11 +255,7 @@ def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
     """Return the rates r that a load causes if the carrier does not accelerate, and the load on the
-    carrier with the part that the joint transmits.
-
-    `load` comes from the body and all bodies that it carries, about the body's reference point;
-    `carrier` is the load on the carrier without this part, about its reference point.
-    """
+    carrier with the part that the joint transmits."""
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)
@@ -280,8 +265,8 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates r of a joint, and the acceleration of its body due to all r, from the rates
-    without an acceleration of the carrier (`alone`) and the acceleration of the `carrier`."""
+    """Return the rates of a joint and its body's acceleration, with the acceleration of the
+    carrier."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -292,8 +277,7 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return the acceleration of a body due to all r, and the rates u' of its joint, from the rates
-    r of the joint and the acceleration of the carrier."""
+    """Return the acceleration of a body due to all r, and the rates u' of its joint."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -348,8 +332,7 @@ def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree, whose `inertias` are those of each body
-    alone. The root is first, and each parent before its children."""
+    """Solution of the equations of motion of one tree, from the inertia of each body alone."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
@@ -362,8 +345,8 @@ class AbstractTreeSolver(abc.ABC):
 
     @abc.abstractmethod
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint that loads about the reference points of some
-        links, and generalised forces in all joints, cause."""
+        """Return the rates r that loads on some links, and generalised forces in all joints,
+        cause."""
 
 
 class MassMatrix(AbstractTreeSolver):
@@ -389,11 +372,8 @@ class MassMatrix(AbstractTreeSolver):
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
         """Fill the row of one speed of the mass matrix with the products of a momentum with the
-        columns of link k and of all its carriers towards the root.
-
-        The momentum is that of the carried bodies for a unit of the speed, as far as it acts on
-        link k (see `constrained`).
-        """
+        columns of link k and of all its carriers. The momentum is that of the carried bodies, as
+        far as it acts on link k."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -452,8 +432,7 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree of this size; `central` are the inertias about the centres of
-    mass."""
+    """Return the solver for a tree of this size from the inertias about the centres of mass."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, own)
@@ -469,8 +448,7 @@ def along_columns(
     loads: Mapping[int, Twist],
     evaluate: Sequence[Evaluate],
 ) -> list[Speeds]:
-    """Return the generalised forces in the joint of each link of loads on some links, by index of
-    the link, summed from the leaves to the root."""
+    """Return the generalised forces in the joint of each link of loads on some links."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent.

@@ -75,8 +75,7 @@ class Link:
     columns: tuple[Twist, ...]
 
     def load(self, force: Vector, moment: Vector) -> Twist:
-        """Return a force and a moment about the centre of mass as a load about the reference
-        point."""
+        """Return a load about the reference point from force and moment at the centre of mass."""
         return Twist(moment + self.arm.cross(force), force)
 
 
@@ -139,8 +138,7 @@ class FreeBranch:
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
-        """Return the body as the root link of its tree, with its centre of mass as reference
-        point."""
+        """Return the body as the root link of its tree, about its centre of mass."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
         columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
         gradient = _gradient(state.spin, ZERO)
@@ -156,16 +154,14 @@ class FreeBranch:
         return BodyState(shift, orientation, acceleration, Vector(*speed_rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
-        """Return the velocity of the point that the position variable describes, in global axes,
-        for the `velocity` of the centre of mass in global axes; or its displacement, for a
-        displacement and a rotation vector in place of velocity and spin."""
+        """Return the velocity of the point that the position variable describes, or its
+        displacement for a displacement and a rotation vector in place of velocity and spin."""
         if self.anchor is None:
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state after a displacement of the centre of mass, m, and a rotation vector,
-        rad, both in body axes."""
+        """Return the state after a displacement, m, and a rotation vector, rad, in body axes."""
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
         orientation = turned(state.orientation, rotation)
@@ -210,8 +206,7 @@ class JointedBranch:
         return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the joint's coordinates and speeds. Relative motion that the joint forbids is
-        dropped."""
+        """Return the joint's state. Relative motion that the joint forbids is dropped."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (orientation_parent, first), (orientation_body, second) = parent, body
         displacement = second.components(second.point(on_child) - first.point(on_parent))
@@ -223,8 +218,7 @@ class JointedBranch:
         return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
 
     def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
-        """Return the parent's orientation composed with the rotation in the joint, with unit
-        norm."""
+        """Return the parent's orientation composed with the rotation in the joint."""
         return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
@@ -313,8 +307,8 @@ TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
 class Place(NamedTuple):
-    """Names of a body of a tree, of its parent, and of the joint that carries it, which is ``None``
-    for a free root."""
+    """Names of a body, of its parent, and of the joint that carries it, ``None`` for a free
+    root."""
 
     body: str
     parent: str
@@ -322,11 +316,8 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """Names in the trees of a scene.
-
-    In `trees`, the root of each is first, and each parent before its children; `places` are those
-    of all trees, by name of body.
-    """
+    """Names in the trees of a scene; the root of each is first, and each parent before its
+    children."""
 
     def __init__(self, trees: list[list[Place]]):
         self.trees = trees
@@ -334,8 +325,7 @@ class Topology:
         self._numbers = {body: number for number, body in enumerate((GROUND, *self.places))}
 
     def between(self, bodies: Collection[str]) -> frozenset[str]:
-        """Return the names of those bodies on the paths that connect `bodies` whose joints change
-        the poses of `bodies` relative to each other."""
+        """Return those bodies whose joints change the poses of `bodies` relative to each other."""
         # Each parent has a smaller number than its children, so the body of the largest number is
         # not on the path of another one to the root.
         ends, passed = set(bodies), set()
@@ -353,8 +343,7 @@ count as a change of the package's code: with a plain one, processes kept no pro
 
 
 def topology(scene: Scene) -> Topology:
-    """Return the names in the trees of a scene, which are found once for each scene object: a
-    program needs them at each evaluation, and for each contact joint."""
+    """Return the names in the trees of a scene, which are found once for each scene object."""
     key = id(scene)
     if key not in _known or _known[key][0]() is not scene:
         trees = Topology(_grown_trees(scene))
@@ -363,15 +352,14 @@ def topology(scene: Scene) -> Topology:
 
 
 def forest(scene: Scene) -> list[list[TreeBranch]]:
-    """Return the trees of a scene, each as a list of branches.
+    """Return the trees of a scene, each as a list of branches with the root first, and each parent
+    before its children.
 
     Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
-    drivers, belong to no tree; they remain constraints. In each tree, a parent comes before its
-    children. The first branch is the root; only its parent is the ground. Trees with an ideal joint
-    to the ground come first. Bodies are visited breadth first, so that chains are short. Of
+    drivers, belong to no tree. Bodies are visited breadth first, so that chains are short. Of
     connected bodies without a joint to the ground, one becomes a free root; a body with an `Anchor`
-    is preferred, since the anchor preserves digits of its position. The trees depend on the types
-    and names of joints and bodies, but on no numbers.
+    is preferred, since the anchor preserves digits of its position. The trees depend on types and
+    names, but on no numbers.
     """
     points = anchors(scene)
     return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]
@@ -416,20 +404,16 @@ def _grown_trees(scene: Scene) -> list[list[Place]]:
 
 
 _Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
-"""By name of body, the ideal joints between it and one other body: name of the joint, the joint,
-and name of the other body."""
+"""By name of body, the ideal joints to other bodies: name, joint, and name of the other body."""
 
 
 def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
-    """Append all further places of a tree to it, breadth first, and add their bodies to
-    `placed`."""
     for place in tree:  # The loop also visits the places that it appends.
         tree += _children(joints, place.body, placed)
 
 
 def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
-    """Return a place for each ideal joint that carries a body which is not in `placed` on the body
-    `parent`, and add these bodies to `placed`."""
+    """Return a place for each body outside of `placed` that an ideal joint carries on `parent`."""
     children = []
     for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for
