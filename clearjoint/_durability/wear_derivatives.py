@@ -68,13 +68,10 @@ class MovingSpline(AbstractPeriodicSpline):
 @dataclass(frozen=True)
 class ParameterDirection:
     """A `Change` by which one parameter moves a number and all profiles that wear. The value is the
-    distance from the present coordinate of the parameter.
+    distance from the present `coordinate` of the parameter.
 
-    - `index`: place of the parameter in the `shifts` of each `MovingSpline`.
-    - `joints`: names of the joints that wear.
-    - `change`, `scale`: of the parameter; ``None`` for a wear rate, on which a run depends only
-      through the profiles.
-    - `coordinate`: present coordinate of the parameter.
+    `index` is the place of the parameter in the `shifts` of each `MovingSpline`. `change` and
+    `scale` are ``None`` for a wear rate, on which a run depends only through the profiles.
     """
 
     index: int
@@ -110,10 +107,7 @@ def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
     """Return a `ParameterDirection` for each parameter and, after them, for the logarithm of each
-    positive wear rate, by name.
-
-    The scene has a `MovingSpline` for each profile that wears; the directions fit only scenes of
-    this structure.
+    positive wear rate, by name, for scenes with a `MovingSpline` for each profile that wears.
 
     **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
     the name of a wear rate.
@@ -152,12 +146,12 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Return the derivatives of the depths that wear off in several spans of time of a new run, by
-    default with the settings `clearjoint.presets.derivatives`, and its result code.
+    """Return the derivatives of the depths that wear off in several spans of time of a new run, and
+    its result code. They are (spans, p, joints, 2, samples), bearing before journal, m per unit of
+    each parameter's coordinate, or ``None`` if the run failed.
 
-    `spans` are, for each span, the times from `quadrature_times`, and `directions` those of the p
-    parameters from `directions_of`. The derivatives are (spans, p, joints, 2, samples), bearing
-    before journal, m per unit of each parameter's coordinate, or ``None`` if the run failed.
+    `spans` are, for each span, the times from `quadrature_times`, and `directions` are from
+    `directions_of`.
     """
     # Spans that follow each other share a time.
     times = np.unique(np.concatenate(spans))

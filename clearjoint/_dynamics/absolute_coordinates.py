@@ -1,9 +1,5 @@
-"""Absolute coordinates: position, orientation, velocity and spin of each body.
-
-All ideal joints and drivers are constraints, as in P. Flores et al., Spatial revolute joints with
-clearances for dynamic analysis of multi-body systems, 2006. The speeds are velocities and spins of
-all bodies, six numbers for each.
-"""
+"""Absolute coordinates, in which all ideal joints and drivers are constraints, as in P. Flores et
+al., Spatial revolute joints with clearances for dynamic analysis of multi-body systems, 2006."""
 
 from dataclasses import replace
 from typing import TypeAlias

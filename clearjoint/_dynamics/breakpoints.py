@@ -1,10 +1,8 @@
 """Breakpoints: declared times at which elements of a scene change abruptly, and at which steps end.
 
-An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
-breakpoint, the element is evaluated just before it, and in a step that starts there, just after it,
-by a few rounding errors of the time; so it does not matter whether the element compares time with <
-or <=. Times named t are on the clock of the system, which is zero at its `origin`; breakpoints are
-times of the scene.
+In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
+starts there, just after it, so that it does not matter whether the element compares time with < or
+<=. Times named t are on the clock of the system; breakpoints are times of the scene.
 """
 
 import math
@@ -208,11 +206,9 @@ def _extreme(
     after: bool,
 ) -> Scalar | None:
     """Return the least value of an increasing function at the breakpoints after the time t of the
-    scene, or (`after` is false) its largest value at those that are not after it.
-
-    Without such breakpoints the value is infinite, and it is ``None`` if the scene has none at all.
-    It is not differentiated, since the solution does not depend on where steps end.
-    """
+    scene, or without `after` its largest value at the others; infinite if there are none of these,
+    and ``None`` if the scene has no breakpoints. It is not differentiated, since the solution does
+    not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():

@@ -1,8 +1,7 @@
-"""Bristle deflections in the course of a run: initial values, rates, and corrections after each
-step.
+"""Bristle deflections in the course of a run: initial values, rates, and corrections after steps.
 
-Bristles model friction that can stick: the surfaces of a contact deflect against each other like
-bristles, and the deflection is integrated with the motion.
+Bristles model friction that can stick by a deflection of the surfaces of a contact against each
+other, which is integrated with the motion.
 """
 
 import jax

@@ -1,8 +1,5 @@
-"""Values, rank and redundancy of a scene's constraints in a given state.
-
-Ideal joints and drivers, and clearance joints that hold their journal axially, contribute rows:
-scalar constraint equations Phi = 0 with a Jacobian.
-"""
+"""Values, rank and redundancy of a scene's constraints, scalar equations Phi = 0, in a given
+state."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -136,11 +133,8 @@ class StartRows(NamedTuple):
         return tuple(map(_text, self.all_names))
 
     def in_order_of(self, scene: Scene) -> "StartRows":
-        """Return the rows in the scene's order of joints, and the columns in its order of bodies.
-
-        The order determines which of several dependent rows count as redundant; it does not depend
-        on names.
-        """
+        """Return the rows in the scene's order of joints, and the columns in its order of bodies,
+        so that it does not depend on names which of several dependent rows count as redundant."""
         every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
         bodies, jacobian = tuple(scene.bodies), self.jacobian
         if jacobian is not None:
@@ -286,8 +280,8 @@ def dependent(
     names: tuple[RowName, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names "joint: label" of the rows, (n, s), that depend linearly on rows before
-    them, and those of the rows that nearly do. Scenes of a sweep often have equal rows, so results
-    are `known`."""
+    them, and those of the rows that nearly do. `known` keeps results, since scenes of a sweep often
+    have equal rows."""
     key = rows.tobytes()
     if key not in known:
         known[key] = _distances(rows)

@@ -1,11 +1,9 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
-A contact is closed while its penetration, measured from the onset of its force, is positive, and
-open otherwise. Its entry speed is its penetration rate at the onset, on which contact laws depend.
-A step in which a contact begins ends after the onset (only slightly after it, if the run shortens
-steps to end at onsets), so the entry speed is the rate at the end of the step, corrected by one
-Newton iteration back to zero penetration. With the correction, the value and its derivatives are
-those at the onset.
+The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
+ends after the onset, so its entry speed is the rate at the end of the step, corrected by one Newton
+iteration back to zero penetration. With the correction, the value and its derivatives are those at
+the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator

@@ -1,7 +1,6 @@
 """Forces of all contacts at one instant: normal force, its elastic part, and friction.
 
-A friction law with bristles depends on the bristles' deflections, which are integrated with the
-motion. The rates of the deflections follow from the same slip velocity as the force, so both are
+The rates of bristles' deflections follow from the same slip velocity as their force, so both are
 computed here.
 """
 

@@ -1,8 +1,6 @@
-"""Energies of a scene, and powers of its energy ledger.
+"""Energies of a scene, J, and powers of its energy ledger, W, which a run integrates.
 
-The ledger consists of powers, W, which a run integrates to energies, J. Terms that a scene cannot
-have, such as friction without friction laws, are absent from the returned dictionaries and from the
-compiled program.
+Terms that a scene cannot have are absent from dictionaries and from the compiled program.
 """
 
 from .._math.vectors import Scalar, add, is_zero

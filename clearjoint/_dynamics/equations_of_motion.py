@@ -1,8 +1,7 @@
 """Equations of motion of a scene whose vectors are separate scalars (eqs 27-32 of P. Flores et al.,
 Spatial revolute joints with clearances for dynamic analysis of multi-body systems, 2006).
 
-All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
-multipliers, without friction no slip, without a ledger no powers.
+All that a scene lacks is left out while JAX traces, such as multipliers without constraints.
 """
 
 from collections.abc import Iterable

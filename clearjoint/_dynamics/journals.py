@@ -165,10 +165,6 @@ def require_in_bearings(
 ) -> None:
     """Check the penetrations of an initial state, the results of `starting_contacts`.
 
-    The penetration is that of the surfaces. `too_deep`, which ends a run, measures the depth from
-    the onset of the force, and is slightly stricter for laws whose force begins before the surfaces
-    meet.
-
     **Raises:** `ValueError` if a contact is deeper than the limit that the joint's method `deepest`
     returns for it.
 
@@ -249,12 +245,8 @@ def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
     """Return the axial distance, m, from the end of each bearing to the journal beyond it, for N
-    states of each body.
-
-    It is negative until the journal has left the bearing completely; the bearing is taken to be as
-    long as the journal. Joints whose journal cannot slide out are left out. Each vector of `joints`
-    is three scalars.
-    """
+    states of each body; negative until the journal has left a bearing of its own length completely.
+    Joints whose journal cannot slide out are left out."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}

@@ -1,13 +1,10 @@
-"""Checks of values, whose error messages all have the same form.
+"""Checks of values, whose error messages all have the form of `require`: `argument`, the name of
+the value; `expected`, what the value must be; and `remedy`, advice on how to correct it.
 
-Arguments that the functions have in common are those of `require`: `argument`, the name of the
-value; `expected`, what the value must be; and `remedy`, advice on how to correct it.
-
-Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a JAX backend when
-a scene is built, and do not depend on JAX's setting of precision. The numbers in a traced value are
-unknown. A check of them cannot raise an error, and usually passes. But while `conditions_of` calls
-a check, the condition on the numbers is collected, so that a compiled program can evaluate it for
-the numbers of one run, or for those of all runs of a sweep.
+Numbers are stored as 64-bit NumPy arrays, which do not start a JAX backend when a scene is built. A
+check of a traced value, whose numbers are unknown, passes. But while `conditions_of` calls a check,
+the condition on the numbers is collected, so that a compiled program can evaluate it for the
+numbers of one run, or for those of all runs of a sweep.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping

@@ -93,15 +93,14 @@ def quantity(
     - `positive`: whether the value must be a single positive number; with `zero`, it may be zero
       too.
     - `within`: closed interval in which the value, a single number, must be.
-    - `usual`: smallest and largest usual value of a single number, in the unit; other values give
-      an `UnusualValueWarning`.
+    - `usual`: smallest and largest usual value of a single number; others give an
+      `UnusualValueWarning`.
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
-    - `table`: whether the methods of the object get an array of any shape as an array, for instance
-      a table of N numbers for `jax.numpy.interp`. By default, in compiled programs, they get an
-      array of shape (3,) as a `Vector`, one of shape (4,) as `EulerParameters`, one of shape (3, 3)
-      as a `Matrix`, and one of any other shape as an array.
+    - `table`: whether methods get an array of any shape as an array, for instance for
+      `jax.numpy.interp`. By default, in compiled programs, they get one of shape (3,) as a
+      `Vector`, (4,) as `EulerParameters` and (3, 3) as a `Matrix`.
     - `options`: options of `equinox.field`, such as `default`.
 
     >>> class Blade(extend.AbstractFriction):
@@ -238,11 +237,9 @@ class AbstractConverting(AbstractReadable):
     - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays, so that a change
       of a number compiles nothing again.
 
-    `clearjoint.extend.quantity("N m")` also declares unit, shape and range. In compiled programs,
-    the methods of the subclass get an array of shape (3,) as a `Vector`, one of shape (4,) as
-    `EulerParameters` and one of shape (3, 3) as a `Matrix`; in a field declared with ``table=True``
-    they stay arrays. Declare functions, and numbers that determine the structure of a program, such
-    as a number of repetitions, by ``equinox.field(static=True)``.
+    `clearjoint.extend.quantity("N m")` also declares unit, shape and range. Declare functions, and
+    numbers that determine the structure of a program, such as a number of repetitions, by
+    ``equinox.field(static=True)``.
     """
 
     def __init_subclass__(cls, **options: object):

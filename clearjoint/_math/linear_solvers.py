@@ -1,10 +1,9 @@
 """Solvers for symmetric positive semidefinite systems of linear equations.
 
-The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Entries that
-are the Python number zero are structural: operations on them are omitted. A system whose solution
-takes few multiplications is solved by unrolled scalar arithmetic (`ScalarMatrix`), whose compile
-time grows faster than its length, so that all other systems are solved by loops over blocks
-(`.block_matrices`).
+The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Operations on
+entries that are the Python number zero are omitted. Unrolled scalar arithmetic solves systems that
+take few multiplications (`ScalarMatrix`), and loops over blocks all others, since the compile time
+of unrolled code grows faster than its length.
 """
 
 import abc

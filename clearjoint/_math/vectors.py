@@ -1,14 +1,12 @@
 """Vectors and 3x3 matrices whose components are separate scalars.
 
-Scalars are faster than arrays here. Native code (`clearjoint._native`) consists of operations on
-scalars, and XLA's CPU compiler compiles a stepping loop to one function if the loop's body is
-elementwise arithmetic on scalars; each `stack`, `dot` or concatenation would launch a kernel. Under
-``vmap``, each scalar becomes an array.
+Scalars are faster than arrays here: native code consists of operations on scalars, and XLA compiles
+a loop of elementwise arithmetic to one function, where each `stack` or `dot` would launch a kernel.
+Under ``vmap``, each scalar becomes an array.
 
 A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
-JAX traces, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds such
-components in the numbers of a scene. A program is then compiled for each pattern of zeros and ones,
-but not for each value of a number.
+JAX traces, so that a fixed ground or a unit vector needs no arithmetic. A program is then compiled
+for each pattern of zeros and ones, but not for each value of a number.
 """
 
 import math

@@ -90,13 +90,11 @@ class ParametrisedScene(eqx.Module):
     ) -> tuple[PyTree, PyTree, PyTree]:
         """Compute a function of the scene and its derivatives by the parameters, in forward mode.
 
-        Parameters enter the function in two ways: through the scene, in the form that the method
-        `scene` returns, and through `primals`, its further arguments, earlier results of a run,
-        whose derivatives by the parameters, `tangents`, are known. The function returns a value,
-        which is differentiated, and an auxiliary result, which is not.
-
-        **Returns:** the value, the auxiliary result, and the value's derivatives by the
-        coordinates, (p, ...) for each array, at `self.values`.
+        The arguments of the function are the scene, in the form of the method `scene`, and
+        `primals`, earlier results of a run, whose derivatives by the parameters are `tangents`. It
+        returns a value, which is differentiated, and an auxiliary result. Returned are the value,
+        the auxiliary result, and the value's derivatives by the coordinates, (p, ...) for each
+        array, at `self.values`.
         """
 
         def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
