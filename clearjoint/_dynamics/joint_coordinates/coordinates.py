@@ -30,7 +30,7 @@ from typing import TypeAlias
 
 from typing_extensions import override
 
-from ..._math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
+from ..._math.vectors import ZERO, Matrix, Scalar, Vector, add
 from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ..._model.joints.base import Motions, Row
 from ..._model.joints.motion_subspaces import REST, AbstractMotionSubspace, JointState, Twist
@@ -56,7 +56,6 @@ from .inertia import (
 )
 from .trees import (
     UPRIGHT,
-    BodyPose,
     FreeBranch,
     JointedBranch,
     Link,
@@ -106,13 +105,14 @@ class JointMechanics(AbstractMechanics):
             for branch in tree:
                 parent = self._index.get(branch.parent)
                 carrier = None if parent is None else self._links[parent]
-                given = (
+                link, central = evaluate(
+                    _link,
                     branch.nameless(),
                     carrier,
                     variables[branch.body],
                     scene.bodies[branch.body],
+                    one_point,
                 )
-                link, central = evaluate(_link, *given, one_point)
                 self._links.append(link)
                 self._central.append(central)
         # Index of the first link of each tree, and of the first speed of each link, with the number
@@ -149,9 +149,15 @@ class JointMechanics(AbstractMechanics):
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         loads = {}
         for k, branch in enumerate(self._branches):
-            given = wrenches.get(branch.body, NO_WRENCH), self._links[k], self._axes[k]
-            body = self._central[k], self._scene.bodies[branch.body].mass, self._weights[k]
-            loads[k] = self._evaluate[k](_effective_load, *given, *body)
+            loads[k] = self._evaluate[k](
+                _effective_load,
+                wrenches.get(branch.body, NO_WRENCH),
+                self._links[k],
+                self._axes[k],
+                self._central[k],
+                self._scene.bodies[branch.body].mass,
+                self._weights[k],
+            )
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
     @override
@@ -290,28 +296,31 @@ class JointCoordinates(AbstractCoordinates):
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         variables = {}
-        for tree in forest(scene):
-            evaluate = evaluation(len(tree))
-            for branch in tree:
-                body = bodies[branch.body]
-                poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
-                given = branch.nameless(), poses[branch.parent], poses[branch.body]
-                variables[branch.body] = evaluate(_encoded, *given)
+        for branch, evaluate in _branches(forest(scene)):
+            body = bodies[branch.body]
+            poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
+            variables[branch.body] = evaluate(
+                type(branch).encode, branch.nameless(), poses[branch.parent], poses[branch.body]
+            )
         return variables
 
     @override
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
         trees, orientations = forest(scene), {GROUND: UPRIGHT}
         motions = _motions(trees, variables)
-        for tree in trees:
-            evaluate = evaluation(len(tree))
-            for branch in tree:
-                given = branch.nameless(), orientations[branch.parent], variables[branch.body]
-                orientations[branch.body] = evaluate(_orientation, *given)
+        for branch, evaluate in _branches(trees):
+            orientations[branch.body] = evaluate(
+                type(branch).orientation,
+                branch.nameless(),
+                orientations[branch.parent],
+                variables[branch.body],
+            )
         bodies = {}
         for name in scene.bodies:
-            at, orientation = motions[name], orientations[name]
-            bodies[name] = BodyState(at.position, orientation, at.velocity, at.spin)
+            motion = motions[name]
+            bodies[name] = BodyState(
+                motion.position, orientations[name], motion.velocity, motion.spin
+            )
         return bodies
 
     @override
@@ -325,8 +334,10 @@ class JointCoordinates(AbstractCoordinates):
     @override
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         return {
-            branch.body: evaluate(_without_drift, branch.nameless(), variables[branch.body])
-            for branch, evaluate in _branches(scene)
+            branch.body: evaluate(
+                type(branch).without_drift, branch.nameless(), variables[branch.body]
+            )
+            for branch, evaluate in _branches(forest(scene))
         }
 
     @override
@@ -335,7 +346,7 @@ class JointCoordinates(AbstractCoordinates):
     ) -> TreeVariables:
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
-            for branch, _ in _branches(scene)
+            for branch, _ in _branches(forest(scene))
         }
 
     @override
@@ -344,7 +355,7 @@ class JointCoordinates(AbstractCoordinates):
         errors."""
         rates = {
             branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
-            for branch, evaluate in _branches(scene)
+            for branch, evaluate in _branches(forest(scene))
             if isinstance(branch, JointedBranch)
         }
         return {body: rate for body, rate in rates.items() if rate is not None}
@@ -354,9 +365,9 @@ class JointCoordinates(AbstractCoordinates):
         return topology(scene).between(bodies)
 
 
-def _branches(scene: Scene) -> Iterator[tuple[TreeBranch, Evaluate]]:
+def _branches(trees: Sequence[Sequence[TreeBranch]]) -> Iterator[tuple[TreeBranch, Evaluate]]:
     """Yield the branches of all trees, each with how to evaluate functions of it."""
-    for tree in forest(scene):
+    for tree in trees:
         evaluate = evaluation(len(tree))
         for branch in tree:
             yield branch, evaluate
@@ -364,31 +375,15 @@ def _branches(scene: Scene) -> Iterator[tuple[TreeBranch, Evaluate]]:
 
 def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) -> Motions:
     motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
-    for tree in trees:
-        evaluate = evaluation(len(tree))
-        for branch in tree:
-            given = branch.nameless(), motions[branch.parent], variables[branch.body]
-            motions[branch.body] = evaluate(_motion, *given)
+    for branch, evaluate in _branches(trees):
+        motions[branch.body] = evaluate(
+            type(branch).motion,
+            branch.nameless(),
+            motions[branch.parent],
+            variables[branch.body],
+        )
     return motions
-
-
-def _motion(branch: TreeBranch, parent: Motion, state: MotionVariables) -> Motion:
-    return branch.motion(parent, state)
-
-
-def _without_drift(branch: TreeBranch, state: MotionVariables) -> MotionVariables:
-    return branch.without_drift(state)
 
 
 def _rotation_rate(subspace: AbstractMotionSubspace, state: JointState) -> Scalar | None:
     return subspace.rotation_rate(state)
-
-
-def _encoded(branch: TreeBranch, parent: BodyPose, body: BodyPose) -> MotionVariables:
-    return branch.encode(parent, body)
-
-
-def _orientation(
-    branch: TreeBranch, parent: EulerParameters, state: MotionVariables
-) -> EulerParameters:
-    return branch.orientation(parent, state)
