@@ -1,6 +1,7 @@
 """An accelerometer with limited bandwidth: a seismic mass on a spring and a damper."""
 
 import math
+from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -162,18 +163,14 @@ def accelerometer(
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():
-        with_sensor = Scene(
-            {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
-            {**scene.joints, name: slide},
-            {**scene.forces, name + SPRING: spring},
-            scene.gravity,
+        with_sensor = replace(
+            scene,
+            bodies={**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
+            joints={**scene.joints, name: slide},
+            forces={**scene.forces, name + SPRING: spring},
         )
-    host = state.bodies[body]
-    bodies = {
-        **state.bodies,
-        name: _state_at_rest(host, scene, position, direction, angular_frequency),
-    }
-    start = State(bodies, state.entry_speeds, state.work, state.bristles)
+    at_rest = _state_at_rest(state.bodies[body], scene, position, direction, angular_frequency)
+    start = replace(state, bodies={**state.bodies, name: at_rest})
     return Accelerometer(with_sensor, start, AccelerometerReading(name))
 
 
