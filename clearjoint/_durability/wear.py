@@ -192,7 +192,15 @@ def wear(
         scene = _with_depths(scene, list(rates), unworn)
         directions = directions_of(scene, state, of_parts, parameters)
     run = _CycleRun(
-        rates, cycle, settle, measured, tolerance, samples, settings, start_time, directions
+        rates=rates,
+        cycle=cycle,
+        settle=settle,
+        measured=measured,
+        tolerance=tolerance,
+        samples=samples,
+        settings=settings,
+        start_time=start_time,
+        directions=directions,
     )
     stages_so_far = _Stages.first(scene, state, list(rates), list(directions), samples)
     store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
@@ -207,11 +215,11 @@ def wear(
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
-    found = stages_so_far.dataset()
+    result = stages_so_far.dataset()
     # Only after the last stage is the attribute `ending` known.
     if store is not None:
-        store.write(found)
-    return found
+        store.write(result)
+    return result
 
 
 def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
@@ -238,7 +246,7 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
     # Only whether a rate is positive matters to `_with_splines`.
     rates_of_worn = {
-        name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
+        name: WearRates(**{p: float(d.max() > 0.0) for p, d in zip(PARTS, of_joint, strict=True)})
         for name, of_joint in zip(names, depths[0], strict=True)
         if of_joint.max() > 0.0
     }
@@ -373,24 +381,32 @@ class _CycleRun:
                     )
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
-                given = times, rates, self.directions, self.settings, self.samples
-                derivatives, result = derivatives_in_spans(scene, state, self.start_time, *given)
+                derivatives, result = derivatives_in_spans(
+                    scene,
+                    state,
+                    self.start_time,
+                    times,
+                    rates,
+                    self.directions,
+                    self.settings,
+                    self.samples,
+                )
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
         return _Measured(
             # Each half has so many cycles.
-            halves / (0.5 * self.measured),
-            extremes.max(axis=0),
+            halves=halves / (0.5 * self.measured),
+            extremes=extremes.max(axis=0),
             # Only what a store keeps, so that a computation that is continued has the same bits.
-            State(solution.final.bodies),
-            "" if result == RESULTS.successful else RESULTS[result],
+            state=State(solution.final.bodies),
+            failure="" if result == RESULTS.successful else RESULTS[result],
         )
 
-    def difference(self, found: "_Measured") -> float:
+    def difference(self, measured: "_Measured") -> float:
         """Return the largest relative difference of the sums of depths, or of derivatives, in the
         two halves of the measured cycles, divided by the sum of magnitudes, since derivatives may
         cancel in a sum."""
-        values, slopes = found.halves[:, 0], found.halves[:, 1:]
+        values, slopes = measured.halves[:, 0], measured.halves[:, 1:]
         sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
         sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
         differences, scales = np.abs(np.diff(sums)[:, 0]), np.max(sizes, axis=1)
@@ -469,7 +485,7 @@ class _Stages:
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
-            found = run.measure(scene, self.state)
+            measured = run.measure(scene, self.state)
         except ValueError as error:
             # The user's own state in the first stage has its own message. Later states come from
             # runs, and don't fit only if the drives have another period.
@@ -479,23 +495,23 @@ class _Stages:
                 f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} s: "
                 f"the state after {run.settle + run.measured} cycles doesn't fit their start."
             ) from error
-        difference = run.difference(found)
-        if found.failure or difference > run.tolerance:
-            self._refuse(found.failure, difference, run)
+        difference = run.difference(measured)
+        if measured.failure or difference > run.tolerance:
+            self._refuse(measured.failure, difference, run)
             return
         # Number of cycles to the next of several goals, or to the only one.
         goal = float(goals[goals > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
         # Without wear, no number of cycles leads to a depth.
-        if np.isinf(left) and not found.halves[:, 0].any():
+        if np.isinf(left) and not measured.halves[:, 0].any():
             self.failure = "no part wears in the measured cycles"
             remedy = "check the loads, or give a number of cycles"
             expected = f"finite ({self.failure})"
             require(len(self.cycles) > 1, "cycles", left, expected, remedy)
             return
-        self.state = found.state
-        self.rates.append(found.halves.mean(axis=0))
-        self.extremes.append(found.extremes)
+        self.state = measured.state
+        self.rates.append(measured.halves.mean(axis=0))
+        self.extremes.append(measured.extremes)
         # Several goals prescribe the stages, so that no limit shortens them.
         length = left if goals.ndim == 1 else self._length(scene, left, largest_change)
         self._extrapolate(length)
@@ -617,13 +633,13 @@ class _Store:
     path: Path
     digest: str
 
-    def write(self, found: "xr.Dataset") -> None:
+    def write(self, result: "xr.Dataset") -> None:
         """Replace the store by one of a result of `wear`. If the process is killed meanwhile,
         `_folder` returns the folder of the old or of the new store, which is complete."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
-            write_dataset(new, found.assign_attrs(digest=self.digest))
+            write_dataset(new, result.assign_attrs(digest=self.digest))
             if self.path.exists():
                 shutil.rmtree(old, ignore_errors=True)
                 self.path.rename(old)
@@ -634,27 +650,26 @@ class _Store:
         """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
-        found = open_wear(self.path)
+        stored = open_wear(self.path)
         require(
-            found.attrs.get("digest") == self.digest,
+            stored.attrs.get("digest") == self.digest,
             "path",
             str(self.path),
             "a folder without a result, or with one of the same scene and arguments",
             "pass another folder",
         )
-        depths, rates = (_stacked(found, name) for name in ("depth", "rate"))
+        depths, rates = (_stacked(stored, name) for name in ("depth", "rate"))
         # The stages with a run have a penetration that is not NaN.
-        measured = int(np.isfinite(found["penetration"].values[0]).sum())
-        return _Stages(
-            first.names,
-            first.parameters,
-            first.areas,
-            found["cycles"].values.tolist(),
-            list(depths),
-            list(rates[:measured]),
-            list(np.stack([found[name].values.T for name in EXTREMES], axis=-1))[:measured],
-            final_state(found),
-            found.attrs["failure"],
+        measured = int(np.isfinite(stored["penetration"].values[0]).sum())
+        extremes = np.stack([stored[name].values.T for name in EXTREMES], axis=-1)
+        return dataclasses.replace(
+            first,
+            cycles=stored["cycles"].values.tolist(),
+            depths=list(depths),
+            rates=list(rates[:measured]),
+            extremes=list(extremes[:measured]),
+            state=final_state(stored),
+            failure=stored.attrs["failure"],
         )
 
 
@@ -712,9 +727,12 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
 def final_state(found: "xr.Dataset") -> State:
     """Return the state after the last run whose wear was used, or the initial state, from a result
     of `wear`."""
-    numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
-    names = [str(name) for name in found["body"].values]
-    return State({name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)})
+    numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
+    bodies = {
+        str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})
+        for j, name in enumerate(found["body"].values)
+    }
+    return State(bodies)
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
@@ -830,9 +848,9 @@ def check_wear(
     for name, of_joint in rates.items():
         require_known("rates", name, known)
         require_bases_only("rates", name, scene.laws()[name])
-        expected = "a WearRates"
-        fine = isinstance(of_joint, WearRates)
-        require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
+        remedy = "pass cj.WearRates(bearing=...)"
+        is_rates = isinstance(of_joint, WearRates)
+        require(is_rates, f"rates[{name!r}]", of_joint, "a WearRates", remedy)
     require_positive("cycle", cycle, "give the duration of a cycle in s")
     goals = np.atleast_1d(np.asarray(cycles, float))
     row = goals.ndim == 1 and goals.size > 0

@@ -54,11 +54,11 @@ class MovingSpline(AbstractPeriodicSpline):
 
     @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        found, count = periodic(on_device(self.coefficients), knot), self.angles()
+        around, count = periodic(on_device(self.coefficients), knot), self.angles()
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
-            found = found + self.shifts[k] * periodic(row, knot)
-        return found
+            around = around + self.shifts[k] * periodic(row, knot)
+        return around
 
     @override
     def angles(self) -> int:
@@ -113,21 +113,22 @@ def directions_of(
     the name of a wear rate.
     """
     joints = tuple(rates)
-    found: dict[str, ParameterDirection] = {}
+    directions: dict[str, ParameterDirection] = {}
     for name, parameter in parameters.items():
         # The example of a value, 0.0, says that the number is a scalar.
         change = parameter.variation.setter(scene, state, 0.0)
         coordinate = float(parameter.coordinate_in(scene, state))
-        index, scale = len(found), parameter.scale
-        found[name] = ParameterDirection(index, joints, change, scale, coordinate)
+        directions[name] = ParameterDirection(
+            len(directions), joints, change, parameter.scale, coordinate
+        )
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:
                 name = rate_name(joint, part)
                 expected = "named otherwise than the logarithm of a wear rate"
                 require(name not in parameters, "parameters", name, expected, "rename it")
-                found[name] = ParameterDirection(len(found), joints)
-    return found
+                directions[name] = ParameterDirection(len(directions), joints)
+    return directions
 
 
 def rate_name(joint: str, part: str) -> str:

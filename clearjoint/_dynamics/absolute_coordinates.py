@@ -105,7 +105,7 @@ class AbsoluteMechanics(AbstractMechanics):
             gyroscopic = body.angular_momentum(spin).cross(spin)
             loads[name] = wrenches[name] + Wrench(ZERO, gyroscopic)
         accelerations = self.accelerations(self.solved(self.projected(loads))).values()
-        return [part for one in accelerations for part in (*(one.linear + fall), *one.angular)]
+        return [part for a in accelerations for part in (*(a.linear + fall), *a.angular)]
 
     @override
     def projected(self, wrenches: Wrenches) -> Speeds:

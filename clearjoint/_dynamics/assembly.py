@@ -84,9 +84,10 @@ def check_names(scene: Scene, state: State) -> None:
             (parameters,) = known
             norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
             # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
-            fine, expected = (norm > 0.9) & (norm < 1.1), "Euler parameters of about unit norm"
+            is_near = (norm > 0.9) & (norm < 1.1)
+            expected = "Euler parameters of about unit norm, scalar part first"
             remedy = "make states with body_state(...), which checks them"
-            require(fine, argument, parameters, f"{expected}, scalar part first", remedy)
+            require(is_near, argument, parameters, expected, remedy)
     for part in ("entry_speeds", "work", "bristles"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
@@ -177,10 +178,10 @@ def assemble(
         state = replace(state, entry_speeds=entry_speeds)
     if not known or moving is False:
         return state
-    held = with_ideal(scene, centring_joints(scene, known) | ideal)
+    all_ideal = with_ideal(scene, centring_joints(scene, known) | ideal)
     driven = _driven(scene, state, t)
     try:
-        mechanism = _satisfying(held, state, t)
+        mechanism = _satisfying(all_ideal, state, t)
         moved = _with_velocities(scene, _with_motion(state, mechanism), t)
     except ValueError as error:
         if moving:
@@ -357,13 +358,13 @@ def require_representable(
     """
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
-        given, found = np.asarray(body.orientation), np.asarray(represented[name])
+        own, converted = np.asarray(body.orientation), np.asarray(represented[name])
         # Euler parameters of opposite sign are the same orientation.
-        apart = min(np.abs(given - found).max(), np.abs(given + found).max())
-        expected = f"one that the coordinates can represent, here {found.tolist()}"
+        apart = min(np.abs(own - converted).max(), np.abs(own + converted).max())
+        expected = f"one that the coordinates can represent, here {converted.tolist()}"
         remedy = "reverse an axis of the joint that carries the body, or use AbsoluteCoordinates()"
         argument = f"state.bodies[{name!r}].orientation"
-        require(bool(apart < REPRESENTED), argument, given, expected, remedy)
+        require(bool(apart < REPRESENTED), argument, own, expected, remedy)
 
 
 @cached_by_numbers

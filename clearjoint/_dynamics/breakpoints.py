@@ -164,9 +164,9 @@ def drivers_are_smooth(
         change = integral([jnp.abs(second) for second in seconds])
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
-        fine = jnp.abs(rate) <= allowed + ROUNDED_RATE
-        fine &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
-        smooth = fine if smooth is None else smooth & fine
+        is_smooth = jnp.abs(rate) <= allowed + ROUNDED_RATE
+        is_smooth &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
+        smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
 
 
@@ -212,12 +212,12 @@ def _extreme(
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():
-        for one in times:
-            instants = one.times if isinstance(one, Increasing) else one
+        for table in times:
+            instants = table.times if isinstance(table, Increasing) else table
             at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
-            if isinstance(one, Increasing):
+            if isinstance(table, Increasing):
                 # Since the function increases, its value at the nearest breakpoint is the extreme.
-                passed, count = _passed(system, one, t), len(at)
+                passed, count = _passed(system, table, t), len(at)
                 index, exists = (passed, passed < count) if after else (passed - 1, passed > 0)
                 nearest = function(at[jnp.clip(index, 0, count - 1)])
                 value = jnp.where(exists, nearest, none)

@@ -90,7 +90,13 @@ def constraint_report(
     redundant, uncertain = dependent(rows.names, rows.left, {})
     assert rows.jacobian is not None
     return ConstraintReport(
-        rows.bodies, rows.texts(), rows.values, rows.rates, rows.jacobian, redundant, uncertain
+        bodies=rows.bodies,
+        names=rows.texts(),
+        values=rows.values,
+        rates=rows.rates,
+        jacobian=rows.jacobian,
+        redundant=redundant,
+        uncertain=uncertain,
     )
 
 
@@ -142,13 +148,13 @@ class StartRows(NamedTuple):
             jacobian = np.asarray(jacobian).reshape(len(every), 6 * len(bodies))
             jacobian = jacobian[every][:, _columns(self.bodies, bodies)]
         return StartRows(
-            np.asarray(self.values)[every],
-            np.asarray(self.rates)[every],
-            tuple(self.all_names[k] for k in every),
-            bodies,
-            tuple(self.names[k] for k in remaining),
-            np.asarray(self.left)[remaining],
-            jacobian,
+            values=np.asarray(self.values)[every],
+            rates=np.asarray(self.rates)[every],
+            all_names=tuple(self.all_names[k] for k in every),
+            bodies=bodies,
+            names=tuple(self.names[k] for k in remaining),
+            left=np.asarray(self.left)[remaining],
+            jacobian=jacobian,
         )
 
 
@@ -198,8 +204,15 @@ def start_rows(
         for name, row in _by_name(remaining).items():
             names.append(name)
             left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
-    of_all = _stacked(values), _stacked(rates), tuple(rows), tuple(scene.bodies)
-    return StartRows(*of_all, tuple(names), _stacked(left), jacobian)
+    return StartRows(
+        values=_stacked(values),
+        rates=_stacked(rates),
+        all_names=tuple(rows),
+        bodies=tuple(scene.bodies),
+        names=tuple(names),
+        left=_stacked(left),
+        jacobian=jacobian,
+    )
 
 
 def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:

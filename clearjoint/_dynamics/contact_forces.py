@@ -101,8 +101,10 @@ def _forces_of_joint(
             # The present penetration rate cannot replace a missing entry speed, because it
             # differs between the stages of a step.
             entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
-        given = contact, entry_speed, is_closed, motions, bristles
-        forces.append((label, contact_force(joint, label, laws[label], *given)))
+        loaded = contact_force(
+            joint, label, laws[label], contact, entry_speed, is_closed, motions, bristles
+        )
+        forces.append((label, loaded))
     return forces
 
 

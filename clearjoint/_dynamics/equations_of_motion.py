@@ -77,8 +77,8 @@ def applied_wrenches(
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
-    def apply(given: Iterable[tuple[str, Wrench]]) -> None:
-        for name, wrench in given:
+    def apply(by_body: Iterable[tuple[str, Wrench]]) -> None:
+        for name, wrench in by_body:
             if name != GROUND:
                 wrenches[name] = wrenches[name] + wrench
 
@@ -102,8 +102,14 @@ def _wrenches_of_joint(
 ) -> list[tuple[str, Wrench]]:
     wrenches = list(joint.film_wrenches(motions).items())
     for force in forces:
-        given = force.contact, force.normal_force, force.friction, motions
-        wrenches += contact_wrenches(joint, *given, force.friction_moment)
+        wrenches += contact_wrenches(
+            joint,
+            force.contact,
+            force.normal_force,
+            force.friction,
+            motions,
+            force.friction_moment,
+        )
     return wrenches
 
 

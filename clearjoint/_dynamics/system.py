@@ -245,8 +245,10 @@ class System(eqx.Module):
         """Return the rows of constraints that depend on time, for bodies at rest, without their
         Jacobians: `time_rate` and `bias` are then the first and second time derivative of the
         value."""
-        at = self.motions(variables).items()
-        motions = {name: Motion(one.position, one.rotation, ZERO, ZERO) for name, one in at}
+        motions = {
+            name: Motion(motion.position, motion.rotation, ZERO, ZERO)
+            for name, motion in self.motions(variables).items()
+        }
         prescribed: ByLabel[Row] = {}
         for name, family in self.rows(motions, t).items():
             for label, row in family.items():

@@ -67,9 +67,9 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     except (TypeError, ValueError, OverflowError):
         numbers = None
     if numbers is None:
-        given = "" if unit == "1" else f", in {unit}"
+        in_unit = "" if unit == "1" else f", in {unit}"
         raise ValueError(
-            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}{given}."
+            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}{in_unit}."
         )
     return numbers
 
@@ -244,8 +244,8 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
     """Raise a ``ValueError`` unless a value is a dictionary whose keys are non-empty strings."""
     require_type(argument, given, Mapping, "a dictionary by name", remedy)
     for name in given:
-        fine = isinstance(name, str) and name != ""
-        require(fine, argument, name, "named by non-empty strings", "name every element")
+        is_name = isinstance(name, str) and name != ""
+        require(is_name, argument, name, "named by non-empty strings", "name every element")
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
@@ -253,9 +253,9 @@ def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> N
     store, where the name of an array is that of a folder."""
     require_names(argument, given, remedy)
     for name in given:
-        fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
+        is_folder = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
         expected = 'named without a slash, and with neither "." nor "__" in front'
-        require(fine, f"{argument}[{name!r}]", name, expected, "rename it")
+        require(is_folder, f"{argument}[{name!r}]", name, expected, "rename it")
 
 
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:

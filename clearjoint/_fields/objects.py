@@ -110,7 +110,16 @@ def quantity(
     >>> Blade(0.1)
     Blade(coefficient=0.1)
     """
-    declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
+    declared = Declaration(
+        unit,
+        shape=shape,
+        positive=positive,
+        zero=zero,
+        within=within,
+        usual=usual,
+        check=check,
+        remedy=remedy,
+    )
     metadata = {"unit": unit, "table": table, "declared": declared}
     return eqx.field(**{"converter": as_number, "metadata": metadata, **options})
 
@@ -360,11 +369,11 @@ def _is_no_field(annotation: object) -> bool:
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
     """Return the dataclass field `name` of a class, static or with a converter."""
     # The class may have declared a field, or only a default value, or neither.
-    given = cls.__dict__.get(name)
-    if isinstance(given, Field):
-        field = given
+    value = cls.__dict__.get(name)
+    if isinstance(value, Field):
+        field = value
     else:
-        field = eqx.field(default=given) if name in cls.__dict__ else eqx.field()
+        field = eqx.field(default=value) if name in cls.__dict__ else eqx.field()
     if "converter" in field.metadata or field.metadata.get("static", False):
         return field
     added = {"static": True} if annotation in NAMES else {"converter": cls.field_converter(name)}

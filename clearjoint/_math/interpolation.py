@@ -301,13 +301,16 @@ def _nearest_three(
     )
 
 
-def higher(one: Point, other: Point) -> Point:
+def higher(first: Point, second: Point) -> Point:
     """Return the point with the larger value, or the first if the values are equal."""
-    return _either(other.value > one.value, other, one)
+    return _either(second.value > first.value, second, first)
 
 
-def _either(condition: Scalar, one: Point, other: Point) -> Point:
-    return Point(*(jnp.where(condition, a, b) for a, b in zip(one, other, strict=True)))
+def _either(condition: Scalar, first: Point, second: Point) -> Point:
+    return Point(
+        x=jnp.where(condition, first.x, second.x),
+        value=jnp.where(condition, first.value, second.value),
+    )
 
 
 def _slope(first: Point, second: Point) -> Scalar:

@@ -53,13 +53,13 @@ def least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
 
 
 def _neighbours(matrix: Rows) -> list[set[int]]:
-    found: list[set[int]] = [set() for _ in matrix]
+    neighbours: list[set[int]] = [set() for _ in matrix]
     for i, row in enumerate(matrix):
         for j in range(i):
             if not is_zero(row[j]):
-                found[i].add(j)
-                found[j].add(i)
-    return found
+                neighbours[i].add(j)
+                neighbours[j].add(i)
+    return neighbours
 
 
 class UnrolledFactorisation:

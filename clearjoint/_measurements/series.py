@@ -56,13 +56,13 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     require(not cycles, "unit", unit, f"{expected}, not cycles", 'write "rpm" or "turn/s"')
     # A level or a temperature in degrees Celsius has no single factor: it would convert wrongly. A
     # conversion by a factor gives 0 for 0, and for 2 twice as much as for 1, apart from rounding.
-    zero, one, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
-    linear = abs(zero) + abs(two - 2.0 * one) <= 1e-12 * abs(one)
+    zero, factor, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
+    linear = abs(zero) + abs(two - 2.0 * factor) <= 1e-12 * abs(factor)
     require(linear, "unit", unit, f"a multiple of {target}", "convert the values beforehand")
     if si is not None:
-        return float(one), si
+        return float(factor), si
     # A unit that is an SI unit already keeps the spelling of the user.
-    return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
+    return float(factor), unit if factor == 1.0 else f"{target:~C}" or "1"
 
 
 _UNREADABLE = (
@@ -182,8 +182,8 @@ class Series(AbstractReadable):
             return
         times, values, noise = map(np.asarray, rows)
         label = "" if self.name is None else f" of {self.name!r}"
-        fine = times.ndim == 1 and times.size > 0
-        require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
+        is_row = times.ndim == 1 and times.size > 0
+        require(is_row, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
         expected = f"of the shape {times.shape} of the times"
         remedy = "pass one value for each time"
         require(values.shape == times.shape, f"values{label}", values.shape, expected, remedy)
@@ -214,12 +214,12 @@ class Series(AbstractReadable):
 
         **Raises:** `ValueError` for a prediction of another shape.
         """
-        given = prediction, self.values, self.noise
-        traced = any(concrete(each) is None for each in given)
+        arrays = prediction, self.values, self.noise
+        traced = any(concrete(array) is None for array in arrays)
         # JAX is used for JAX arrays only. It would compile its operations again for each number of
         # samples, which NumPy need not do.
         library = jnp if traced or isinstance(prediction, jax.Array) else np
-        prediction, values, noise = map(library.asarray, given)
+        prediction, values, noise = map(library.asarray, arrays)
         shape, expected = prediction.shape, f"of shape {np.shape(self.values)}"
         remedy = "pass one value for each time"
         require(shape == np.shape(self.values), "prediction", shape, expected, remedy)

@@ -255,8 +255,8 @@ class Parameter:
         variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
         kind = scale if isinstance(scale, type) else type(scale)
         remedy = "pass for example cj.Log() or cj.Bounded(0.0, 1.0)"
-        fine = isinstance(scale, AbstractScale | None)
-        require(fine, "scale", kind.__name__, "a scale, such as Linear(), or None", remedy)
+        is_scale = isinstance(scale, AbstractScale | None)
+        require(is_scale, "scale", kind.__name__, "a scale, such as Linear(), or None", remedy)
         object.__setattr__(self, "variation", variation)
         object.__setattr__(self, "scale", Linear() if scale is None else scale)
         object.__setattr__(self, "value", value)

@@ -47,7 +47,7 @@ class Number:
         keys = key if isinstance(key, tuple) else (key,)
         # In NumPy, an index after a slice, as in inertia[0:2][1], counts along the slice. Here all
         # indices are applied to the array at once, which would select something else.
-        whole = all(isinstance(one, int | np.integer) for one in self.component)
+        whole = all(isinstance(index, int | np.integer) for index in self.component)
         expected, remedy = "indexed no further after a slice", "give one index, as in inertia[1]"
         require(whole, "path", [*self.component, *keys], expected, remedy)
         return Number(self.leaf, (*self.component, *keys))
@@ -76,11 +76,11 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
         # The path computes with a location, which supports no arithmetic. The check below refuses
         # everything that is not a location, and shows this error.
         numbers = [error]
-    fine = bool(numbers) and all(isinstance(number, Number) for number in numbers)
-    given = [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers]
+    are_stored = bool(numbers) and all(isinstance(number, Number) for number in numbers)
+    shown = [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers]
     expected = "a function that returns numbers stored in the tree, not values computed from them"
     remedy = "see parameters(tree) for all numbers, e.g. lambda s: s.joints['pin'].clearance"
-    require(fine, "path", given, expected, remedy)
+    require(are_stored, "path", shown, expected, remedy)
     return numbers
 
 

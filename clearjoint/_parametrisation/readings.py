@@ -30,7 +30,7 @@ class SensorErrors(eqx.Module):
     @property
     def delays(self) -> tuple[tuple[int, tuple[str, ...]], ...]:
         """The index of each delay among the parameters, with the names of its outputs."""
-        return tuple((k, one.series) for k, one in self.errors if isinstance(one, SeriesDelay))
+        return tuple((k, e.series) for k, e in self.errors if isinstance(e, SeriesDelay))
 
     @property
     def of_values(self) -> bool:
@@ -47,10 +47,10 @@ class SensorErrors(eqx.Module):
         times since the start of the run, s."""
         exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
         reading = exact
-        for number, one in self.errors:
-            if name in one.series:
+        for number, error in self.errors:
+            if name in error.series:
                 value = self.scales[number].value(coordinates[number])
-                reading = reading + one.error(value, exact, since_start)
+                reading = reading + error.error(value, exact, since_start)
         return reading
 
 
@@ -68,7 +68,7 @@ def with_sensor_errors(
     """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), from the
     quantities and their derivatives by the coordinates."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
-    for name in {name: None for _, one in sensors.errors for name in one.series}:
+    for name in {name: None for _, error in sensors.errors for name in error.series}:
 
         def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
@@ -93,10 +93,10 @@ def readings_of_runs(
 ) -> dict[str, jax.Array]:
     """Return the readings of all sensors in n runs, (n, T) each."""
 
-    def of_one(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
+    def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
 
-    return jax.vmap(of_one)(values, coordinates)
+    return jax.vmap(of_run)(values, coordinates)
 
 
 def sensor_errors(
@@ -122,7 +122,7 @@ def sensor_errors(
                 require((type(error), name) not in taken, argument, name, once, remedy)
                 taken.add((type(error), name))
             errors.append((number, error))
-    scales = tuple(one.scale for one in parameters.values())
+    scales = tuple(parameter.scale for parameter in parameters.values())
     return SensorErrors(tuple(errors), scales) if errors else NO_ERRORS
 
 
@@ -130,10 +130,10 @@ def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
     """Return the parameters, with errors of sensors as parameters that change nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
-        name: Parameter(still, one.scale, value=one.value)
-        if isinstance(one.variation, AbstractSeriesVariation)
-        else one
-        for name, one in parameters.items()
+        name: Parameter(still, parameter.scale, value=parameter.value)
+        if isinstance(parameter.variation, AbstractSeriesVariation)
+        else parameter
+        for name, parameter in parameters.items()
     }
 
 
@@ -148,11 +148,12 @@ def units_of(
     for name, parameter in parameters.items():
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
-            several = {error.unit_of(series[one]): None for one in error.series}
+            units_of_value = {error.unit_of(series[of]): None for of in error.series}
             expected = "an error of series with the same unit"
             remedy = f"pass a {error.noun} for each unit"
-            require(len(several) == 1, f"parameters[{name!r}]", [*several], expected, remedy)
-            units[name] = next(iter(several))
+            argument = f"parameters[{name!r}]"
+            require(len(units_of_value) == 1, argument, [*units_of_value], expected, remedy)
+            units[name] = next(iter(units_of_value))
         else:
             units[name] = error.unit_in(scene, state)
     return units

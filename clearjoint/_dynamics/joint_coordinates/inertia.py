@@ -233,7 +233,7 @@ class LoadedJoint:
     def of_root(columns: tuple[Twist, ...], carried: Inertia) -> "LoadedJoint":
         """Return the joint between the root of a tree and the ground, which does not accelerate."""
         _, block, _ = momenta(columns, carried)
-        return LoadedJoint(columns, ZERO, OrderedFactorisation(block), (), ())
+        return LoadedJoint(columns, ZERO, OrderedFactorisation(block), rests=(), gains=())
 
     @staticmethod
     def under(
@@ -401,8 +401,9 @@ class ArticulatedBodies(AbstractTreeSolver):
             if parent is None:
                 self._joints.append(LoadedJoint.of_root(link.columns, carried[k]))
             else:
-                given = link.columns, link.offset, carried[k], carried[parent]
-                joint, carried[parent] = self._evaluate(LoadedJoint.under, *given)
+                joint, carried[parent] = self._evaluate(
+                    LoadedJoint.under, link.columns, link.offset, carried[k], carried[parent]
+                )
                 self._joints.append(joint)
         self._joints.reverse()
 

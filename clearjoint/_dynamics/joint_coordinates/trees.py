@@ -142,7 +142,16 @@ class FreeBranch:
         axes = UNIT_X, UNIT_Y, UNIT_Z
         columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
         gradient = _gradient(state.spin, ZERO)
-        return Link(IDENTITY, ZERO, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
+        return Link(
+            rotation=IDENTITY,
+            offset=ZERO,
+            arm=ZERO,
+            spin=state.spin,
+            angular_bias=ZERO,
+            bias=ZERO,
+            gradient=gradient,
+            columns=tuple(columns),
+        )
 
     def rates(
         self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
