@@ -166,8 +166,11 @@ class RotationVector(NamedTuple):
 
     def rate(self, spin: Vector) -> Vector:
         """Return the time derivative of the rotation vector, rad/s, for the spin of the rotated
-        frame relative to the fixed one, rad/s, in axes of the fixed frame: the inverse left
-        Jacobian of the exponential map times the spin."""
+        frame relative to the fixed one, rad/s, in axes of the fixed frame.
+
+        It is the inverse left Jacobian of the exponential map (J. Solà et al., A micro Lie theory
+        for state estimation in robotics, 2018) times the spin.
+        """
         product = self.vector.cross(spin)
         return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
