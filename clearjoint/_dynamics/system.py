@@ -162,7 +162,8 @@ class System(eqx.Module):
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
-        """Return the energies of the scene, J, as `mechanical_energy` does."""
+        """Return the energies of the scene, J: "kinetic", and as far as the scene has them
+        "gravity", "springs" and "contacts"."""
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:

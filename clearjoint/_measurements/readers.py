@@ -45,8 +45,8 @@ class Channel:
       those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
       row. ``None`` takes the `noise` argument of the reader.
-    - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit,
-      and must be the same otherwise.
+    - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit.
+      If both have one, the spelling must be the same.
 
     >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
     'um'

@@ -28,7 +28,7 @@ class AbstractVariation(abc.ABC):
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The function that says what varies, of which results of a sweep have a description."""
+        """The function that says what varies; a sweep's results contain a description of it."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
