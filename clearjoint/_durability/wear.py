@@ -534,7 +534,7 @@ class _Stages:
         return self.ending != ""
 
     def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
-        """Set `failure` for a run whose wear can't be extrapolated, or raise an error in the first
+        """Set `failure` for a run that can't be extrapolated, or raise an error in the first
         stage."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
@@ -725,8 +725,7 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
-    """Return the state after the last run whose wear was used, or the initial state, from a result
-    of `wear`."""
+    """Return the state after the last run whose wear was used, or the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
     bodies = {
         str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})

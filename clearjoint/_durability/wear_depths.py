@@ -141,8 +141,7 @@ def _depths(
     signals: Mapping[str, Float[jax.Array, " T"]],
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the result of `depths_from_signals` for padded times; compiled once for each number of
-    them."""
+    """Return the result of `depths_from_signals`, in one program for each number of times."""
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []

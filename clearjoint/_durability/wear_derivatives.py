@@ -81,8 +81,7 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return scene and state with the number changed, and the shifts of all profiles that
-        wear."""
+        """Return scene and state with the number changed, and all profiles that wear shifted."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
@@ -132,8 +131,7 @@ def directions_of(
 
 
 def rate_name(joint: str, part: str) -> str:
-    """Return the name of the logarithm of a wear rate as a parameter, such as "pin bearing
-    rate"."""
+    """Return the name of a wear rate's logarithm as a parameter, such as "pin bearing rate"."""
     return f"{joint} {part} rate"
 
 

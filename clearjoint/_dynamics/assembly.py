@@ -1,5 +1,4 @@
-"""Compute and check initial states that satisfy the constraints of a scene in position and
-velocity."""
+"""Compute and check initial states that satisfy the constraints in position and velocity."""
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -316,8 +315,7 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
-    """Return the cosine of the angle from the declared orientation for each joint that declares
-    one."""
+    """Return the cosine of the angle from the declared orientation, for joints that declare one."""
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
     if not oriented:
         return {}

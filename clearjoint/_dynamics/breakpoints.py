@@ -74,9 +74,8 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """Return the time at which elements are evaluated for the time t in a step that begins at
-    `start`: t, clipped to the open interval between the last breakpoint that is not after `start`
-    and the next one."""
+    """Return the time t, clipped to the open interval of breakpoints in which a step begins at
+    `start`, since elements have the values there that hold inside of the step."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)

@@ -33,8 +33,7 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the deflection in steady sliding of each contact, the scale for the control of
-    steps."""
+    """Return the deflection in steady sliding of each contact, the scale of deflections."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)

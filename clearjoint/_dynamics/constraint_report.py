@@ -1,4 +1,4 @@
-"""Values, rank and redundancy of a scene's constraints, scalar equations Phi = 0, in a given
+"""Values, rank and redundancy of a scene's constraint rows, scalar equations Phi = 0, in a
 state."""
 
 from collections.abc import Iterable, Sequence
@@ -165,8 +165,7 @@ def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all constraint rows, in a time proportional to the number of
-    bodies."""
+    """Return values and rates of all constraint rows, in linear time by the number of bodies."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 

@@ -116,9 +116,8 @@ def initial_entry_speeds(
 def approaches_unknown(
     scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
 ) -> ByLabel[Scalar]:
-    """Return the penetration rate, m/s, of each closed contact that approaches further and that
-    `initial_entry_speeds` makes elastic because its entry speed is unknown; zero for other
-    contacts."""
+    """Return the penetration rate, m/s, of each closed contact that approaches further, and is
+    elastic because its entry speed is unknown; zero for other contacts."""
 
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]
@@ -217,14 +216,13 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact begins at the start of a run: has a depth of at most
-    `TOUCHING`."""
+    """Return whether any contact has a positive depth of at most `TOUCHING` at the start of a
+    run."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is deeper than the limit `deepest` of its joint, where a run
-    ends."""
+    """Return whether any contact is deeper than the limit `deepest` of its joint."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()

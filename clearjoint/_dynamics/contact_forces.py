@@ -234,8 +234,7 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force of a contact, continued past the wall if it is closed (see
-    `contact_force`)."""
+    """Return a force that is continued past the wall of a closed contact; see `contact_force`."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():

@@ -1,5 +1,4 @@
-"""Checks and corrections of the positions of journals in their bearings, at the start and end of a
-run."""
+"""Checks and corrections of journals in their bearings, at the start and end of a run."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -70,8 +69,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named joints centred, where there are
-    any."""
+    """Return the ideal joints, as far as there are any, that hold named joints' journals
+    centred."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}

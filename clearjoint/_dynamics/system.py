@@ -243,9 +243,8 @@ class System(eqx.Module):
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
-        """Return the rows of constraints that depend on time, for bodies at rest, without their
-        Jacobians: `time_rate` and `bias` are then the first and second time derivative of the
-        value."""
+        """Return the rows, without Jacobians, of constraints that depend on time, for bodies at
+        rest: `time_rate` and `bias` are then the first and second time derivative of the value."""
         motions = {
             name: Motion(motion.position, motion.rotation, ZERO, ZERO)
             for name, motion in self.motions(variables).items()
@@ -259,9 +258,8 @@ class System(eqx.Module):
         return prescribed
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
-        """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
-        smallest radial clearance of a contact if that is less; ``None`` if there are no
-        constraints."""
+        """Return whether any constraint is violated by more than `FARTHEST` or the smallest radial
+        clearance of a contact; ``None`` if there are no constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

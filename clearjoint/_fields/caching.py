@@ -11,8 +11,7 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 KEPT = 256
-"""Largest number of results that are cached for each function; the least recently used is
-removed."""
+"""Largest number of results of a function; beyond it, the least recently used is removed."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 

@@ -28,8 +28,7 @@ from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
-"""Largest number of characters of a value in an error message, and of entries of an array or
-list."""
+"""Largest number of characters of a value, and of entries of an array or list, in a message."""
 Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
@@ -154,8 +153,8 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values; `{0}` and so on in `expected` are replaced
-    by the values."""
+    """Check a condition on the first of several values, which fill in `{0}` and so on in
+    `expected`."""
     if (known := checkable(*values)) is not None:
         holds = condition(*known)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
@@ -216,8 +215,7 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
-    """Raise a ``ValueError`` unless a value is an integer, positive or, with `zero`, not
-    negative."""
+    """Raise a ``ValueError`` unless a value is an integer, positive or, if `zero`, zero."""
     least, expected = (0, "zero or positive") if zero else (1, "positive")
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
     require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
@@ -300,8 +298,8 @@ def caution_above(argument: str, value: object, unit: str, most: float, remedy: 
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` if a number is less than `least` or larger than `most`;
-    tracers are not checked."""
+    """Issue an `UnusualValueWarning` if a number, unless it is traced, is out of its usual
+    range."""
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
@@ -331,8 +329,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless four Euler parameters are finite and have unit norm to within
-    1e-6."""
+    """Raise a ``ValueError`` unless four Euler parameters have unit norm to within 1e-6."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"
@@ -432,8 +429,7 @@ def _children(tree: PyTree) -> list[PyTree]:
 
 
 ALIKE = 0.66
-"""Smallest similarity by `difflib`, from 0 to 1, at which an error message suggests a known
-name."""
+"""Smallest similarity, from 0 to 1 by `difflib`, at which a message suggests a known name."""
 
 
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:

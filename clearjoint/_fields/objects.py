@@ -157,8 +157,7 @@ def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
 
 
 LONGEST = 16
-"""Largest number of entries of an array that is printed with its entries, not with dtype and
-shape."""
+"""Largest number of entries of an array that is printed with its entries."""
 
 
 class AbstractReadable(eqx.Module):
@@ -315,8 +314,7 @@ def with_arrays(tree: PyTree) -> PyTree:
 
 
 def is_float_array(leaf: PyTree) -> bool:
-    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats, as `with_arrays`
-    leaves it."""
+    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats."""
     if type(leaf) is np.ndarray:
         return leaf.dtype == np.float64
     return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)

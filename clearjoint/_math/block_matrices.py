@@ -42,7 +42,7 @@ _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
 
 def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
-    """Return the symmetric matrix S = D X^T of the rows of D and X in the form that suits its
+    """Return the symmetric matrix S = D X^T of the rows of D and X, in the form that suits its
     size."""
     supports = [[_support(row) for row in rows] for rows in (first, second)]
     neighbours: list[set[int]] = [set() for _ in first]
@@ -288,8 +288,7 @@ def _looped(
     start: jax.Array,
     table: Sequence[_Step],
 ) -> jax.Array:
-    """Return an array of which each row of a table changes a row, by the numbers and index of
-    `step`."""
+    """Return an array of which each row of a table changes a row, with the numbers of `step`."""
 
     def changed(array: jax.Array, row: jax.Array) -> tuple[jax.Array, None]:
         numbers, index = step(array, row)
@@ -312,8 +311,7 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of the factor L of L L^T, and the inverses of the blocks of its
-    diagonal."""
+    """Return the blocks of the factor L of L L^T, and the inverses of its diagonal blocks."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.

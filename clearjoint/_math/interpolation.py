@@ -60,9 +60,8 @@ def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate position x of the root of a cubic, given by its values, of opposite
-    signs, and rates at the ends of a step, by `NEWTON_STEPS` Newton steps within a shrinking
-    bracket."""
+    """Return the approximate position x of the root of a cubic whose values at the ends of a step
+    have opposite signs, by `NEWTON_STEPS` Newton steps within a shrinking bracket."""
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     # Start from the root of the straight line through both ends.
     x = start.value / (start.value - end.value)
@@ -177,9 +176,8 @@ class Point(NamedTuple):
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) -> Scalar:
-    """Return the approximate position x of a function's root between two points whose values have
-    opposite signs, by `SECANT_STEPS` secant steps within a shrinking bracket (N. Anderson, A.
-    Bjorck 1973)."""
+    """Return the approximate root x of a function between two points with values of opposite signs,
+    by `SECANT_STEPS` secant steps within a shrinking bracket (N. Anderson, A. Bjorck 1973)."""
 
     # Secants without a bracket missed the root of a contact that begins soon after another one has
     # ended: both ends of the step are then at the wall, and the greatest distance lies between.

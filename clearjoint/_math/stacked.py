@@ -25,8 +25,7 @@ class Stacked(eqx.Module):
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
-    """Return a PyTree of at least `FEWEST` floats, or arrays of one shape, of JAX as a
-    `Stacked`."""
+    """Return a PyTree of `FEWEST` or more floats of JAX, or arrays of one shape, as a `Stacked`."""
     leaves, structure = jax.tree.flatten(tree)
     if len(leaves) < FEWEST or not all(isinstance(leaf, jax.Array) for leaf in leaves):
         return tree

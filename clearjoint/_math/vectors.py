@@ -319,8 +319,7 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of all leaves from the indices in `_DIGITS` of all vectors'
-    components."""
+    """Return the patterns of all leaves from the digits (`_DIGITS`) of all vectors' components."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -429,8 +428,7 @@ def _pack_leaf(leaf: PyTree) -> PyTree:
 
 
 def library(parts: Sequence[Scalar]) -> ModuleType:
-    """Return ``jax.numpy`` if any of the numbers is of JAX, else ``numpy``, which compiles
-    nothing."""
+    """Return ``jax.numpy`` if any of the numbers is of JAX, else ``numpy``."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 

@@ -59,16 +59,14 @@ class Channel:
 
 @dataclass(frozen=True)
 class _Column:
-    """One column of a table, with a label for error messages, and the unit that the table gives, if
-    any."""
+    """One column of a table, with a label for error messages, and the table's unit, if any."""
 
     label: str
     values: "pd.Series"
     unit: str | None
 
     def numbers(self) -> np.ndarray:
-        """Return the values as floats, with NaN for texts; dates and truth values raise an
-        error."""
+        """Return the values as floats, with NaN for texts; refuse dates and truth values."""
         import pandas as pd
 
         kind = self.values.dtype.kind
@@ -81,8 +79,7 @@ class _Column:
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the first row for which `fine` is false, if there is
-        one."""
+        """Raise a `ValueError` that names the first row that is not valid, if there is one."""
         if not fine.all():
             k = int(np.argmin(fine))
             value = self.values.tolist()[k]
@@ -283,8 +280,7 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _split(header: Hashable) -> tuple[str, str | None]:
-    """Return the name and the unit of a header such as "x [mm]"; the unit is ``None`` without
-    brackets."""
+    """Return the name and the unit, ``None`` if there is none, of a header such as "x [mm]"."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return str(header).strip(), None

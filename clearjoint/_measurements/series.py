@@ -199,8 +199,7 @@ class Series(AbstractReadable):
 
     @property
     def period(self) -> float | None:
-        """Period of the quantity in its SI unit, such as 2 pi rad for an angle; ``None`` without
-        one."""
+        """Period of the quantity, such as 2 pi rad for an angle; ``None`` without one."""
         return getattr(self.channel, "period", None)
 
     def __len__(self) -> int:
@@ -235,8 +234,7 @@ class Series(AbstractReadable):
         return self._of(self.times, drawn, self.noise)
 
     def between(self, start: float, end: float) -> "Series | None":
-        """Return a series of the samples with start <= time < end, or ``None`` if there are
-        none."""
+        """Return the samples with start <= time < end, or ``None`` if there are none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None
@@ -249,8 +247,7 @@ class Series(AbstractReadable):
 def require_each(
     fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
-    """Raise a `ValueError` that names the first entry for which `fine` is false, if there is
-    one."""
+    """Raise a `ValueError` that names the first entry that is not valid, if there is one."""
     if not fine.all():
         k = int(np.argmin(fine))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
@@ -308,8 +305,7 @@ class Measurements(AbstractReadable):
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """Return a copy in which normally distributed noise is added to each series, with its own
-        deviation."""
+        """Return a copy with normally distributed noise of each series' own deviation."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":

@@ -70,8 +70,8 @@ class AbstractScale(abc.ABC):
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return the parameter's value at a coordinate; JAX must be able to differentiate and
-        vectorise it."""
+        """Return the parameter's value at a coordinate, by a function that JAX can
+        differentiate."""
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
@@ -90,8 +90,7 @@ class AbstractScale(abc.ABC):
         return 1.0
 
     def label(self, name: str) -> str:
-        """Return text that names the coordinate of the parameter `name`; by default the name
-        itself."""
+        """Return text that names the coordinate of a parameter; by default the parameter's name."""
         return name
 
 

@@ -78,8 +78,7 @@ class ParametrisedScene(eqx.Module):
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates, with vectors and Euler parameters as separate
-        scalars."""
+        """Return the initial state at coordinates, with vectors as separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
     def with_derivatives(

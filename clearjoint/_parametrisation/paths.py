@@ -20,8 +20,7 @@ from .._fields.checks import as_number, concrete, nearest, require
 from .._fields.leaves import in_order_of_leaves, with_leaves
 
 NumberPath = Callable[[PyTree], PyTree]
-"""Function that receives a scene or a state and returns one of its numbers, or several tied
-numbers."""
+"""Function of a scene or a state that returns one of its numbers, or several tied numbers."""
 Index = int | slice | EllipsisType
 """Part of an index into an array: for one axis or, as an ellipsis, for several axes."""
 Leaf = jax.Array | np.ndarray | float
@@ -90,8 +89,7 @@ def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
 
 
 def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
-    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest known
-    name."""
+    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest one."""
     missing = error.name if isinstance(error, AttributeError) else error.args[0]
     paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
     known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
@@ -140,8 +138,7 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 
 
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
-    """Return the value that a path selects in a scene or state; of tied numbers, the first
-    value."""
+    """Return the value that a path selects in a scene or state; the first of tied numbers."""
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     _shape(leaf, number.component)  # refuses a missing component

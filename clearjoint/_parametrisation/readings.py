@@ -1,5 +1,4 @@
-"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters: at T
-times, with p parameters."""
+"""Readings of sensors with errors, such as a bias, as functions of the errors' parameters."""
 
 from collections.abc import Mapping
 

@@ -1,5 +1,4 @@
-"""Variations: the different ways in which a value of a sweep's axis or of a fit's parameter enters
-a run."""
+"""Ways in which a value of a sweep's axis or of a fit's parameter enters a run."""
 
 import abc
 from collections.abc import Callable
@@ -17,8 +16,7 @@ from .._model.scene import Scene
 from .paths import Number, NumberPath, numbers_at, require_fits, set_values, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
-"""Function that receives a scene, its initial state and a value, and returns the pair (scene,
-state) with that value."""
+"""Function ``change(scene, state, value)`` that returns the pair (scene, state) with the value."""
 
 
 @dataclass(frozen=True)
@@ -193,8 +191,7 @@ class AbstractSeriesVariation(AbstractVariation):
 
 @dataclass(frozen=True)
 class SeriesDelay(AbstractSeriesVariation):
-    """Delay, s, of the time stamps of measured series, by which fits evaluate the outputs
-    earlier."""
+    """Delay, s, of the time stamps of measured series."""
 
     noun: ClassVar[str] = "delay"
     users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"

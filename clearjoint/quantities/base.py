@@ -231,8 +231,7 @@ class AbstractQuantity(eqx.Module):
 
 
 def check_quantity(argument: str, function: object, scene: Scene) -> None:
-    """Check that a scene has the elements that an `AbstractQuantity` names; the error begins with
-    `argument`."""
+    """Check that a scene has the elements that an `AbstractQuantity` names."""
     if isinstance(function, AbstractQuantity):
         with errors_about(argument):
             function.check(scene)
@@ -254,8 +253,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
-    """Return a converter for a field, which raises a `ValueError` for a value that is not
-    allowed."""
+    """Return a field's converter that raises a `ValueError` for a value that is not allowed."""
 
     def checked(value: T) -> T:
         require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")

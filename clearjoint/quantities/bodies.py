@@ -30,8 +30,7 @@ from .base import (
 
 
 class AbstractBodyQuantity(AbstractQuantity):
-    """Base class of quantities of a body; `applies_to_ground` states whether it may be the
-    ground."""
+    """Base class of quantities of a body, which may be the ground if `applies_to_ground`."""
 
     body: str = eqx.field(static=True)
     applies_to_ground: ClassVar[bool] = True
@@ -87,8 +86,7 @@ class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
-    """Base class of quantities of a point of a body, given in m from the centre of mass in body
-    axes."""
+    """Base class of quantities of a point of a body."""
 
     point: Numbers = eqx.field(static=True, converter=numbers)
 

@@ -73,8 +73,7 @@ TreeVariables: TypeAlias = dict[str, MotionVariables]
 
 
 class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene, each prepared once for all forces and
-    constraints."""
+    """Equations of motion of all trees of a scene, prepared once for all forces and constraints."""
 
     def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
@@ -168,8 +167,7 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return the loads on the links of the bodies in `wrenches`, from the roots to the
-        leaves."""
+        """Return the loads on the links of bodies, from the roots to the leaves."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
@@ -187,9 +185,8 @@ class JointMechanics(AbstractMechanics):
         return reduce(add, sums.values(), 0.0)
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """Yield for each link, from the root to the leaves, its acceleration as far as the rates
-        cause it (the parts at constant speeds are left out), and its rates u' relative to its
-        carrier."""
+        """Yield for each link, from the root to the leaves, its acceleration without the part at
+        constant speeds, and its rates u' relative to its carrier."""
         twists: list[Twist] = []
         for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
             parent = self._parents[k]
@@ -351,8 +348,7 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
-        """Return the rates in joints other than spherical ones, whose Euler parameters have
-        errors."""
+        """Return the rates in joints without Euler parameters, which have integration errors."""
         rates = {
             branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
             for branch, evaluate in _branches(forest(scene))

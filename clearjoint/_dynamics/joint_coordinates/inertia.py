@@ -91,8 +91,7 @@ class Inertia:
         )
 
     def shifted(self, offset: Vector) -> "Inertia":
-        """Return the same inertia about another point, from which `offset` leads to the present
-        one."""
+        """Return this inertia about a point from which `offset` leads to the present one."""
         # The columns of the coupling change by the cross products of `offset` with the columns,
         # which are also the rows, of the mass.
         columns = zip(self.coupling.T.rows, self.mass.rows, strict=True)
@@ -149,14 +148,12 @@ def product(first: Twist, second: Twist) -> Scalar:
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load or momentum about the parent's reference point, from which `offset` leads to
-    its own."""
+    """Return a load about the parent's reference point, from which `offset` leads to its own."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
 def at_offset(twist: Twist, offset: Vector) -> Twist:
-    """Return the twist that a parent's motion gives to a point at an offset from its reference
-    point."""
+    """Return a twist at another point, to which `offset` leads."""
     return Twist(twist.angular, twist.linear + twist.angular.cross(offset))
 
 
@@ -265,8 +262,7 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates of a joint and its body's acceleration, with the acceleration of the
-    carrier."""
+    """Return the rates of a joint, and its body's acceleration, if the carrier accelerates."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -345,8 +341,7 @@ class AbstractTreeSolver(abc.ABC):
 
     @abc.abstractmethod
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r that loads on some links, and generalised forces in all joints,
-        cause."""
+        """Return the rates r that loads on links, and generalised forces in all joints, cause."""
 
 
 class MassMatrix(AbstractTreeSolver):
@@ -371,9 +366,8 @@ class MassMatrix(AbstractTreeSolver):
         self._factors = OrderedFactorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed of the mass matrix with the products of a momentum with the
-        columns of link k and of all its carriers. The momentum is that of the carried bodies, as
-        far as it acts on link k."""
+        """Fill the row of one speed with the products of the carried bodies' momentum with the
+        columns of link k and of all its carriers."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):

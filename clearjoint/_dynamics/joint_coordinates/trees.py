@@ -316,8 +316,7 @@ TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
 class Place(NamedTuple):
-    """Names of a body, of its parent, and of the joint that carries it, ``None`` for a free
-    root."""
+    """Names of a body, of its parent, and of the joint between them, ``None`` for a free root."""
 
     body: str
     parent: str
@@ -325,7 +324,7 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """Names in the trees of a scene; the root of each is first, and each parent before its
+    """Names in the trees of a scene; in each, the root is first, and a parent before its
     children."""
 
     def __init__(self, trees: list[list[Place]]):
