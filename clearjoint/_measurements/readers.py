@@ -78,10 +78,10 @@ class _Column:
             self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
-    def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
+    def require_each(self, valid: np.ndarray, expected: str, remedy: str) -> None:
         """Raise a `ValueError` that names the first row that is not valid, if there is one."""
-        if not fine.all():
-            k = int(np.argmin(fine))
+        if not valid.all():
+            k = int(np.argmin(valid))
             value = self.values.tolist()[k]
             raise ValueError(
                 f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."

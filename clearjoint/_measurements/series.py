@@ -245,11 +245,11 @@ class Series(AbstractReadable):
 
 
 def require_each(
-    fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
+    valid: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
     """Raise a `ValueError` that names the first entry that is not valid, if there is one."""
-    if not fine.all():
-        k = int(np.argmin(fine))
+    if not valid.all():
+        k = int(np.argmin(valid))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
 
 
