@@ -843,9 +843,9 @@ def check_wear(
 ) -> None:
     """Check arguments of `wear`."""
     require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
-    known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
+    supported = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
     for name, of_joint in rates.items():
-        require_known("rates", name, known)
+        require_known("rates", name, supported)
         require_bases_only("rates", name, scene.laws()[name])
         remedy = "pass cj.WearRates(bearing=...)"
         is_rates = isinstance(of_joint, WearRates)

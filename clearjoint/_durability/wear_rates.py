@@ -70,9 +70,10 @@ class WearRates:
         >>> print(f"{cj.WearRates.on_hard_steel('brass').bearing:.0e} m^2/N")
         6e-13 m^2/N
         """
-        known = list(COEFFICIENT_AND_HARDNESS)
-        remedy = nearest(material, known, "pass the rate itself: WearRates(bearing=...)")
-        require(material in known, "material", material, f"one of {', '.join(known)}", remedy)
+        materials = list(COEFFICIENT_AND_HARDNESS)
+        remedy = nearest(material, materials, "pass the rate itself: WearRates(bearing=...)")
+        expected = f"one of {', '.join(materials)}"
+        require(material in materials, "material", material, expected, remedy)
         require(part in PARTS, "part", part, " or ".join(PARTS), "name one of them")
         coefficient, hardness = COEFFICIENT_AND_HARDNESS[material]
         return WearRates(**{part: coefficient / hardness})

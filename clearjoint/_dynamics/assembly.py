@@ -79,8 +79,8 @@ def check_names(scene: Scene, state: State) -> None:
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
             require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
-        if (known := checkable(body.orientation)) is not None:
-            (parameters,) = known
+        if (arrays := checkable(body.orientation)) is not None:
+            (parameters,) = arrays
             norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
             # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
             is_near = (norm > 0.9) & (norm < 1.1)
@@ -156,13 +156,14 @@ def assemble(
     """
     check_names(scene, state)
     scene, state = with_arrays((scene, state))
-    known = sorted(centring_joints(scene, scene.contact_joints()))
+    with_centre = sorted(centring_joints(scene, scene.contact_joints()))
     require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
     for name in resting:
-        remedy = nearest(name, known, "leave out the others")
-        require(name in known, "resting", name, f"names of clearance joints {known}", remedy)
+        remedy = nearest(name, with_centre, "leave out the others")
+        expected = f"names of clearance joints {with_centre}"
+        require(name in with_centre, "resting", name, expected, remedy)
     # Loads depend on the position, so resting journals are centred first, then moved to the wall.
-    ideal = centring_joints(scene, known if centred else resting)
+    ideal = centring_joints(scene, with_centre if centred else resting)
     state = _in_bearings(scene, ideal, state, t)
     require_centred(scene, state, ideal)
     if resting:
@@ -175,9 +176,9 @@ def assemble(
         require_centred(scene, state, set(ideal) - set(resting))
         entry_speeds = state.entry_speeds | resting_entry_speeds(scene, resting, state, t)
         state = replace(state, entry_speeds=entry_speeds)
-    if not known or moving is False:
+    if not with_centre or moving is False:
         return state
-    all_ideal = with_ideal(scene, centring_joints(scene, known) | ideal)
+    all_ideal = with_ideal(scene, centring_joints(scene, with_centre) | ideal)
     driven = _driven(scene, state, t)
     try:
         mechanism = _satisfying(all_ideal, state, t)
@@ -217,7 +218,7 @@ def _caution_striking(scene: Scene, state: State, moved: State) -> None:
 
     In `moved`, the state with the nearest velocities, all journals rest in their bearings.
     """
-    before, after = (float(_kinetic_energy(scene, each.bodies)) for each in (state, moved))
+    before, after = (float(_kinetic_energy(scene, at.bodies)) for at in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
     caution_unless(
         lost <= STRIKING,

@@ -289,15 +289,15 @@ def start_rows_of_lanes(
 
 
 def dependent(
-    names: tuple[RowName, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
+    names: tuple[RowName, ...], rows: np.ndarray, cache: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names "joint: label" of the rows, (n, s), that depend linearly on rows before
-    them, and those of the rows that nearly do. `known` keeps results, since scenes of a sweep often
+    them, and those of the rows that nearly do. `cache` keeps results, since scenes of a sweep often
     have equal rows."""
     key = rows.tobytes()
-    if key not in known:
-        known[key] = _distances(rows)
-    apart = known[key]
+    if key not in cache:
+        cache[key] = _distances(rows)
+    apart = cache[key]
     redundant = apart < RANK_TOLERANCE
     uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
     texts = [*map(_text, names)]

@@ -107,8 +107,8 @@ def initial_entry_speeds(
         # A state inside a step has the entry speeds of the step's start, and its depth is only
         # exact to rounding. Between flight and contact the two may contradict each other: zero is
         # then not the entry speed of the closed contact, for which the force would be elastic.
-        known = (given or {}).get(name, {}).get(label, 0.0)
-        return jnp.where(gap.depth > 0.0, jnp.where(known > 0.0, known, present), 0.0)
+        known_speed = (given or {}).get(name, {}).get(label, 0.0)
+        return jnp.where(gap.depth > 0.0, jnp.where(known_speed > 0.0, known_speed, present), 0.0)
 
     return _for_each_entry_speed(scene, entry_speed)
 
@@ -121,9 +121,9 @@ def approaches_unknown(
 
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]
-        known = (given or {}).get(name, {}).get(label, 0.0)
-        numpy = library((gap.depth, gap.rate, known))
-        unknown = (gap.depth > TOUCHING) & numpy.logical_not(known > 0.0)
+        known_speed = (given or {}).get(name, {}).get(label, 0.0)
+        numpy = library((gap.depth, gap.rate, known_speed))
+        unknown = (gap.depth > TOUCHING) & numpy.logical_not(known_speed > 0.0)
         return where(unknown, numpy.maximum(gap.rate, 0.0), 0.0)
 
     return _for_each_entry_speed(scene, rate)

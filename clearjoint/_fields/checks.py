@@ -155,11 +155,11 @@ def require_numbers(
 ) -> None:
     """Check a condition on the first of several values, which fill in `{0}` and so on in
     `expected`."""
-    if (known := checkable(*values)) is not None:
-        holds = condition(*known)
+    if (arrays := checkable(*values)) is not None:
+        holds = condition(*arrays)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
         if isinstance(holds, Tracer) or not holds:
-            require(holds, argument, known[0], expected.format(*map(as_shown, known)), remedy)
+            require(holds, argument, arrays[0], expected.format(*map(as_shown, arrays)), remedy)
 
 
 @contextmanager

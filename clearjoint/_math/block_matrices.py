@@ -63,8 +63,11 @@ def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
         return BlockMatrix(first, second)
     return ScalarMatrix(
         [
-            [inner(row, other) if yes else 0.0 for yes, other in zip(known, second, strict=False)]
-            for row, known in zip(first, shared, strict=True)
+            [
+                inner(row, other) if coupled else 0.0
+                for coupled, other in zip(of_row, second, strict=False)
+            ]
+            for row, of_row in zip(first, shared, strict=True)
         ]
     )
 
@@ -319,19 +322,19 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     for j, size in enumerate(plan.sizes):
         inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0
 
-    def inverse_row(row: jax.Array, lower: jax.Array, known: jax.Array, target: jax.Array):
+    def inverse_row(row: jax.Array, lower: jax.Array, factor: jax.Array, target: jax.Array):
         unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
         lower = jnp.where(unit > 0.0, 0.0, lower)
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
-        return (unit - lower @ known) * pivot
+        return (unit - lower @ factor) * pivot
 
     def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
         kind, target, source, block = entries
-        here, row, known = _row(blocks, target), _row(blocks, source), _block(blocks, block)
-        image = known @ row
+        here, row, factor = _row(blocks, target), _row(blocks, source), _block(blocks, block)
+        image = factor @ row
         numbers = jax.lax.cond(
             kind == _FACTORISE,
-            lambda: inverse_row(row, image, known, target),
+            lambda: inverse_row(row, image, factor, target),
             lambda: jnp.where(kind == _UPDATE, here - image, image),
         )
         return numbers, target

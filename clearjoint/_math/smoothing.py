@@ -51,12 +51,12 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
     >>> print(f"{extend.positive_power(4.0, 1.5):.1f}, {extend.positive_power(-4.0, 1.5):.1f}")
     8.0, 0.0
     """
-    positive, known = x > 0.0, exponent if isinstance(exponent, int | float) else None
-    if known == 1.0:
+    positive, number = x > 0.0, exponent if isinstance(exponent, int | float) else None
+    if number == 1.0:
         return jnp.where(positive, x, 0.0)
     # The power of a negative number would be NaN, and its derivative NaN even where it is not used.
     safe = jnp.where(positive, x, 1.0)
-    power = safe * jnp.sqrt(safe) if known == 1.5 else safe**exponent
+    power = safe * jnp.sqrt(safe) if number == 1.5 else safe**exponent
     return jnp.where(positive, power, 0.0)
 
 

@@ -380,10 +380,10 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
     if shape not in ((3,), (3, 3)):
         return leaf
     indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
-    known = (None,) * len(indices) if pattern is None else pattern
+    constants = (None,) * len(indices) if pattern is None else pattern
     parts = [
         _component(leaf, i, leading) if k is None else k
-        for i, k in zip(indices, known, strict=True)
+        for i, k in zip(indices, constants, strict=True)
     ]
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)

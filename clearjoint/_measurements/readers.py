@@ -310,8 +310,8 @@ def _series(
     missing: Missing,
 ) -> Series:
     """Return the series of a column, in SI units."""
-    known = ("refuse", "drop")
-    require(missing in known, "missing", missing, f"one of {known}", "name one of them")
+    choices = ("refuse", "drop")
+    require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
     values = column.numbers()
     valid = np.isfinite(values)
     if missing == "refuse":

@@ -101,13 +101,13 @@ def _pint_unit(
     expected = "a unit whose powers are small numbers"
     require(small and not chained, argument, unit, expected, SPELLING)
     try:
-        known = registry.Unit(unit)
-        registry.get_base_units(known)  # Overflows for a prefix with a large power.
+        parsed = registry.Unit(unit)
+        registry.get_base_units(parsed)  # Overflows for a prefix with a large power.
     except _UNREADABLE as error:
         raise ValueError(
             f"Argument `{argument}` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error
-    return known
+    return parsed
 
 
 if TYPE_CHECKING:

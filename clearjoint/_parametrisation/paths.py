@@ -92,14 +92,14 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
     """Raise the `ValueError` for a path with an unknown name, and suggest the nearest one."""
     missing = error.name if isinstance(error, AttributeError) else error.args[0]
     paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
-    known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
+    names = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
     otherwise = (
         "see cj.parameters(scene), or cj.parameters(state) for Axis.initial and Parameter.initial, "
         "for all numbers"
     )
     raise ValueError(
         "Argument `path` must be a function that leads to numbers stored in the tree, but names "
-        f"{missing!r}, which does not exist: {nearest(missing, map(str, known), otherwise)}."
+        f"{missing!r}, which does not exist: {nearest(missing, map(str, names), otherwise)}."
     ) from error
 
 

@@ -112,8 +112,8 @@ def sensor_errors(
         if isinstance(error, AbstractSeriesVariation):
             for name in error.series:
                 argument, noun = f"parameters[{label!r}]", error.noun
-                known = f"a {noun} of measured series: {', '.join(outputs)}"
-                require(name in outputs, argument, name, known, "correct the name of the series")
+                expected = f"a {noun} of measured series: {', '.join(outputs)}"
+                require(name in outputs, argument, name, expected, "correct the name of the series")
                 once, remedy = (
                     f"the only {noun} of its series",
                     f"remove the series from one {noun}",
