@@ -69,8 +69,7 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return the ideal joints, as far as there are any, that hold named joints' journals
-    centred."""
+    """Return ideal joints that hold the journals of named joints centred; some joints have none."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -219,8 +218,8 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Issue a `LeftBearingWarning` for each joint whose journal has slid out of its bearing, with
-    the earliest of the times in `kept`, pairs of times and states, and at the end."""
+    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing in one of the
+    states in `kept`, pairs of times and states, or at the end of a run, with the earliest time."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
@@ -310,7 +309,7 @@ def starting_contacts(
 def _speeds_of_rest(
     names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
 ) -> ByLabel[Scalar]:
-    """Return the speed of an impact whose energy is the elastic energy of each contact, or zero."""
+    """Return the speed of an impact with the elastic energy of each contact; zero if it is open."""
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(bodies))

@@ -324,8 +324,7 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """Names in the trees of a scene; in each, the root is first, and a parent before its
-    children."""
+    """Names in the trees of a scene, each with the root first and a parent before its children."""
 
     def __init__(self, trees: list[list[Place]]):
         self.trees = trees
