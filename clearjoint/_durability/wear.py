@@ -1,8 +1,4 @@
-"""Wear of clearance joints over many cycles of a periodic motion, with profiles that change.
-
-The computation proceeds in stages. In each, a run measures the wear of some cycles, which is then
-extrapolated over as many cycles as the change of the profiles allows.
-"""
+"""Wear of clearance joints over many cycles of a periodic motion, in stages."""
 
 import dataclasses
 import shutil
@@ -94,8 +90,8 @@ def wear(
     extrapolated over as many cycles as a limit on the change of depth allows. Then the profiles are
     changed, and the next stage begins with the state at the end of the run before. Two successive
     stages determine the rate of wear and its change (Adams-Bashforth method of second order). The
-    first stage has no earlier one: its own rate is used, over a tenth of the cycles that the limit
-    and `cycles` allow, unless `cycles` prescribes the stages.
+    first stage uses its own rate, over a tenth of the cycles that the limit and `cycles` allow,
+    unless `cycles` prescribes the stages.
 
     **Arguments:**
 
@@ -113,41 +109,35 @@ def wear(
       they must not select a number of a profile that wears. The logarithms of the positive wear
       rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
       the number of cycles before each stage is held fixed. They are valid if the motion has settled
-      before the measured cycles, so that the measured wear does not depend on the state in which a
-      stage begins.
+      before the measured cycles.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.
-    - `largest_change`: largest change of depth in a stage, m; by default a fifth of each
-      joint's largest penetration in the stage, measured from the onset of the force. With larger
-      changes the profile oscillates, since the material that carries the load in one stage is gone
-      in the next.
-    - `samples`: number of angles around the wall and around the journal.
+    - `largest_change`: largest change of depth in a stage, m; by default a fifth of each joint's
+      largest penetration in the stage, measured from the onset of the force. With larger changes
+      the profile oscillates, since the material that carries the load in one stage is gone in the
+      next.
+    - `samples`: number of angles around the wall and around the journal, at least 8.
     - `stages`: largest number of stages.
-    - `depth`: m; the computation also ends when the deepest point of a part has lost this depth. By
-      default the depth has no limit.
-    - `path`: folder of a Zarr store of the result. Each stage is written, and after the last one
-      the ``ending``; if the folder contains an earlier result of the same scene and arguments,
-      computation continues from there. `largest_change`, `stages` and `depth` may be other ones
-      than before.
-    - `progress`: whether to show a progress bar.
+    - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
+    - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains an
+      earlier result of the same scene and arguments, computation continues from there.
+      `largest_change`, `stages` and `depth` may be other ones than before.
 
-    **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body", with the names of
-    the joints and of the bodies and the angles, rad, as coordinates:
+    **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body":
 
     - ``cycles``: number of cycles before each stage, (stage).
     - ``bearing_depth``, ``journal_depth``: depth worn off before each stage, m, (joint, stage,
-      angle). The angle is about the axis of the bearing or journal, from its x axis (see
+      angle). The angle, rad, is about the axis of the bearing or journal, from its x axis (see
       `clearjoint.quantities.JournalOffset`).
     - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, (joint, stage, angle);
-      NaN in the last stage: the computation ended at its start, or its run failed.
+      NaN in the last stage, which has no run.
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       depths and rates with respect to each parameter's coordinate (its value on its scale, such as
       the logarithm for `Log`), along the additional dimension "parameter". Only with `parameters`.
     - ``penetration``, ``force``: largest penetration, m, and largest sum of the normal forces at
-      the two ends of the journal, N, in the measured cycles of a stage, (joint, stage); NaN in the
-      last stage.
+      the two ends of the journal, N, in the measured cycles of a stage, (joint, stage).
     - ``bearing_volume``, ``journal_volume``: worn volume before a stage, m^3, (joint, stage).
     - ``final_position``, ``final_orientation``, ``final_velocity``, ``final_spin``: the state after
       the last run whose wear was used, as in `clearjoint.BodyState`, (body, 3) or (body, 4).
@@ -158,14 +148,12 @@ def wear(
     it is empty. `clearjoint.worn` returns the scene of a stage, and `clearjoint.cycles_to_depth`
     the number of cycles until a depth is reached.
 
-    **Raises:** `ValueError` for an empty `rates`, a name or class in it that is not supported, or
-    another argument outside its range (`samples` must be 8 or more); for a parameter that does not
-    fit the scene and the state, or that has the name of a wear rate; for an initial state with
-    which no run can start; if the run of the first stage fails, its two halves differ by more than
-    `tolerance`, or it wears nothing although only `depth` ends the computation; if the state at the
-    end of a run does not fit the drives at `start_time`, so that `cycle` is not their period; if
-    `largest_change` is not given, and a law has a force at a larger distance of the surfaces than
-    its `onset_offset` states; and for a store of another computation.
+    **Raises:** `ValueError` for an argument that is not supported or outside its range, an initial
+    state with which no run can start, and a store of another computation; if the run of the first
+    stage fails, its two halves differ by more than `tolerance`, or it wears nothing although only
+    `depth` ends the computation; if the state at the end of a run does not fit the drives at
+    `start_time`, so that `cycle` is not their period; and if `largest_change` is not given, and a
+    law has a force at a larger distance of the surfaces than its `onset_offset` states.
 
     ```python
     import clearjoint as cj
@@ -204,7 +192,15 @@ def wear(
         scene = _with_depths(scene, list(rates), unworn)
         directions = directions_of(scene, state, of_parts, parameters)
     run = _CycleRun(
-        rates, cycle, settle, measured, tolerance, samples, settings, start_time, directions
+        rates=rates,
+        cycle=cycle,
+        settle=settle,
+        measured=measured,
+        tolerance=tolerance,
+        samples=samples,
+        settings=settings,
+        start_time=start_time,
+        directions=directions,
     )
     stages_so_far = _Stages.first(scene, state, list(rates), list(directions), samples)
     store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
@@ -219,21 +215,19 @@ def wear(
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
-    found = stages_so_far.dataset()
+    result = stages_so_far.dataset()
     # Only after the last stage is the attribute `ending` known.
     if store is not None:
-        store.write(found)
-    return found
+        store.write(result)
+    return result
 
 
 def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
-    """Return a scene with the worn profiles at the beginning of a stage of `clearjoint.wear`.
+    """Return a scene with the worn profiles at the beginning of a stage, by default the last one,
+    of a result of `clearjoint.wear`; `scene` is the one that was given to it.
 
     A profile that has worn becomes a `clearjoint.profiles.PeriodicSpline` with a knot at each angle
     of the result. Parts without wear keep their profiles.
-
-    **Arguments:** `scene`: the scene that was given to `wear`; `found`: its result; `stage`: index,
-    by default that of the last stage.
 
     >>> import xarray as xr
     >>> dims, depth = ("joint", "stage", "angle"), 5e-6 * np.ones((1, 1, 8))
@@ -252,7 +246,7 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
     # Only whether a rate is positive matters to `_with_splines`.
     rates_of_worn = {
-        name: WearRates(*(float(part.max() > 0.0) for part in of_joint))
+        name: WearRates(**{p: float(d.max() > 0.0) for p, d in zip(PARTS, of_joint, strict=True)})
         for name, of_joint in zip(names, depths[0], strict=True)
         if of_joint.max() > 0.0
     }
@@ -260,13 +254,10 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
 
 
 def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing") -> float:
-    """Return the number of cycles until the deepest point of a part has lost a depth.
+    """Return the number of cycles until the deepest point of a part has lost a depth, m, according
+    to a result of `clearjoint.wear`; infinite if the depth was not reached.
 
-    The depth is interpolated between the stages by a cubic spline. The number is infinite if the
-    depth was not reached.
-
-    **Arguments:** `found`: result of `clearjoint.wear`; `depth`: m, positive; `joint`: name of the
-    joint; `part`: "bearing", the default, or "journal".
+    The depth is interpolated between the stages by a cubic spline.
 
     **Raises:** `ValueError` if the depth is not positive.
 
@@ -289,11 +280,7 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
     """Return the cubic spline through the depths of the stages, and the number of cycles at which
-    it first reaches a depth.
-
-    **Arguments:** `cycles`: (stages,), number of cycles before each stage; `depths`: (stages,) m,
-    of the deepest point of a part; `depth`: m, at most the last one of `depths`.
-    """
+    it first reaches a depth, which is at most the last one."""
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(cycles, depths)
@@ -305,16 +292,14 @@ def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["Cub
 def life_derivatives(
     found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing"
 ) -> dict[str, float]:
-    """Return the derivatives of `clearjoint.cycles_to_depth` with respect to parameters.
+    """Return the derivatives of `clearjoint.cycles_to_depth` with respect to the parameters of a
+    result of `clearjoint.wear`.
 
     They are numbers of cycles per unit of each parameter's coordinate, by name: for a parameter
     with the scale `Log`, per unit of its natural logarithm. All are NaN if the depth was not
     reached.
 
-    **Arguments:** `found`: result of `clearjoint.wear` with `parameters`. The others are as in
-    `cycles_to_depth`.
-
-    **Raises:** `ValueError` if `found` has no derivatives, or the depth is not positive.
+    **Raises:** `ValueError` if the result has no derivatives, or the depth is not positive.
 
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
@@ -351,11 +336,8 @@ def life_derivatives(
 
 @dataclass(frozen=True)
 class _CycleRun:
-    """Run of some cycles, whose wear is measured; see the arguments of `wear`.
-
-    `directions`: of the parameters and of the logarithms of the wear rates, by name; empty without
-    parameters.
-    """
+    """Run of some cycles, whose wear is measured, with arguments of `wear` and the `directions` of
+    the parameters and of the logarithms of the wear rates."""
 
     rates: Mapping[str, WearRates]
     cycle: float
@@ -368,14 +350,8 @@ class _CycleRun:
     directions: Mapping[str, ParameterDirection]
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
-        """Return the wear per cycle and the state after the run.
-
-        Wear and derivatives are zero if the run failed; `failure` then says why. A second run
-        computes the derivatives. If only this one failed, `failure` says why, and only the
-        derivatives are zero.
-
-        **Raises:** `ValueError` if no run can start from `state`.
-        """
+        """Return the wear per cycle, its derivatives and the state after the run. They are zero if
+        the run, or that of the derivatives, failed; `failure` then says why."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         solution = simulate(
@@ -405,29 +381,32 @@ class _CycleRun:
                     )
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
-                given = times, rates, self.directions, self.settings, self.samples
-                derivatives, result = derivatives_in_spans(scene, state, self.start_time, *given)
+                derivatives, result = derivatives_in_spans(
+                    scene,
+                    state,
+                    self.start_time,
+                    times,
+                    rates,
+                    self.directions,
+                    self.settings,
+                    self.samples,
+                )
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
         return _Measured(
             # Each half has so many cycles.
-            halves / (0.5 * self.measured),
-            extremes.max(axis=0),
+            halves=halves / (0.5 * self.measured),
+            extremes=extremes.max(axis=0),
             # Only what a store keeps, so that a computation that is continued has the same bits.
-            State(solution.final.bodies),
-            "" if result == RESULTS.successful else RESULTS[result],
+            state=State(solution.final.bodies),
+            failure="" if result == RESULTS.successful else RESULTS[result],
         )
 
-    def difference(self, found: "_Measured") -> float:
-        """Return the largest relative difference of the two halves of the measured cycles.
-
-        For each joint, the sums of its depths in the two halves are compared; for each parameter,
-        the sums of all derivatives with respect to it. The difference of two sums is divided by the
-        larger one of the two sums of magnitudes: derivatives of opposite signs may cancel in a sum,
-        which would make the difference relative to the sum itself too large. The result is zero
-        without wear.
-        """
-        values, slopes = found.halves[:, 0], found.halves[:, 1:]
+    def difference(self, measured: "_Measured") -> float:
+        """Return the largest relative difference of the sums of depths, or of derivatives, in the
+        two halves of the measured cycles, divided by the sum of magnitudes, since derivatives may
+        cancel in a sum."""
+        values, slopes = measured.halves[:, 0], measured.halves[:, 1:]
         sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
         sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
         differences, scales = np.abs(np.diff(sums)[:, 0]), np.max(sizes, axis=1)
@@ -442,7 +421,6 @@ class _Measured(NamedTuple):
       respect to the p parameters.
     - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
       ends of the journal, N.
-    - `state`: at the end of the run.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
@@ -456,15 +434,12 @@ class _Measured(NamedTuple):
 class _Stages:
     """The stages computed so far.
 
-    - `names`: of the J joints that wear. `parameters`: names of the p parameters.
-    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface, along the length of
-      the journal.
+    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface of each joint.
     - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives with respect to the p `parameters`.
-    - `rates`: for each stage except the last one, which has no run yet, the depth per cycle, m, and
-      its derivatives, in arrays of the same shape. `extremes`: for the same stages, those of
-      `_Measured`.
+    - `rates`, `extremes`: for each stage except the last one, which has no run yet, the depth per
+      cycle and its derivatives, and those of `_Measured`.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty if one can.
     - `ending`: why the computation ended; empty while it goes on.
@@ -502,23 +477,15 @@ class _Stages:
         goals: Float[np.ndarray, "*n"],
         largest_change: float | None,
     ) -> None:
-        """Measure the wear of the last stage and extrapolate it to a new one, or set `failure`.
+        """Measure the wear of the last stage and extrapolate it to a new one.
 
-        If the run fails or its wear can't be extrapolated, the first stage raises an error. Later
-        stages set `failure`, so that the results so far are kept.
-
-        **Arguments:** `scene`: without the wear of the stages. `goals`: number of cycles before
-        each stage after the first one; or one number, to which the stages lead, infinite if only a
-        depth ends the computation. `largest_change`: as in `wear`.
-
-        **Raises:** `ValueError` if the first run can't start, fails, differs in wear between its
-        halves, or wears nothing while the number of cycles is infinite; in any later stage if the
-        state at the end of a run doesn't fit the start of the next one; and in all stages as
-        `_length`.
+        Where this fails, the first stage raises an error, and later ones set `failure`, so that the
+        results so far are kept. `goals` is one number of cycles, or those before each further
+        stage.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
-            found = run.measure(scene, self.state)
+            measured = run.measure(scene, self.state)
         except ValueError as error:
             # The user's own state in the first stage has its own message. Later states come from
             # runs, and don't fit only if the drives have another period.
@@ -528,23 +495,23 @@ class _Stages:
                 f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} s: "
                 f"the state after {run.settle + run.measured} cycles doesn't fit their start."
             ) from error
-        difference = run.difference(found)
-        if found.failure or difference > run.tolerance:
-            self._refuse(found.failure, difference, run)
+        difference = run.difference(measured)
+        if measured.failure or difference > run.tolerance:
+            self._refuse(measured.failure, difference, run)
             return
         # Number of cycles to the next of several goals, or to the only one.
         goal = float(goals[goals > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
         # Without wear, no number of cycles leads to a depth.
-        if np.isinf(left) and not found.halves[:, 0].any():
+        if np.isinf(left) and not measured.halves[:, 0].any():
             self.failure = "no part wears in the measured cycles"
             remedy = "check the loads, or give a number of cycles"
             expected = f"finite ({self.failure})"
             require(len(self.cycles) > 1, "cycles", left, expected, remedy)
             return
-        self.state = found.state
-        self.rates.append(found.halves.mean(axis=0))
-        self.extremes.append(found.extremes)
+        self.state = measured.state
+        self.rates.append(measured.halves.mean(axis=0))
+        self.extremes.append(measured.extremes)
         # Several goals prescribe the stages, so that no limit shortens them.
         length = left if goals.ndim == 1 else self._length(scene, left, largest_change)
         self._extrapolate(length)
@@ -553,11 +520,7 @@ class _Stages:
             self.cycles[-1] = goal
 
     def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
-        """Return whether there is nothing more to compute, and set `ending` if so.
-
-        **Arguments:** `cycles`: number of cycles to reach. `stages`: largest number of stages.
-        `depth`: to reach, m, or ``None``.
-        """
+        """Return whether there is nothing more to compute, and set `ending` if so."""
         if self.failure:
             self.ending = self.failure
         elif self.cycles[-1] >= cycles:
@@ -571,13 +534,8 @@ class _Stages:
         return self.ending != ""
 
     def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
-        """Set `failure` for a run whose wear can't be extrapolated.
-
-        **Arguments:** `failure`: of the run; empty if only its halves differ. `difference`: of the
-        halves, relative. `run`: with the arguments of `wear`.
-
-        **Raises:** `ValueError` in the first stage.
-        """
+        """Set `failure` for a run that can't be extrapolated, or raise an error in the first
+        stage."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -593,16 +551,8 @@ class _Stages:
         self.failure = reason
 
     def _length(self, scene: Scene, left: float, largest_change: float | None) -> float:
-        """Return how many cycles the next stage has: `left`, or less if the depth of a point would
-        otherwise change by more than the limit. The first stage has a tenth of that.
-
-        **Arguments:** `left`: number of cycles that are left. `largest_change`: limit, m; ``None``
-        for `CHANGE_BY_PENETRATION` times the largest penetration of each joint of the `scene`,
-        measured from the onset of the force.
-
-        **Raises:** `ValueError` if `largest_change` is ``None`` and a joint wears without reaching
-        the penetration at which the force begins according to its law's `onset_offset`.
-        """
+        """Return how many cycles the next stage has, `left` at most, so that no depth changes by
+        more than the limit. The first stage has a tenth of that."""
         length = left
         # Each joint limits the stage by its own penetration.
         rows = zip(self.names, self.rates[-1][0], self.extremes[-1], strict=True)
@@ -683,17 +633,13 @@ class _Store:
     path: Path
     digest: str
 
-    def write(self, found: "xr.Dataset") -> None:
-        """Replace the store by one of the dataset `found`, a result of `wear`.
-
-        If the process is killed meanwhile, the old store (if there was one) or the new one is
-        complete. `_folder` returns the folder of this complete store: `path`, or the folder beside
-        it with the suffix "old".
-        """
+    def write(self, result: "xr.Dataset") -> None:
+        """Replace the store by one of a result of `wear`. If the process is killed meanwhile,
+        `_folder` returns the folder of the old or of the new store, which is complete."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
-            write_dataset(new, found.assign_attrs(digest=self.digest))
+            write_dataset(new, result.assign_attrs(digest=self.digest))
             if self.path.exists():
                 shutil.rmtree(old, ignore_errors=True)
                 self.path.rename(old)
@@ -701,54 +647,45 @@ class _Store:
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
-        """Return the stored stages, or `first` if there is no store.
-
-        **Raises:** `ValueError` for a store of another computation.
-        """
+        """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
-        found = open_wear(self.path)
+        stored = open_wear(self.path)
         require(
-            found.attrs.get("digest") == self.digest,
+            stored.attrs.get("digest") == self.digest,
             "path",
             str(self.path),
             "a folder without a result, or with one of the same scene and arguments",
             "pass another folder",
         )
-        depths, rates = (_stacked(found, name) for name in ("depth", "rate"))
+        depths, rates = (_stacked(stored, name) for name in ("depth", "rate"))
         # The stages with a run have a penetration that is not NaN.
-        measured = int(np.isfinite(found["penetration"].values[0]).sum())
-        return _Stages(
-            first.names,
-            first.parameters,
-            first.areas,
-            found["cycles"].values.tolist(),
-            list(depths),
-            list(rates[:measured]),
-            list(np.stack([found[name].values.T for name in EXTREMES], axis=-1))[:measured],
-            final_state(found),
-            found.attrs["failure"],
+        measured = int(np.isfinite(stored["penetration"].values[0]).sum())
+        extremes = np.stack([stored[name].values.T for name in EXTREMES], axis=-1)
+        return dataclasses.replace(
+            first,
+            cycles=stored["cycles"].values.tolist(),
+            depths=list(depths),
+            rates=list(rates[:measured]),
+            extremes=list(extremes[:measured]),
+            state=final_state(stored),
+            failure=stored.attrs["failure"],
         )
 
 
 def _old(path: Path) -> Path:
-    """Return the folder to which the old store is moved while the one at a path is replaced."""
     return path.with_name(f"{path.name}.old")
 
 
 def _folder(path: Path) -> Path:
-    """Return the folder that has the contents of the store with the given path: the path itself, or
-    the folder of the old store between the two renamings of `_Store.write`."""
+    """Return the folder with the contents of the store: the path itself, or the folder of the old
+    store between the two renamings of `_Store.write`."""
     return _old(path) if _old(path).exists() and not path.exists() else path
 
 
 def _version(folder: Path) -> int | None:
-    """Return the number by which the file system identifies a folder (its inode); ``None`` if there
-    is no folder.
-
-    It changes when another folder is moved to the same path. A reader compares it before and after
-    reading, to notice that the store was replaced in between.
-    """
+    """Return the inode of a folder, ``None`` if there is none. A reader compares it before and
+    after reading, to notice that the store was replaced in between."""
     try:
         return folder.stat().st_ino
     except FileNotFoundError:
@@ -756,9 +693,8 @@ def _version(folder: Path) -> int | None:
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
-    """Read the result of `clearjoint.wear` from its store, also while `wear` still computes it.
-
-    **Arguments:** `path`: of the store, as it was given to `wear`.
+    """Read the result of `clearjoint.wear` from the `path` of its store, also while `wear` still
+    computes it.
 
     **Raises:** `ValueError` if there is no store of wear at the path.
 
@@ -789,20 +725,18 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
-    """Return the state after the last run whose wear was used, from a result of `wear`; the initial
-    state if there was no such run."""
-    numbers = [found[f"final_{field.name}"].values for field in fields(BodyState)]
-    names = [str(name) for name in found["body"].values]
-    return State({name: BodyState(*(part[j] for part in numbers)) for j, name in enumerate(names)})
+    """Return the state after the last run whose wear was used, or the initial state."""
+    numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
+    bodies = {
+        str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})
+        for j, name in enumerate(found["body"].values)
+    }
+    return State(bodies)
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return the depths, m, or rates, m per cycle, of a result, and their derivatives, if any.
-
-    Row 0 is the depth or rate itself; the other rows are its derivatives by the parameters.
-
-    **Arguments:** `name`: "depth" or "rate".
-    """
+    """Return the depths, m, or rates, m per cycle, of a result in row 0, and their derivatives by
+    the parameters, if any, in the other rows."""
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:
@@ -814,11 +748,8 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 
 
 def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> str:
-    """Return a digest of scene, state and arguments, by which a store recognises its computation.
-
-    The arguments `largest_change`, `stages` and `depth` are left out, so that a user may change
-    them and continue.
-    """
+    """Return a digest of scene, state and arguments, by which a store recognises its computation;
+    without `largest_change`, `stages` and `depth`, which a user may change to continue."""
     # The text of a direction may contain an address in memory, which differs from process to
     # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
@@ -837,11 +768,8 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Return a scene in which the profiles of parts with a positive wear rate are periodic splines.
-
-    Each spline has `samples` knots and equals the profile of the part there. The names of the
-    joints are those of `rates`; other joints are unchanged.
-    """
+    """Return a scene in which the profiles of parts with a positive wear rate are periodic splines
+    with `samples` knots, equal to the profiles there."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]
@@ -859,30 +787,24 @@ def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) ->
 def _with_profiles(
     joint: AbstractConstraint | AbstractContactJoint, profiles: Mapping[str, AbstractProfile]
 ) -> ClearanceJoint:
-    """Return the joint with other profiles, by name of the field."""
     assert isinstance(joint, ClearanceJoint)
     with quiet():  # Cautions are for the profiles that a user gives.
         return dataclasses.replace(joint, **profiles)
 
 
 def _angles(samples: int) -> np.ndarray:
-    """Return the angles 0, 2 pi/samples, 4 pi/samples, ..., (samples,) rad."""
     return np.arange(samples) * 2.0 * np.pi / samples
 
 
 def _with_depths(
     scene: Scene, names: list[str], depths: Float[np.ndarray, "rows joints 2 samples"]
 ) -> Scene:
-    """Return the scene with material removed from its bearings and journals.
+    """Return the scene of `_with_splines` with material removed from its bearings and journals.
 
-    A part whose profile isn't a spline with one knot for each angle doesn't wear. Its depths are
-    zero, and it is unchanged.
-
-    **Arguments:** `scene`: made by `_with_splines`, perhaps changed by this function since.
-    `names`: names of the joints. `depths`: (rows, joints, 2, samples), at the angles around bearing
-    and journal. Row 0 has the removed depths, m. Each further row has their derivatives by one
+    Row 0 of `depths` has the removed depths, m, and each further row their derivatives by one
     parameter. With further rows, the new profiles are `MovingSpline`s, which the parameters move
-    along these derivatives; without them, they are `PeriodicSpline`s.
+    along these derivatives; without them, they are `PeriodicSpline`s. A part whose profile isn't a
+    spline with one knot for each angle doesn't wear, and is unchanged.
     """
     joints = dict(scene.joints)
     for j, name in enumerate(names):
@@ -919,18 +841,15 @@ def check_wear(
     tolerance: float,
     largest_change: float | None,
 ) -> None:
-    """Check arguments of `wear`, which have the same names there.
-
-    **Raises:** `ValueError` for an argument that `wear` refuses; the message names the argument.
-    """
+    """Check arguments of `wear`."""
     require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
-    known = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
+    supported = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
     for name, of_joint in rates.items():
-        require_known("rates", name, known)
+        require_known("rates", name, supported)
         require_bases_only("rates", name, scene.laws()[name])
-        expected = "a WearRates"
-        fine = isinstance(of_joint, WearRates)
-        require(fine, f"rates[{name!r}]", of_joint, expected, "pass cj.WearRates(bearing=...)")
+        remedy = "pass cj.WearRates(bearing=...)"
+        is_rates = isinstance(of_joint, WearRates)
+        require(is_rates, f"rates[{name!r}]", of_joint, "a WearRates", remedy)
     require_positive("cycle", cycle, "give the duration of a cycle in s")
     goals = np.atleast_1d(np.asarray(cycles, float))
     row = goals.ndim == 1 and goals.size > 0

@@ -1,7 +1,4 @@
-"""Depths that the contacts of a run remove around a bearing and its journal.
-
-A base of a journal is one of the two ends of its axis, where it touches the wall.
-"""
+"""Depths that the contacts of a run remove around a bearing and its journal."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -28,29 +25,27 @@ OF_BASES = tuple(
 SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
 """Names of the numbers from which the wear of a joint follows at an instant.
 
-They are, for each of the bases V and W (here with the names for V): the normal force, N
-("V force"), its product with the sliding speed, W ("V power"), the base's eccentricity in the
-bearing's frame, m ("V x", "V y"), and the penetration, m ("V penetration"). The last four are the
-fields of `PlanarAxes`: components of the journal's x and y axes along the bearing's.
+They are, for each of the bases V and W (here with the names for V): the normal force, N ("V
+force"), its product with the sliding speed, W ("V power"), the base's eccentricity in the bearing's
+frame, m ("V x", "V y"), and the penetration, m ("V penetration"). The last four are the fields of
+`PlanarAxes`: components of the journal's x and y axes along the bearing's.
 """
 TIMES_IN_PROGRAM = 4096
-"""The number of times of the quadrature, less one, is rounded up to a multiple of this number. A
-program is compiled for each number of times, so this limits how many are compiled for runs of
-different lengths."""
+"""The number of times of the quadrature, less one, is rounded up to a multiple of this number, to
+limit how many programs are compiled for runs of different lengths."""
 
 Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
 """Values of `SIGNALS` at T times, by name."""
 
 
 class Signal(eqx.Module):
-    """Quantity (function of an instant of a run) that returns the signal `name`, one of `SIGNALS`,
-    of the joint with the name `joint`."""
+    """Quantity that returns a signal, one of `SIGNALS`, of a joint."""
 
     joint: str = eqx.field(static=True)
     name: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the signal at an instant, in the unit that `SIGNALS` states."""
+        """Return the signal at an instant."""
         element = now.scene.joints[self.joint]
         assert isinstance(element, ClearanceJoint)
         if self.name in PlanarAxes._fields:
@@ -66,7 +61,7 @@ class Signal(eqx.Module):
 
 
 class AllSignals(eqx.Module):
-    """All `SIGNALS` of the joint of a given name, as one quantity with an array of values."""
+    """All `SIGNALS` of a joint, as one quantity with an array of values."""
 
     joint: str = eqx.field(static=True)
 
@@ -78,12 +73,8 @@ class AllSignals(eqx.Module):
 def quadrature_times(
     solution: Solution, start: float, end: float, longest: float
 ) -> Float[np.ndarray, " T"]:
-    """Return times from `start` to `end`, s, for Simpson's rule: ends and middles of intervals.
-
-    The intervals are the steps of the run from `start` to `end`, divided into equal parts of at
-    most `longest`, s. At the even indices are the ends of intervals, at the odd ones the middles.
-    `solution` must have all steps saved.
-    """
+    """Return the ends and middles of intervals from `start` to `end`, s, for Simpson's rule: the
+    saved steps of the run, divided into equal parts of at most `longest`, s."""
     assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
     ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])
@@ -103,23 +94,9 @@ def wear_depths(
     times: Float[np.ndarray, " T"],
     samples: int,
 ) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
-    """Return the depths that wear off the wall and off the journal of a joint during some time of a
-    run.
-
-    **Arguments:**
-
-    - `scene`: the scene of the run.
-    - `solution`: of `simulate`, with all steps saved.
-    - `joint`: name of a `ClearanceJoint`.
-    - `rates`: specific wear rates of the bearing and of the journal, m^2/N.
-    - `times`: s, from `quadrature_times`; the wear between the first and the last is returned.
-    - `samples`: number of evenly spaced angles, from the x axis of the bearing's or the journal's
-      frame.
-
-    **Returns:** a pair: the depths, (2, samples) m, with the bearing first; and an array (2,) with
-    the largest penetration of a base, m, and the largest sum of the normal forces of both bases, N,
-    at `times`.
-    """
+    """Return the depths that wear off the wall and off the journal of a joint at evenly spaced
+    angles, (2, samples) m, during the `times` from `quadrature_times`, and the largest penetration
+    of a base, m, and sum of the normal forces of both bases, N, at these times."""
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
     signals = dict(zip(SIGNALS, values.T, strict=True))
@@ -141,14 +118,10 @@ def depths_from_signals(
     """Return the depths, m, that wear off the wall and off the journal; JAX can differentiate it.
 
     The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
-    journal, the normal force F of a base and the sliding speed v (J. F. Archard 1953). The volume
-    is distributed over the angles in proportion to the overlap of the two profiles, as if the wall
-    were an elastic foundation, and evenly over the length of the journal. The wear of both bases is
-    added.
-
-    **Arguments:** `rates`: k of the bearing and of the journal, m^2/N. `times`: from
-    `quadrature_times`, s. `signals`: values at these times, by the names of `SIGNALS`. `samples`:
-    number of angles.
+    journal (`rates`), the normal force F of a base and the sliding speed v (J. F. Archard 1953).
+    The volume is distributed over the angles in proportion to the overlap of the two profiles, as
+    if the wall were an elastic foundation, and evenly over the length of the journal. The wear of
+    both bases is added.
     """
     # The last time is repeated, so that few programs are compiled (see `TIMES_IN_PROGRAM`). The
     # added intervals have no length and add nothing to the integral. The number of times stays odd,
@@ -168,12 +141,7 @@ def _depths(
     signals: Mapping[str, Float[jax.Array, " T"]],
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the result of `depths_from_signals`; the arguments are the same.
-
-    It is compiled once for each number T of times. `depths_from_signals` is a separate function
-    because it first pads the times to one of few numbers T, and only padded arrays shall reach the
-    compiled program.
-    """
+    """Return the result of `depths_from_signals`, in one program for each number of times."""
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []
@@ -192,24 +160,14 @@ def _depths(
 def _integral(
     times: Float[jax.Array, " T"], values: Float[jax.Array, "T n"]
 ) -> Float[jax.Array, " n"]:
-    """Return the integrals over time of each column of `values`, in its unit times s.
-
-    Simpson's rule is used: the times at odd indices are the middles of its intervals.
-    """
+    """Return the integrals over time of each column by Simpson's rule."""
     sixths = (times[2::2] - times[:-2:2])[:, None] / 6.0
     return (sixths * (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2])).sum(axis=0)
 
 
 def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
-    """Return the directions of evenly spaced points of the wall and of the journal, rad.
-
-    The points are at the angles 0, 2 pi/samples, ... of each part's own frame. Their directions are
-    angles in the bearing's frame: an array (samples,) for the wall, and one (T, samples) for the
-    journal, which rotates.
-
-    **Arguments:** `axes`: components of the journal's x and y axes along those of the bearing, each
-    (T, 1).
-    """
+    """Return the directions of evenly spaced points of the wall, (samples,), and of the journal,
+    which rotates, (T, samples), in the bearing's frame, rad."""
     angles = np.arange(samples) * 2.0 * np.pi / samples
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
     along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)
@@ -228,16 +186,10 @@ def _shares(
     The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
     the sum of this over all angles. Here the overlap less the clearance is the penetration in the
     direction of the angle, the onset is the distance of the surfaces at which the force begins, and
-    the spacing is that of the angles, rad. The shares at one time add up to 1, or are all zero if
-    no angle has a positive one, because the journal is too far from the wall.
+    the spacing is that of the angles, rad.
 
     A contact may be so narrow that it lies between two angles. Therefore clearance spacing^2/2 is
-    added: the gap between two circles is larger by this amount at one spacing from the deepest
-    point. Thus the angles on both sides of that point have a share.
-
-    **Arguments:** `x`, `y`: eccentricity of the base in the bearing's frame, m. `angles`: evenly
-    spaced angles in the bearing's frame, rad, in one row or in one for each time. `axes`:
-    components of the journal's x and y axes along the bearing's, each (T, 1).
+    added, by which the gap between two circles is larger at one spacing from the deepest point.
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()

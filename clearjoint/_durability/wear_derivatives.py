@@ -1,10 +1,8 @@
 """Derivatives of the wear of some cycles with respect to parameters.
 
-`clearjoint.wear` computes wear in stages: each is a run of some cycles, extrapolated over many,
-after which the profiles are changed. A parameter changes the wear of a stage directly, and through
-the depths that were worn off in the stages before. One run with derivatives
-(`clearjoint.sensitivities`) includes both effects: each of its parameters moves a number of the
-scene and, at the same time, moves the profiles along the derivatives of their depths.
+A parameter changes the wear of a stage directly, and through the depths of the stages before. So
+each parameter of a run with derivatives moves a number of the scene and, at the same time, the
+profiles along the derivatives of their depths.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,6 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.checks import require
 from .._fields.objects import on_device, quantity
@@ -38,12 +37,9 @@ Rates = Mapping[str, tuple[float, float]]
 
 
 class MovingSpline(AbstractPeriodicSpline):
-    """A worn profile that p parameters move: a periodic spline with N knots.
+    """A worn profile that p parameters move: a periodic spline with N knots, whose coefficients are
+    `coefficients` plus, for each parameter, its shift times its directions.
 
-    The coefficients of the spline are `coefficients` plus, for each parameter, its shift times its
-    directions.
-
-    - `coefficients`: (N,) m, as in `PeriodicSpline`.
     - `directions`: (p N,) m, the derivatives of the N coefficients with respect to the first
       parameter, then those with respect to the second, and so on.
     - `shifts`: (p,) by how much each parameter's coordinate is changed. They are zero: only
@@ -56,33 +52,26 @@ class MovingSpline(AbstractPeriodicSpline):
     directions: Column = quantity("m", table=True)
     shifts: Column = quantity("1", table=True)
 
+    @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
-        m, moved by the shifts. `knot`: index of the knot, or an array (...) of indices."""
-        found, count = periodic(on_device(self.coefficients), knot), self.angles()
+        around, count = periodic(on_device(self.coefficients), knot), self.angles()
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
-            found = found + self.shifts[k] * periodic(row, knot)
-        return found
+            around = around + self.shifts[k] * periodic(row, knot)
+        return around
 
+    @override
     def angles(self) -> int:
-        """Return the number of knots."""
         return np.shape(self.coefficients)[0]
 
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """A `Change` by which one parameter moves a number and all profiles that wear.
+    """A `Change` by which one parameter moves a number and all profiles that wear. The value is the
+    distance from the present `coordinate` of the parameter.
 
-    It is called with a scene, a state and a value, and returns the changed scene and state. The
-    value is the distance from the present coordinate of the parameter.
-
-    - `index`: place of the parameter in the `shifts` of each `MovingSpline`.
-    - `joints`: names of the joints that wear.
-    - `change`: how the parameter's value changes the scene and the state; ``None`` for a wear rate.
-      A run depends on wear rates only through the profiles.
-    - `scale`: of the parameter, which converts a coordinate to a value; ``None`` for a wear rate.
-    - `coordinate`: present coordinate of the parameter.
+    `index` is the place of the parameter in the `shifts` of each `MovingSpline`. `change` and
+    `scale` are ``None`` for a wear rate, on which a run depends only through the profiles.
     """
 
     index: int
@@ -92,8 +81,7 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) at a distance `value` from the present coordinate: with
-        the number changed, and the shifts of all profiles that wear."""
+        """Return scene and state with the number changed, and all profiles that wear shifted."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
@@ -108,11 +96,7 @@ class ParameterDirection:
         return scene, state
 
     def without_profiles(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) with the number changed, but not the profiles.
-
-        **Arguments:** `value`: distance from the present coordinate. For a wear rate it has no
-        effect.
-        """
+        """Return scene and state with the number changed, but not the profiles."""
         if self.change is None or self.scale is None:
             return scene, state
         return self.change(scene, state, self.scale.value(self.coordinate + value))
@@ -121,40 +105,33 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return a `ParameterDirection` for each parameter and for the logarithm of each positive wear
-    rate, by name.
-
-    A wear rate has the name of its joint and part, such as "pin bearing rate". Parameters come
-    first, then wear rates; the index of each direction is its place in this order.
-
-    **Arguments:** `scene`: with a `MovingSpline` for each profile that wears, which has one shift
-    for each direction; the directions fit only scenes of this structure. `state`: the initial
-    state. `rates`: of all joints that wear. `parameters`: by name.
+    """Return a `ParameterDirection` for each parameter and, after them, for the logarithm of each
+    positive wear rate, by name, for scenes with a `MovingSpline` for each profile that wears.
 
     **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
     the name of a wear rate.
     """
     joints = tuple(rates)
-    found: dict[str, ParameterDirection] = {}
+    directions: dict[str, ParameterDirection] = {}
     for name, parameter in parameters.items():
         # The example of a value, 0.0, says that the number is a scalar.
         change = parameter.variation.setter(scene, state, 0.0)
         coordinate = float(parameter.coordinate_in(scene, state))
-        index, scale = len(found), parameter.scale
-        found[name] = ParameterDirection(index, joints, change, scale, coordinate)
+        directions[name] = ParameterDirection(
+            len(directions), joints, change, parameter.scale, coordinate
+        )
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:
                 name = rate_name(joint, part)
                 expected = "named otherwise than the logarithm of a wear rate"
                 require(name not in parameters, "parameters", name, expected, "rename it")
-                found[name] = ParameterDirection(len(found), joints)
-    return found
+                directions[name] = ParameterDirection(len(directions), joints)
+    return directions
 
 
 def rate_name(joint: str, part: str) -> str:
-    """Return the name of the parameter that is the logarithm of a wear rate, such as
-    "pin bearing rate" for the joint "pin" and the part "bearing"."""
+    """Return the name of a wear rate's logarithm as a parameter, such as "pin bearing rate"."""
     return f"{joint} {part} rate"
 
 
@@ -168,24 +145,12 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Return the derivatives of the depths that wear off in several spans of time of a run.
+    """Return the derivatives of the depths that wear off in several spans of time of a new run, and
+    its result code. They are (spans, p, joints, 2, samples), bearing before journal, m per unit of
+    each parameter's coordinate, or ``None`` if the run failed.
 
-    A new run is computed, from `start_time`, s, to the last time in `spans`.
-
-    **Arguments:**
-
-    - `scene`: with `MovingSpline`s as the profiles of bearings and journals that wear.
-    - `state`: at `start_time`.
-    - `spans`: for each span, the times, (T,) s, at which its wear is integrated by Simpson's rule;
-      from `quadrature_times`.
-    - `rates`: specific wear rates of bearing and journal, m^2/N, by the names of the J joints.
-    - `directions`: of the p parameters, which include the logarithms of wear rates, by name; from
-      `directions_of`.
-    - `settings`: of the run; by default `clearjoint.presets.derivatives`.
-    - `samples`: number of evenly spaced angles around the wall, and around the journal.
-
-    **Returns:** the derivatives, (spans, p, J, 2, samples), bearing before journal, m per unit of
-    each parameter's coordinate, or ``None`` if the run failed; and the result code of the run.
+    `spans` are, for each span, the times from `quadrature_times`, and `directions` are from
+    `directions_of`.
     """
     # Spans that follow each other share a time.
     times = np.unique(np.concatenate(spans))

@@ -59,23 +59,21 @@ class WearRates:
 
     @staticmethod
     def on_hard_steel(material: Material, part: Part = "bearing") -> "WearRates":
-        """Return `WearRates` with the typical rate of a part that slides on hard steel without a
-        lubricant.
+        """Return `WearRates` with the typical rate of a material, such as "brass", of the bearing
+        or journal that slides on hard steel without a lubricant. The other part doesn't wear.
 
         Measured rates scatter by a factor of ten, and lubrication reduces them by a factor of a
         hundred or more. The rate for mild steel is that of mild steel on mild steel.
-
-        **Arguments:** `material`: of the part that wears, such as "brass"; `part`: "bearing" or
-        "journal". The other part is of hard steel and doesn't wear.
 
         **Raises:** `ValueError` for an unknown material or part.
 
         >>> print(f"{cj.WearRates.on_hard_steel('brass').bearing:.0e} m^2/N")
         6e-13 m^2/N
         """
-        known = list(COEFFICIENT_AND_HARDNESS)
-        remedy = nearest(material, known, "pass the rate itself: WearRates(bearing=...)")
-        require(material in known, "material", material, f"one of {', '.join(known)}", remedy)
+        materials = list(COEFFICIENT_AND_HARDNESS)
+        remedy = nearest(material, materials, "pass the rate itself: WearRates(bearing=...)")
+        expected = f"one of {', '.join(materials)}"
+        require(material in materials, "material", material, expected, remedy)
         require(part in PARTS, "part", part, " or ".join(PARTS), "name one of them")
         coefficient, hardness = COEFFICIENT_AND_HARDNESS[material]
         return WearRates(**{part: coefficient / hardness})

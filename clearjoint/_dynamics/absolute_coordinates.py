@@ -1,15 +1,10 @@
-"""Absolute coordinates: position, orientation, velocity and spin of each body.
-
-All ideal joints and drivers are constraints, as in P. Flores et al., Spatial revolute joints with
-clearances for dynamic analysis of multi-body systems, 2006, whose equation numbers are cited. The
-spin of a body is its angular velocity in body axes, rad/s. The speeds are velocities and spins of
-all bodies, and their rates are the time derivatives; arguments and results of the type `Speeds` are
-lists with six numbers for each body. A wrench is the force and the moment on a body, and a row is
-one scalar constraint equation.
-"""
+"""Absolute coordinates, in which all ideal joints and drivers are constraints, as in P. Flores et
+al., Spatial revolute joints with clearances for dynamic analysis of multi-body systems, 2006."""
 
 from dataclasses import replace
 from typing import TypeAlias
+
+from typing_extensions import override
 
 from .._math.rotations import euler_parameter_rates, kept_unit, rotation_matrix, turned
 from .._math.vectors import ZERO, Matrix, Scalar, Vector
@@ -33,28 +28,22 @@ class AbsoluteCoordinates(AbstractCoordinates):
     """Position, Euler parameters, velocity and spin of each body, with all ideal joints as
     constraints.
 
-    The variables are a `BodyState` for each body, by name. Its position is the centre of mass, m,
-    in global coordinates. A body with a clearance joint to the ground may have an `Anchor`: a point
-    of the body, such as the journal's centre, and a fixed point near it, such as the bearing's
-    centre. The position variable of such a body is the vector, m, from the fixed point to the
-    body's point. Computed as a difference of two positions of the order of metres, this vector
-    would lose digits, and impacts amplify such errors.
+    The variables are a `BodyState` for each body. If a body with a clearance joint to the ground
+    has an `Anchor`, which is a point of the body, such as the journal's centre, and a fixed point
+    near it, such as the bearing's centre, its position variable is the vector, m, from the fixed
+    point to the body's point. Computed as a difference of two positions of the order of metres,
+    this vector would lose digits, and impacts amplify such errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
     """
 
+    @override
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that need no constraint in these coordinates: an
-        empty set."""
         return frozenset()
 
+    @override
     def encode(self, scene: Scene, bodies: Bodies) -> Bodies:
-        """Return the variables for given states of the bodies, by name.
-
-        They are the states themselves, except that the position of a body with an `Anchor` is the
-        vector, m, from the anchor's ground point to its body point.
-        """
         variables = dict(bodies)
         for name, (local, origin) in anchors(scene).items():
             body = bodies[name]
@@ -62,36 +51,32 @@ class AbsoluteCoordinates(AbstractCoordinates):
             variables[name] = replace(body, position=position)
         return variables
 
+    @override
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the states of the bodies, by name, in which all positions are those of the centres
-        of mass, m."""
         motions = self.motions(scene, variables)
         return {
             name: replace(body, position=motions[name].position) for name, body in variables.items()
         }
 
+    @override
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
-        """Return pose and velocities of each body and of "ground", by name."""
         points = anchors(scene)
         free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
         return {GROUND: GROUND_MOTION, **free}
 
+    @override
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
-        """Return the equations of motion of all bodies (eq. 29), evaluated for the positions and
-        velocities in `variables`."""
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
 
+    @override
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        """Return the variables with Euler parameters scaled to unit norm if their squared norm
-        differs from one by more than 1e-6, and otherwise unchanged."""
         return {
             name: replace(body, orientation=kept_unit(body.orientation))
             for name, body in variables.items()
         }
 
+    @override
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
-        """Return variables with the positions and orientations of `variables` and the velocities
-        and spins of `others`."""
         return {
             name: replace(body, velocity=others[name].velocity, spin=others[name].spin)
             for name, body in variables.items()
@@ -99,14 +84,10 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
 
 class AbsoluteMechanics(AbstractMechanics):
-    """Newton-Euler equations of all bodies.
+    """Newton-Euler equations of all bodies (eq. 29).
 
-    The speeds are six numbers for each body, in the order of ``scene.bodies``: velocity of the
-    centre of mass, m/s, in global axes, and spin, rad/s, in body axes. The matrix H that maps
-    speeds to velocities and spins is therefore the identity.
-
-    **Arguments:** `scene`, `variables`: as in `AbsoluteCoordinates`; `motions`: pose and velocities
-    of each body and of "ground", by name.
+    The speeds are, for each body in the order of ``scene.bodies``, the velocity of the centre of
+    mass, m/s, in global axes, and the spin, rad/s, in body axes, so that H is the identity.
     """
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
@@ -115,14 +96,8 @@ class AbsoluteMechanics(AbstractMechanics):
             name: (1.0 / body.mass, _inverse_inertia(body)) for name, body in scene.bodies.items()
         }
 
+    @override
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds without the reactions of constraints, m/s^2 and rad/s^2,
-        six for each body.
-
-        They follow from gravity, gyroscopic moments and `wrenches`.
-
-        **Arguments:** `wrenches`: one for each body, by name.
-        """
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         loads: Wrenches = {}
         for name, body in self._scene.bodies.items():
@@ -130,47 +105,31 @@ class AbsoluteMechanics(AbstractMechanics):
             gyroscopic = body.angular_momentum(spin).cross(spin)
             loads[name] = wrenches[name] + Wrench(ZERO, gyroscopic)
         accelerations = self.accelerations(self.solved(self.projected(loads))).values()
-        return [part for one in accelerations for part in (*(one.linear + fall), *one.angular)]
+        return [part for a in accelerations for part in (*(a.linear + fall), *a.angular)]
 
+    @override
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces of wrenches, six numbers for each body: since H is the
-        identity, the force, N, in global axes, and the moment, N m, in body axes.
-
-        **Arguments:** `wrenches`: by name of body. A body without an entry gets six zeros, and an
-        entry for the ground is ignored.
-        """
         loads = [wrenches.get(name, NO_WRENCH) for name in self._scene.bodies]
         return [part for load in loads for part in (*load.force, *load.moment)]
 
+    @override
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates of the speeds that generalised forces cause, six for each body: force
-        over mass, m/s^2, and inverse inertia times moment, rad/s^2."""
         rates: Speeds = []
         for name, load in by_body(self._scene, forces).items():
             inverse_mass, inverse_inertia = self._inverses[name]
             rates += [*(load.linear * inverse_mass), *(inverse_inertia @ load.angular)]
         return rates
 
+    @override
     def bias(self, row: Row) -> Scalar:
-        """Return zero.
-
-        In any coordinates, the result is a part of the second time derivative of a constraint row's
-        value: the part due to the accelerations that the bodies have if the rates of all speeds are
-        zero. In absolute coordinates, the bodies then have no accelerations.
-        """
         return 0.0
 
+    @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the acceleration of each body, by name. It consists of the body's six numbers in
-        `rates`, the time derivatives of the speeds."""
         return by_body(self._scene, rates)
 
+    @override
     def variable_rates(self, rates: Speeds) -> Bodies:
-        """Return the time derivatives of each body's variables, by name, as a `BodyState`.
-
-        They are the velocity (of the anchor's body point, if the body has an anchor), the rates of
-        the Euler parameters, and the accelerations in `rates`, six numbers for each body.
-        """
         variable_rates = {}
         for name, acceleration in self.accelerations(rates).items():
             body, anchor = self._variables[name], self.motions[name].anchor
@@ -180,12 +139,9 @@ class AbsoluteMechanics(AbstractMechanics):
             variable_rates[name] = rate
         return variable_rates
 
+    @override
     def after_displacement(self, changes: Speeds) -> Bodies:
-        """Return the variables after a small displacement.
-
-        **Arguments:** `changes`: six numbers for each body, the displacement of the centre of mass
-        in m, in global axes, and a rotation vector in rad, in body axes.
-        """
+        """Return the variables after displacements, m, and rotation vectors, rad, in body axes."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear
@@ -197,9 +153,8 @@ class AbsoluteMechanics(AbstractMechanics):
             bodies[name] = replace(body, position=body.position + shift, orientation=orientation)
         return bodies
 
+    @override
     def after_speed_change(self, changes: Speeds) -> Bodies:
-        """Return the variables with `changes` added to the velocities, m/s, and spins, rad/s, six
-        numbers for each body."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body = self._variables[name]
@@ -209,11 +164,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Convert a list with six numbers for each body to a pair of vectors for each body, by name.
-
-    The numbers need not be accelerations; they can also be forces and moments, or displacements and
-    rotations.
-    """
+    """Convert a list with six numbers for each body to a pair of vectors for each."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)
@@ -221,7 +172,6 @@ def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
 
 
 def _inverse_inertia(body: Body) -> Matrix:
-    """Return the inverse of a body's inertia, 1/(kg m^2), in body axes."""
     if isinstance(body.inertia, Matrix):
         return body.inertia.inverse()
     x, y, z = body.inertia

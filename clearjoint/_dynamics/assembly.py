@@ -1,9 +1,4 @@
-"""Compute and check initial states that satisfy the constraints of a scene in position and
-velocity.
-
-Phi is the vector of the values of all constraint equations, which is zero if the constraints are
-satisfied.
-"""
+"""Compute and check initial states that satisfy the constraints in position and velocity."""
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -69,11 +64,10 @@ that the variables cannot represent is of the order of one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check that scene and state have the right types, that the state has exactly the scene's
-    bodies, and that all its numbers are finite, with Euler parameters of about unit norm (0.9 to
-    1.1). Numbers that JAX traces are not checked.
+    """Check types and names of scene and state, and that the state's numbers are finite and
+    sensible.
 
-    **Raises:** `ValueError` if one of these conditions is not met.
+    **Raises:** `ValueError` if they are not. Numbers that JAX traces are not checked.
     """
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
@@ -85,13 +79,14 @@ def check_names(scene: Scene, state: State) -> None:
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
             require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
-        if (known := checkable(body.orientation)) is not None:
-            (parameters,) = known
+        if (arrays := checkable(body.orientation)) is not None:
+            (parameters,) = arrays
             norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
             # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
-            fine, expected = (norm > 0.9) & (norm < 1.1), "Euler parameters of about unit norm"
+            is_near = (norm > 0.9) & (norm < 1.1)
+            expected = "Euler parameters of about unit norm, scalar part first"
             remedy = "make states with body_state(...), which checks them"
-            require(fine, argument, parameters, f"{expected}, scalar part first", remedy)
+            require(is_near, argument, parameters, expected, remedy)
     for part in ("entry_speeds", "work", "bristles"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
@@ -117,13 +112,12 @@ def assemble(
     returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
 
     Choose `moving` by what the guess says about velocities. Constraints do not determine those of
-    bodies behind a clearance: if a driver turns the crank of a four-bar with a played crank pin
-    and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes them with
-    its whole speed. With `moving=True`, they move as if all joints were ideal.
+    bodies behind a clearance: if a driver turns the crank of a four-bar whose crank pin has
+    clearance and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes
+    them with its whole speed. With `moving=True`, they move as if all joints were ideal.
 
     **Arguments:**
 
-    - `scene`: the mechanism; `state`: the guess, of positions and velocities.
     - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest. They
@@ -142,21 +136,18 @@ def assemble(
 
     **Raises:** `ValueError`
 
-    - if `scene` is no `Scene` or `state` no `State`, if the state's bodies are not those of the
-      scene, if a number of the state is not finite, or if Euler parameters are far from unit norm;
+    - if the state's bodies are not those of the scene, or a number of the state is not finite;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
     - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
       turned too far;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
       prescribe;
-    - if `resting` is a single string;
-    - if a name in `resting` is not that of a clearance joint with a centred position;
-    - if a journal in `resting` has no load across its axis, or its joint has no position of rest
-      (its method `resting_joint` returns ``None``).
+    - if a name in `resting` is not that of a clearance joint with a centred position, or if its
+      journal has no load across its axis.
 
-    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than
-    `STRIKING` of the kinetic energy would be lost if all journals stopped in their bearings.
+    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than a tenth
+    of the kinetic energy would be lost if all journals stopped in their bearings.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -165,13 +156,14 @@ def assemble(
     """
     check_names(scene, state)
     scene, state = with_arrays((scene, state))
-    known = sorted(centring_joints(scene, scene.contact_joints()))
+    with_centre = sorted(centring_joints(scene, scene.contact_joints()))
     require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
     for name in resting:
-        remedy = nearest(name, known, "leave out the others")
-        require(name in known, "resting", name, f"names of clearance joints {known}", remedy)
+        remedy = nearest(name, with_centre, "leave out the others")
+        expected = f"names of clearance joints {with_centre}"
+        require(name in with_centre, "resting", name, expected, remedy)
     # Loads depend on the position, so resting journals are centred first, then moved to the wall.
-    ideal = centring_joints(scene, known if centred else resting)
+    ideal = centring_joints(scene, with_centre if centred else resting)
     state = _in_bearings(scene, ideal, state, t)
     require_centred(scene, state, ideal)
     if resting:
@@ -184,12 +176,12 @@ def assemble(
         require_centred(scene, state, set(ideal) - set(resting))
         entry_speeds = state.entry_speeds | resting_entry_speeds(scene, resting, state, t)
         state = replace(state, entry_speeds=entry_speeds)
-    if not known or moving is False:
+    if not with_centre or moving is False:
         return state
-    held = with_ideal(scene, centring_joints(scene, known) | ideal)
+    all_ideal = with_ideal(scene, centring_joints(scene, with_centre) | ideal)
     driven = _driven(scene, state, t)
     try:
-        mechanism = _satisfying(held, state, t)
+        mechanism = _satisfying(all_ideal, state, t)
         moved = _with_velocities(scene, _with_motion(state, mechanism), t)
     except ValueError as error:
         if moving:
@@ -206,8 +198,7 @@ def assemble(
 
 
 def _driven(scene: Scene, state: State, t: Scalar) -> bool:
-    """Return whether a constraint, such as a driver, moves bodies at time t, s: whether bodies at
-    rest violate its time derivative."""
+    """Return whether a constraint, such as a driver, moves bodies at time t."""
     rest = body_state((0.0, 0.0, 0.0))
     at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
     rates = row_residuals(scene, at_rest, t).rates
@@ -215,7 +206,6 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
 
 
 def _with_motion(state: State, other: State) -> State:
-    """Return the positions of one state with the velocities and spins of another."""
     bodies = {
         name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
         for name, body in state.bodies.items()
@@ -226,10 +216,9 @@ def _with_motion(state: State, other: State) -> State:
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
     """Warn of journals that move relative to their bearings with much of the kinetic energy.
 
-    **Arguments:** `moved`: the state with the nearest velocities, in the metric of the mass matrix,
-    at which all journals rest in their bearings. Stopping the journals thus loses energy.
+    In `moved`, the state with the nearest velocities, all journals rest in their bearings.
     """
-    before, after = (float(_kinetic_energy(scene, each.bodies)) for each in (state, moved))
+    before, after = (float(_kinetic_energy(scene, at.bodies)) for at in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
     caution_unless(
         lost <= STRIKING,
@@ -245,7 +234,6 @@ def _caution_striking(scene: Scene, state: State, moved: State) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
-    """Return the kinetic energy of all bodies, J. In scene and states, vectors are arrays (3,)."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     return system.energies(system.encode(unpack(bodies)), 0.0)["kinetic"]
 
@@ -253,14 +241,9 @@ def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Return the state near a guess that satisfies the constraints of a scene in which ideal joints
-    replace some clearance joints.
+    """Return the state near a guess that satisfies the constraints of a scene with ideal joints.
 
-    Assembly may move further journals out of their bearings. Each of these gets an ideal joint that
-    centres it, until no journal that can be centred is outside.
-
-    **Arguments:** `ideal`: the ideal joints, by name of the clearance joint that each replaces; the
-    further ones are added to this dictionary.
+    Assembly may move further journals out of their bearings, which get ideal joints too.
     """
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
@@ -272,15 +255,7 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return a state near `state` that satisfies the constraints at time t, s.
-
-    It is found by Newton steps, each of which is the smallest correction, in the metric of the mass
-    matrix, that satisfies the linearised constraints. The result is therefore only approximately
-    the nearest state. Entry speeds, work and bristles are unchanged.
-
-    **Raises:** `ValueError` if the iteration does not converge (the message names the worst
-    constraint), or if a joint would hold a wrong orientation (see `require_oriented`).
-    """
+    """Return a state near `state` that satisfies the constraints, by Newton steps."""
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
@@ -297,10 +272,6 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
-    """Return the state with the nearest velocities that satisfy the constraints at time t, s.
-
-    **Raises:** `ValueError` that names the worst constraint if there are none.
-    """
     bodies, t = state.bodies, on_device(t)
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.
@@ -315,9 +286,6 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
     """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`.
 
-    **Arguments:** `names`: of the m constraint equations; `values`: (m,), their values Phi;
-    `rates`: (m,), the time derivatives of Phi, per second.
-
     **Raises:** `ValueError` that names the worst constraint.
     """
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
@@ -328,11 +296,9 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
     """Check that the relative orientation in each fixed and prismatic joint is less than 90 degrees
     from the one that the joint declares.
 
-    The constraint equations of these joints are zero at the declared orientation, but also after a
-    further rotation by half a revolution about x, y or z, or by 120 degrees (a cyclic permutation
-    of the axes). A run that starts from such a wrong orientation would hold it.
-
-    **Arguments:** `cosines`: the result of `cosines_of_turns`.
+    The constraint equations of these joints are also zero after a further rotation by half a
+    revolution about x, y or z, or by 120 degrees (a cyclic permutation of the axes), and a run that
+    starts from such a wrong orientation would hold it.
 
     **Raises:** `ValueError` that names the joint.
     """
@@ -350,11 +316,7 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
-    """Return the cosine of the angle by which the second body is turned away from the declared
-    orientation, for each fixed and prismatic joint by name.
-
-    In scene and states of the bodies, vectors are arrays (3,).
-    """
+    """Return the cosine of the angle from the declared orientation, for joints that declare one."""
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
     if not oriented:
         return {}
@@ -370,15 +332,7 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on the others.
-
-    With such a constraint, rounding errors would determine motion and reactions.
-
-    **Arguments:** `uncertain`: names of constraint equations that nearly depend on others; see
-    `ConstraintReport`.
-
-    **Raises:** `ValueError` if there are any.
-    """
+    """Check that no constraint nearly depends on others: rounding errors would determine motion."""
     expected = "without constraints that nearly depend on the others"
     remedy = (
         "align the points and axes of these joints with the others' exactly, or misalign them by "
@@ -395,32 +349,27 @@ def require_representable(
 ) -> None:
     """Check that coordinates can represent an assembled state, and have at least one variable.
 
-    A state that satisfies all constraints need not be representable. For example, parallel and
-    antiparallel axes both satisfy the constraints of a revolute joint, but its angle as variable
-    represents only parallel axes. The state is converted to the coordinates and back, and must keep
-    its orientations; other differences are not checked.
-
-    **Arguments:** `variables`, `represented`: the result of `round_trip`.
+    Parallel and antiparallel axes, for example, both satisfy the constraints of a revolute joint,
+    but its angle as variable represents only parallel axes. The state, converted to the coordinates
+    and back by `round_trip`, must keep its orientations.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
-        given, found = np.asarray(body.orientation), np.asarray(represented[name])
+        own, converted = np.asarray(body.orientation), np.asarray(represented[name])
         # Euler parameters of opposite sign are the same orientation.
-        apart = min(np.abs(given - found).max(), np.abs(given + found).max())
-        expected = f"one that the coordinates can represent, here {found.tolist()}"
+        apart = min(np.abs(own - converted).max(), np.abs(own + converted).max())
+        expected = f"one that the coordinates can represent, here {converted.tolist()}"
         remedy = "reverse an axis of the joint that carries the body, or use AbsoluteCoordinates()"
         argument = f"state.bodies[{name!r}].orientation"
-        require(bool(apart < REPRESENTED), argument, given, expected, remedy)
+        require(bool(apart < REPRESENTED), argument, own, expected, remedy)
 
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates of a scene have at least one variable.
-
-    A sweep calls this once for all its runs, since the variables depend only on the structure of
-    the scene.
+    """Check that the coordinates of a scene have at least one variable, once for all runs of a
+    sweep.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
@@ -429,12 +378,6 @@ def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates
 
 
 def _require_something_moves(variables: MotionVariables, coordinates: AbstractCoordinates) -> None:
-    """Check that there is at least one variable, so that a run has something to integrate.
-
-    **Arguments:** `coordinates`: those of the variables, named in the message.
-
-    **Raises:** `ValueError` if there is none.
-    """
     moves, kind = bool(jax.tree.leaves(variables)), type(coordinates).__name__
     remedy = "pass coordinates=AbsoluteCoordinates() to find the reactions of a fixed structure"
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
@@ -445,14 +388,8 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
-    """Convert the poses of a state to coordinates, and back.
-
-    If the orientations after the conversion differ from the given ones, the coordinates cannot
-    represent the state (see `require_representable`).
-
-    **Returns:** the variables at rest, and the Euler parameters of the bodies, (4,), by name,
-    converted back from the variables.
-    """
+    """Convert the poses of a state to variables at rest, and these back to Euler parameters,
+    (4,)."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     # No velocity is compared, and structural zeros take no operations.
     resting = {
@@ -467,14 +404,9 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all values or rates of constraints are at most `tolerance` in magnitude.
+    """Check that all residuals are at most `tolerance` in magnitude.
 
-    **Arguments:** `names`: of the m constraint equations; `residuals`: (m,), their values or rates;
-    `tolerance`: in the unit of `residuals`; `quality`: "consistent" for a state that
-    the user gave, "assembled" for one that was computed; `part`: "positions" or "velocities", for
-    the message.
-
-    **Raises:** `ValueError` that names the worst constraint.
+    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one.
     """
     if residuals.size == 0:
         return
@@ -497,11 +429,5 @@ def _corrected(
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    """Return the states of the bodies, by name, after one correction towards the constraints.
-
-    **Arguments:** `projection`: the method of `System` that corrects the variables, either
-    `project_positions` or `project_velocities`; `bodies`: the states before, by name; `t`: s, time
-    at which the constraints are evaluated.
-    """
     system = System(unpack(scene), formulation)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

@@ -1,14 +1,8 @@
 """Breakpoints: declared times at which elements of a scene change abruptly, and at which steps end.
 
-An element declares its breakpoints, in s, by its method `breakpoints`. In a step that ends at a
-breakpoint, the element is evaluated just before the breakpoint, and in a step that starts there,
-just after it. Therefore it does not matter whether the element compares time with < or <=. "Just
-before" and "just after" mean by a few rounding errors of the time. A breakpoint at infinity, as of
-an element that is never switched off, has no effect.
-
-A `System` is a scene with a formulation of its equations of motion. It has its own clock, which is
-zero at its `origin`, a time of the scene. Times named t are in s on this clock; breakpoints are
-times of the scene.
+In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
+starts there, just after it, so that it does not matter whether the element compares time with < or
+<=. Times named t are on the clock of the system; breakpoints are times of the scene.
 """
 
 import math
@@ -36,8 +30,7 @@ SHORTEST = 1e-12
 """s: the rounding error of a breakpoint is taken to be at least that of this time, so that it is
 positive also for a breakpoint at zero. This time is much shorter than any step."""
 FEW = 8
-"""Number of times up to which those of a table are compared one by one, and not found by
-bisection."""
+"""Number of times up to which those of a table are compared one by one, without a search."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
@@ -51,11 +44,7 @@ intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
-    """Return the breakpoints, s, of each joint or force that has any, by the name of the element.
-
-    Each value is a list of numbers, of arrays of any shape with one entry at least, and of
-    `Increasing` arrays.
-    """
+    """Return the breakpoints of each joint or force that has any, without empty arrays."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {
         name: [
@@ -76,24 +65,17 @@ def _is_increasing(node: PyTree) -> bool:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint that is after the time t by more than rounding errors, s, on the
-    same clock as t.
+    """Return the first breakpoint after the time t by more than rounding errors, on the clock of t.
 
-    The result is infinity if no breakpoint is after t, and ``None`` if no element of the scene has
-    a breakpoint.
+    The result is infinity if no breakpoint is after t, and ``None`` if no element has a breakpoint.
     """
     soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
     return None if soonest is None else system.own_time(soonest)
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """Return the time at which elements are evaluated for the time t in a step that begins at
-    `start`.
-
-    The result is t, clipped to the open interval between the last breakpoint that is not after
-    `start` and the next one. At a breakpoint, an element thus has the value that holds inside of
-    the step. All times are on the clock of the system.
-    """
+    """Return the time t, clipped to the open interval of breakpoints in which a step begins at
+    `start`, since elements have the values there that hold inside of the step."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -108,17 +90,10 @@ def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
     """Return, for each element with breakpoints, whether a step ends at one of them, and the time
-    in s from this breakpoint to the end of the step.
+    in s from this breakpoint (or the mean of equal ones in a table) to the end of the step.
 
-    Callers end steps at breakpoints, so that a breakpoint after the start and not after the end of
-    a step is at its end. The returned time is then zero except for rounding; it is exactly zero if
-    the step ends at no breakpoint. The time is needed for its derivatives by the parameters on
-    which the breakpoint depends. If several breakpoints are at the end of the step, such as equal
-    ones in a table, the returned time is the mean of the times since each of them.
-
-    **Arguments:** `start`, `t`: start and end of the step, s, on the clock of the system.
-
-    **Returns:** a pair (condition, time) by the name of the element.
+    The time is zero except for rounding. It is needed for its derivatives by the parameters on
+    which the breakpoint depends.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -145,18 +120,10 @@ def drivers_are_smooth(
     """Return whether all drivers (constraints that depend on time) are smooth over a step, or
     ``None`` if there are no drivers.
 
-    A driver counts as smooth if, within a tolerance, the change of its value equals the integral of
-    its rate, and the change of its rate equals the integral of its second time derivative. This
-    test is needed because the equations of motion use only the second time derivative of a driver,
-    at the solver's stages. A kink or jump between two stages would have no effect on them: error
-    estimates would not show it, and the run would continue with the old speed.
-
-    **Arguments:**
-
-    - `variables`: motion variables, of which only the position is used. All bodies are taken to be
-      at rest, so that only time changes the constraints.
-    - `start`, `end`: of the step, s, on the clock of the system.
-    - `rtol`: tolerance relative to the driver's speed over the step.
+    A driver is smooth if the change of its value equals the integral of its rate, and the change of
+    its rate that of its second time derivative, within `rtol` relative to its speed. The equations
+    of motion use only the second time derivative, at the solver's stages. A kink or jump between
+    them would not show in error estimates, and the run would continue with the old speed.
     """
 
     # The rows are evaluated at eight times, and traced once for all of them.
@@ -196,15 +163,13 @@ def drivers_are_smooth(
         change = integral([jnp.abs(second) for second in seconds])
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
-        fine = jnp.abs(rate) <= allowed + ROUNDED_RATE
-        fine &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
-        smooth = fine if smooth is None else smooth & fine
+        is_smooth = jnp.abs(rate) <= allowed + ROUNDED_RATE
+        is_smooth &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
+        smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
 
 
 def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
-    """Return whether a breakpoint `at` is after the time t of the scene, both in s, by more than
-    rounding."""
     return at > t + _rounding(system, at)
 
 
@@ -239,24 +204,19 @@ def _extreme(
     function: Callable[[jax.Array], jax.Array],
     after: bool,
 ) -> Scalar | None:
-    """Return the least value, s, of a function at the breakpoints after the time t of the scene, or
-    its largest value at those that are not after it.
-
-    Without such breakpoints the value is infinite, and it is ``None`` if the scene has none at all.
-    It is not differentiated, since the solution does not depend on where steps end.
-
-    **Arguments:** `function`: an increasing function of one breakpoint, or of an array of them
-    element by element; `after`: whether the breakpoints after t are meant.
-    """
+    """Return the least value of an increasing function at the breakpoints after the time t of the
+    scene, or without `after` its largest value at the others; infinite if there are none of these,
+    and ``None`` if the scene has no breakpoints. It is not differentiated, since the solution does
+    not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():
-        for one in times:
-            instants = one.times if isinstance(one, Increasing) else one
+        for table in times:
+            instants = table.times if isinstance(table, Increasing) else table
             at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
-            if isinstance(one, Increasing):
+            if isinstance(table, Increasing):
                 # Since the function increases, its value at the nearest breakpoint is the extreme.
-                passed, count = _passed(system, one, t), len(at)
+                passed, count = _passed(system, table, t), len(at)
                 index, exists = (passed, passed < count) if after else (passed - 1, passed > 0)
                 nearest = function(at[jnp.clip(index, 0, count - 1)])
                 value = jnp.where(exists, nearest, none)

@@ -1,19 +1,7 @@
-"""Bristle deflections in the course of a run: initial values, rates, and corrections after each
-step.
+"""Bristle deflections in the course of a run: initial values, rates, and corrections after steps.
 
-Bristles are a model of friction that can stick: the surfaces of a contact deflect against each
-other like bristles, and the friction depends on this deflection, a vector in m in the axes of the
-joint's first body, which is integrated with the motion. The deflection is zero while the contact is
-open, that is, without a force.
-
-If steps end at the onsets of contacts, no force and no deflection is computed between an onset and
-the end of the step, a time tau later. The bristles have been dragged for this time, and get the
-deflection slip velocity times tau. Here tau is zero except for rounding, but its derivative is not,
-and derivatives of the motion need it. If steps do not end at onsets, force and deflection are
-computed from the onset on, and no such correction is made.
-
-Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
-`family` is the inner dictionary of one joint.
+Bristles model friction that can stick by a deflection of the surfaces of a contact against each
+other, which is integrated with the motion.
 """
 
 import jax
@@ -29,15 +17,13 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return a deflection, m, for each contact with a bristle law, by joint and contact label: the
-    one in `given` if there is one, otherwise zero."""
+    """Return the deflection in `given` for each contact with a bristle law, or zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
 
 def bristle_rates(dynamics: Dynamics) -> Bristles:
-    """Return the rates of all bristle deflections, m/s, by joint and contact label, from the solved
-    equations of motion."""
+    """Return the rates of all bristle deflections, m/s, from the solved equations of motion."""
     rates: Bristles = {}
     for name, family in dynamics.contact_forces.items():
         for label, force in family.items():
@@ -47,12 +33,7 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the approximate deflection in steady sliding, m, of each contact with bristles, by
-    joint and contact label.
-
-    Error control of steps uses it as the scale of the deflections. Each result is a vector with
-    this value in x, y and z.
-    """
+    """Return the deflection in steady sliding of each contact, the scale of deflections."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)
@@ -69,19 +50,12 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the bristle deflections after an accepted step, m, in the axes of the joint's first
-    body, by joint and contact label.
+    """Return the bristle deflections after an accepted step.
 
-    An open contact gets zero. If steps end at onsets, a contact that began in the step and whose
-    penetration still grows gets its displacement since the onset added: slip velocity times the
-    time since the onset, which is depth over rate. Any other contact keeps its deflection.
-
-    **Arguments:**
-
-    - `bristles`: deflections as integrated over the step, m.
-    - `motions`: pose and velocities of each body at the end of the step.
-    - `before`, `after`: contact gaps at the start and at the end of the step.
-    - `lands`: whether steps end at onsets.
+    An open contact gets zero. If steps end at onsets (`lands`), no force and no deflection is
+    computed between an onset and the end of the step. A contact that began in the step then gets
+    the displacement since its onset, slip velocity times the time since then. This time is zero
+    except for rounding, but its derivative, which derivatives of the motion need, is not.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}

@@ -1,9 +1,5 @@
-"""Values, rank and redundancy of a scene's constraints in a given state.
-
-Ideal joints and drivers, and clearance joints that hold their journal axially, contribute rows:
-scalar constraint equations Phi = 0 with a Jacobian. A row is redundant if it depends linearly on
-other rows.
-"""
+"""Values, rank and redundancy of a scene's constraint rows, scalar equations Phi = 0, in a
+state."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -46,18 +42,16 @@ class ConstraintReport:
     """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
     bodies.
 
-    - `bodies`: names of the bodies, in the scene's order.
     - `names`: m strings, each "joint: label", in the scene's order of joints.
-    - `values`: (m,), Phi, in m, rad or without unit.
-    - `rates`: (m,), time derivatives of Phi, m/s, rad/s or 1/s.
+    - `values`: (m,), Phi, in m, rad or without unit; `rates`: (m,), their time derivatives.
     - `jacobian`: (m, v), derivatives of the rates by the velocity (m/s, global) and the spin
       (rad/s, body axes) of each body, in the order of `bodies`.
     - `redundant`: names of the rows that depend linearly on rows before them.
     - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
       such rows, since rounding errors would determine its reactions.
 
-    The other fields describe all rows, but `redundant` and `uncertain` leave out those that the
-    argument `coordinates` of `constraint_report` eliminates.
+    `redundant` and `uncertain` leave out the rows that the argument `coordinates` of
+    `constraint_report` eliminates.
     """
 
     bodies: tuple[str, ...]
@@ -69,8 +63,7 @@ class ConstraintReport:
     uncertain: tuple[str, ...]
 
     def columns(self, bodies: Sequence[str]) -> Float[np.ndarray, "m v"]:
-        """Return the columns of `jacobian` that belong to some bodies, six for each, in the order
-        of their names."""
+        """Return the columns of `jacobian` that belong to some bodies, six for each."""
         return self.jacobian[:, _columns(self.bodies, bodies)]
 
     def degrees_of_freedom(self) -> int:
@@ -81,17 +74,11 @@ class ConstraintReport:
 def constraint_report(
     scene: Scene, state: State, t: Scalar = 0.0, coordinates: AbstractCoordinates | None = None
 ) -> ConstraintReport:
-    """Evaluate the constraints of a scene in a state, and find the redundant ones.
+    """Evaluate the constraints of a scene in a state, and find the redundant ones: those that
+    depend linearly on constraints before them, at time `t`, s.
 
-    **Arguments:**
-
-    - `scene`, `state`: the mechanism, and positions and velocities of its bodies.
-    - `t`: s, time at which constraints that depend on time are evaluated.
-    - `coordinates`: if given, redundancy is determined among the constraint equations that these
-      coordinates do not eliminate; by default among all of them. An equation is redundant if it
-      depends linearly on those before it and on those that are eliminated.
-
-    **Returns:** a `ConstraintReport`.
+    With `coordinates`, redundancy is determined among the constraint equations that these
+    coordinates do not eliminate; by default among all of them.
 
     >>> report = cj.constraint_report(*cj.mechanisms.bricard())
     >>> report.degrees_of_freedom(), len(report.redundant)
@@ -103,7 +90,13 @@ def constraint_report(
     redundant, uncertain = dependent(rows.names, rows.left, {})
     assert rows.jacobian is not None
     return ConstraintReport(
-        rows.bodies, rows.texts(), rows.values, rows.rates, rows.jacobian, redundant, uncertain
+        bodies=rows.bodies,
+        names=rows.texts(),
+        values=rows.values,
+        rates=rows.rates,
+        jacobian=rows.jacobian,
+        redundant=redundant,
+        uncertain=uncertain,
     )
 
 
@@ -116,28 +109,21 @@ def _text(row: RowName) -> str:
 
 
 def _columns(bodies: Sequence[str], wanted: Iterable[str]) -> list[int]:
-    """Return the indices of the speeds of the `wanted` bodies among those of all `bodies`."""
     return [6 * bodies.index(name) + k for name in wanted for k in range(6)]
 
 
 class StartRows(NamedTuple):
     """Constraint rows of a scene in an initial state, as arrays, for the checks before a run.
 
-    Let m be the number of all rows, n that of the rows which the coordinates do not eliminate, s
-    that of the coordinates' speeds, and v six times the number of bodies.
-
-    - `values`, (m,), and `rates`, (m,): of all rows, as in `ConstraintReport`; `all_names`: their
-      names.
-    - `names`: of the n rows that remain.
-    - `left`: (n, s), derivatives of the rates of these rows by the coordinates' speeds, each row
-      divided by the norm of the same row of `jacobian`.
-    - `jacobian`: (m, v), of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
+    - `values`, `rates`, `all_names`: of all m rows, as in `ConstraintReport`.
     - `bodies`: names of the bodies in the order of the columns of `jacobian`.
+    - `names`: of the n rows which the coordinates do not eliminate.
+    - `left`: (n, speeds of the coordinates), derivatives of the rates of these rows by the speeds,
+      each row divided by the norm of the same row of `jacobian`.
+    - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
 
-    Arrays without rows have the shape (0,).
-
-    Rows and columns are in the order of the names, not in that of the scene, if JAX or native code
-    has made them; see `in_order_of`.
+    Arrays without rows have the shape (0,). If JAX or native code has made the rows, rows and
+    columns are in the order of the names; `in_order_of` restores that of the scene.
     """
 
     values: np.ndarray
@@ -153,12 +139,8 @@ class StartRows(NamedTuple):
         return tuple(map(_text, self.all_names))
 
     def in_order_of(self, scene: Scene) -> "StartRows":
-        """Return the rows in the scene's order of joints, and the columns of `jacobian` in its
-        order of bodies, as NumPy arrays without a further first axis.
-
-        The order determines which of several dependent rows count as redundant: those that depend
-        on rows before them. So this does not depend on names.
-        """
+        """Return the rows in the scene's order of joints, and the columns in its order of bodies,
+        so that it does not depend on names which of several dependent rows count as redundant."""
         every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
         bodies, jacobian = tuple(scene.bodies), self.jacobian
         if jacobian is not None:
@@ -166,29 +148,24 @@ class StartRows(NamedTuple):
             jacobian = np.asarray(jacobian).reshape(len(every), 6 * len(bodies))
             jacobian = jacobian[every][:, _columns(self.bodies, bodies)]
         return StartRows(
-            np.asarray(self.values)[every],
-            np.asarray(self.rates)[every],
-            tuple(self.all_names[k] for k in every),
-            bodies,
-            tuple(self.names[k] for k in remaining),
-            np.asarray(self.left)[remaining],
-            jacobian,
+            values=np.asarray(self.values)[every],
+            rates=np.asarray(self.rates)[every],
+            all_names=tuple(self.all_names[k] for k in every),
+            bodies=bodies,
+            names=tuple(self.names[k] for k in remaining),
+            left=np.asarray(self.left)[remaining],
+            jacobian=jacobian,
         )
 
 
 def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
-    """Return the indices of rows in the scene's order of joints; rows of the same joint keep their
-    order."""
+    """Return the indices of rows in the scene's order of joints."""
     rank = {name: k for k, name in enumerate(scene.joints)}
     return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all constraint rows in a state at time t, s, in the scene's order.
-
-    Unlike a `ConstraintReport`, whose Jacobian and redundant rows take time that grows with the
-    cube of the number of bodies, they take time that grows with this number.
-    """
+    """Return values and rates of all constraint rows, in linear time by the number of bodies."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 
@@ -200,15 +177,11 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return all constraint rows in an initial state at time t, s, and those that `coordinates` do
-    not eliminate; none of the latter without `coordinates`. Scene and state have vectors as arrays
-    (3,).
+    """Return all constraint rows in an initial state, and those that `coordinates` do not
+    eliminate.
 
-    The rows of the arrays in `StartRows` are in the order of its tuples `all_names` and `names`.
-    A dictionary would lose the order, since JAX sorts its keys.
-
-    **Arguments:** `with_jacobian`: whether to return the field `jacobian`, whose size grows with
-    the square of the number of bodies; `motions`: those of `free_motions`, if they are known.
+    Scene and state have vectors as arrays (3,). The size of `jacobian` grows with the square of the
+    number of bodies; `motions` are those of `free_motions`, if they are known.
     """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
@@ -230,24 +203,29 @@ def start_rows(
         for name, row in _by_name(remaining).items():
             names.append(name)
             left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
-    of_all = _stacked(values), _stacked(rates), tuple(rows), tuple(scene.bodies)
-    return StartRows(*of_all, tuple(names), _stacked(left), jacobian)
+    return StartRows(
+        values=_stacked(values),
+        rates=_stacked(rates),
+        all_names=tuple(rows),
+        bodies=tuple(scene.bodies),
+        names=tuple(names),
+        left=_stacked(left),
+        jacobian=jacobian,
+    )
 
 
 def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
-    """Return pose and velocities of each body and of "ground", by name, of states that may violate
-    the constraints. Vectors are separate scalars."""
+    """Return the motions of states that may violate the constraints."""
     absolute = AbsoluteCoordinates()
     return absolute.motions(scene, absolute.encode(scene, bodies))
 
 
 def _norm(row: Row) -> Scalar:
     """Return the norm of a row's derivatives by the velocities and spins of the bodies; one if they
-    are all zero.
+    are all zero, as in a singular position.
 
     Rows are divided by their norms in absolute coordinates, since a row that the coordinates nearly
-    satisfy must stay small, and count as dependent. A row vanishes in a singular position; it then
-    counts as dependent on the others.
+    satisfy must stay small, and count as dependent.
     """
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
     square = sum(
@@ -257,8 +235,6 @@ def _norm(row: Row) -> Scalar:
 
 
 def _stacked(rows: list[jax.Array]) -> np.ndarray:
-    """Return rows as one array with an additional first axis, or an array of shape (0,) if there
-    are none."""
     return library(rows).stack(rows) if rows else np.zeros(0)
 
 
@@ -274,19 +250,11 @@ start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for the N runs (lanes) of a sweep, with an additional first
-    axis of length N in each array.
+    """Return the result of `start_rows` for the N runs of a sweep, with an additional first axis of
+    length N in each array.
 
-    The names of the rows are the same for all runs.
-
-    **Arguments:**
-
-    - `scene`: one of the scenes.
-    - `varied`: a PyTree like `scene`, with an array of N values for each number that varies, and
-      ``None`` for each number that does not.
-    - `states`: the initial states, with the axis of length N first in each array.
-    - `t`: s, the same for all.
-    - `coordinates`: the coordinates of the runs.
+    `varied` is a PyTree like `scene`, with an array of N values for each number that varies, and
+    ``None`` for each number that does not. `states` have the axis of length N first in each array.
     """
     # `columns` has an entry for each leaf of `arguments`, in their order: the array of its N
     # values, or None if the leaf is the same in all runs.
@@ -321,22 +289,15 @@ def start_rows_of_lanes(
 
 
 def dependent(
-    names: tuple[RowName, ...], rows: np.ndarray, known: dict[bytes, np.ndarray]
+    names: tuple[RowName, ...], rows: np.ndarray, cache: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names "joint: label" of the rows that depend linearly on rows before them, and
-    those of the rows that nearly do.
-
-    **Arguments:**
-
-    - `names`: of the n rows.
-    - `rows`: (n, s), divided by their norms as in `StartRows.left`.
-    - `known`: a cache of the results of `_distances`, by the bytes of `rows`. It is read, and
-      extended if it lacks `rows`. Scenes of a sweep often have equal rows.
-    """
+    """Return the names "joint: label" of the rows, (n, s), that depend linearly on rows before
+    them, and those of the rows that nearly do. `cache` keeps results, since scenes of a sweep often
+    have equal rows."""
     key = rows.tobytes()
-    if key not in known:
-        known[key] = _distances(rows)
-    apart = known[key]
+    if key not in cache:
+        cache[key] = _distances(rows)
+    apart = cache[key]
     redundant = apart < RANK_TOLERANCE
     uncertain = (apart < UNCERTAIN_BELOW) & ~redundant
     texts = [*map(_text, names)]
@@ -344,8 +305,7 @@ def dependent(
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """Return the distance, (n,), of each row of an (n, s) array from the span of the independent
-    rows before it, by Gram-Schmidt orthogonalisation."""
+    """Return the distance of each row from the span of the independent rows before it."""
     basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):

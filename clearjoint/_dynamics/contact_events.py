@@ -1,14 +1,9 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
-A contact is closed while its penetration, measured from the onset of its force, is positive, and
-open otherwise. Its entry speed is its penetration rate at the onset, m/s, on which contact laws
-depend. A step in which a contact begins ends after the onset; only slightly, if the run shortens
-steps to end at onsets (`clearjoint._simulation.step.landing`). The entry speed is therefore the
-rate at the end of the step, corrected by one Newton iteration back to zero penetration. With the
-correction, the value and its derivatives are those at the onset.
-
-Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in the code,
-`family` is the inner dictionary of one joint.
+The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
+ends after the onset, so its entry speed is the rate at the end of the step, corrected by one Newton
+iteration back to zero penetration. With the correction, the value and its derivatives are those at
+the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -38,24 +33,18 @@ a run. Its true depth is then zero, and the sign is due to rounding."""
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class ContactGap:
-    """Penetration of a contact and its rate.
-
-    - `depth`: m, the penetration, measured from the onset of the contact's force; positive if the
-      contact is closed.
-    - `rate`: m/s, time derivative of the penetration.
-    """
+    """Penetration of a contact, measured from the onset of its force, m, and its rate, m/s."""
 
     depth: Scalar
     rate: Scalar
 
 
 ContactGaps: TypeAlias = ByLabel[ContactGap]
-"""A `ContactGap` for each contact, by joint and contact label."""
+"""A `ContactGap` for each contact."""
 
 
 def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
-    """Return penetration and rate of each contact, by joint and contact label, for given motions of
-    the bodies."""
+    """Return penetration and rate of each contact for given motions of the bodies."""
     kinds = Kinds(scene)
     return {
         name: dict(kinds.evaluate(_gaps_of_joint, joint, motions))
@@ -64,7 +53,6 @@ def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
 
 
 def _gaps_of_joint(joint: AbstractContactJoint, motions: Motions) -> list[tuple[str, ContactGap]]:
-    """Return label, penetration and its rate of each contact of a joint."""
     laws = joint.laws()
     return [
         (label, ContactGap(contact.gap.depth + laws[label].onset_offset(), contact.gap.rate))
@@ -73,20 +61,19 @@ def _gaps_of_joint(joint: AbstractContactJoint, motions: Motions) -> list[tuple[
 
 
 def gap_pairs(before: ContactGaps, after: ContactGaps) -> Iterator[tuple[ContactGap, ContactGap]]:
-    """Yield the gaps of each contact at two instants, `before` and `after`."""
+    """Yield the gaps of each contact at two instants."""
     for name, family in before.items():
         for label, start in family.items():
             yield start, after[name][label]
 
 
 def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
-    """Yield the gap of each contact."""
     for family in gaps.values():
         yield from family.values()
 
 
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
-    """Return whether any condition is true, as a boolean of shape ()."""
+    """Return whether any condition is true."""
     any_true = jnp.asarray(False)
     for condition in conditions:
         any_true = any_true | condition
@@ -104,21 +91,13 @@ def initial_entry_speeds(
     given: EntrySpeeds | None = None,
     second_rates: ByLabel[Scalar] | None = None,
 ) -> EntrySpeeds:
-    """Return the entry speeds at the start of a run, m/s, by joint and contact label, of the
-    contacts whose laws use them.
+    """Return the entry speeds at the start of a run of the contacts whose laws use them.
 
-    - An open contact gets zero.
-    - A closed contact with a positive entry speed in `given` keeps it.
-    - A contact that is just beginning (depth positive, but at most `TOUCHING`) gets its penetration
-      rate at the onset, or `SLOWEST` if that is larger.
-    - A deeper contact gets `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact
-      was before the start.
-
-    **Arguments:** `start`: the contact gaps at the start of the run; `given`: known entry speeds,
-    m/s, by joint and contact label. Those of contacts whose laws do not use them are left out, and
-    those of zero count as unknown. `second_rates`: second time derivatives of the depths at the
-    start, m/s^2, on which only the derivatives of the entry speeds depend noticeably; zero if left
-    out.
+    A closed contact with a positive entry speed in `given` keeps it. A contact that is just
+    beginning (depth positive, but at most `TOUCHING`) gets its penetration rate at the onset, and a
+    deeper one `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact was before
+    the start. Only the derivatives of the entry speeds depend noticeably on `second_rates`, the
+    second time derivatives of the depths, m/s^2.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -128,8 +107,8 @@ def initial_entry_speeds(
         # A state inside a step has the entry speeds of the step's start, and its depth is only
         # exact to rounding. Between flight and contact the two may contradict each other: zero is
         # then not the entry speed of the closed contact, for which the force would be elastic.
-        known = (given or {}).get(name, {}).get(label, 0.0)
-        return jnp.where(gap.depth > 0.0, jnp.where(known > 0.0, known, present), 0.0)
+        known_speed = (given or {}).get(name, {}).get(label, 0.0)
+        return jnp.where(gap.depth > 0.0, jnp.where(known_speed > 0.0, known_speed, present), 0.0)
 
     return _for_each_entry_speed(scene, entry_speed)
 
@@ -137,15 +116,14 @@ def initial_entry_speeds(
 def approaches_unknown(
     scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
 ) -> ByLabel[Scalar]:
-    """Return the penetration rate, m/s, at the start of a run, of each closed contact that
-    approaches further and that `initial_entry_speeds` makes elastic because its entry speed is
-    unknown, by joint and contact label; zero for other contacts."""
+    """Return the penetration rate, m/s, of each closed contact that approaches further, and is
+    elastic because its entry speed is unknown; zero for other contacts."""
 
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]
-        known = (given or {}).get(name, {}).get(label, 0.0)
-        numpy = library((gap.depth, gap.rate, known))
-        unknown = (gap.depth > TOUCHING) & numpy.logical_not(known > 0.0)
+        known_speed = (given or {}).get(name, {}).get(label, 0.0)
+        numpy = library((gap.depth, gap.rate, known_speed))
+        unknown = (gap.depth > TOUCHING) & numpy.logical_not(known_speed > 0.0)
         return where(unknown, numpy.maximum(gap.rate, 0.0), 0.0)
 
     return _for_each_entry_speed(scene, rate)
@@ -154,15 +132,11 @@ def approaches_unknown(
 def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
-    """Return the entry speeds at an instant before the end of a step, m/s, by joint and contact
-    label.
+    """Return the entry speeds at an instant before the end of a step.
 
-    They are those of the step's start, except that a contact which began in the step has, from its
-    onset, the entry speed of the step's end. The onset is estimated as in `time_since_onset`.
-    Within `TOUCHING` of the wall, the contact counts as begun.
-
-    **Arguments:** `gaps`: the contact gaps at the end of the step; `left`: s, time from the instant
-    to there; `start`, `end`: the entry speeds at the ends of the step.
+    They are those of the step's `start`, except that a contact which began in the step has, from
+    its onset, the entry speed of the step's `end`. The onset is estimated from the `gaps` at the
+    end of the step; `left` is the time from the instant to there.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -174,11 +148,7 @@ def entry_speeds_inside(
 
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
-    """Return the penetration rate of a contact at its onset shortly before, m/s, estimated from the
-    `gap` and the second time derivative of the depth, m/s^2.
-
-    If the estimate is not positive, the result is the present rate, or `SLOWEST` if that is larger.
-    """
+    """Return the penetration rate of a contact at its onset shortly before."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the
@@ -191,13 +161,10 @@ def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
 
 
 def _at_the_wall(gap: ContactGap) -> Condition:
-    """Return whether the depth of a contact is zero except for rounding."""
     return jnp.abs(gap.depth) <= TOUCHING
 
 
 def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar]) -> EntrySpeeds:
-    """Return the results of a function of joint name and contact label, for all contacts whose laws
-    use the entry speed, by joint and contact label."""
     entry_speeds: EntrySpeeds = {}
     for name, family in scene.laws().items():
         for label, law in family.items():
@@ -207,26 +174,23 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed, by joint and contact label.
+    """Return whether each contact is closed.
 
-    If steps end at contact events, each contact keeps for a whole step the state that this function
-    returns at the step's start. A contact that is open there then has no force in this step, even
-    beyond the wall. The motion in the step is therefore smooth, and the time at which the wall is
-    crossed can be interpolated.
+    If steps end at contact events, each contact keeps this state for a whole step. One that is open
+    at its start has no force even beyond the wall, so that the motion in the step is smooth.
     """
     families = gaps.items()
     return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}
 
 
 def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:
-    """Return whether any contact is open at the first of two instants, `before`, and closed at the
-    second, `after`."""
+    """Return whether any contact is open at the first of two instants, and closed at the second."""
     pairs = gap_pairs(before, after)
     return any_of((start.depth <= 0.0) & (end.depth > 0.0) for start, end in pairs)
 
 
 def changes(before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether any contact is closed at exactly one of two instants, `before` and `after`."""
+    """Return whether any contact is closed at exactly one of two instants."""
     pairs = gap_pairs(before, after)
     return any_of((start.depth > 0.0) != (end.depth > 0.0) for start, end in pairs)
 
@@ -237,11 +201,10 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time, s, from the latest onset of a contact between two instants, `before` and
-    `after`, to the second instant; infinity if no contact begins.
+    """Return the time from the latest onset of a contact between two instants to the second
+    instant; infinity if no contact begins.
 
     It is depth over rate at the second instant, correct to first order, and is not differentiated.
-    If a contact begins whose rate at the second instant is at most `SLOWEST`, the result is zero.
     """
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
@@ -253,18 +216,13 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact begins at the start of a run: it has a positive depth of at most
-    `TOUCHING`."""
+    """Return whether any contact has a positive depth of at most `TOUCHING` at the start of a
+    run."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
 def too_deep(scene: Scene, gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is deeper than the geometry of its joint allows: deeper than the
-    limit, m, that the joint's method `deepest` returns for it. A run ends where this happens. The
-    depth is measured from the onset of the contact's force.
-
-    A contact for which `deepest` has no entry is never too deep.
-    """
+    """Return whether any contact is deeper than the limit `deepest` of its joint."""
     return any_of(
         gaps[name][label].depth > limit
         for name, joint in scene.contact_joints().items()
@@ -279,18 +237,10 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step, m/s, by joint and contact label.
+    """Return the entry speeds after an accepted step.
 
-    A contact that began in the step gets its penetration rate at the onset, estimated from the rate
-    and its time derivative at the end of the step. If this estimate is not positive, the contact
-    gets the rate at the end of the step, or `SLOWEST` if that is larger. An open contact gets zero,
-    and any other contact keeps its entry speed.
-
-    **Arguments:**
-
-    - `entry_speeds`: m/s, before the step.
-    - `before`, `after`: contact gaps at the start and at the end of the step.
-    - `second_rates`: second time derivatives of the depths at the end of the step, m/s^2.
+    A contact that began in the step gets its penetration rate at the onset, an open contact gets
+    zero, and any other contact keeps its entry speed.
     """
 
     def update(name: str, label: str) -> Scalar:

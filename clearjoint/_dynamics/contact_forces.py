@@ -1,10 +1,7 @@
 """Forces of all contacts at one instant: normal force, its elastic part, and friction.
 
-A contact is closed if it has a force. Slip velocities are computed only for joints with friction. A
-friction law with bristles (surfaces that deflect against each other, which models sticking) depends
-on the bristles' deflections, which are integrated with the motion. The rates of the deflections
-follow from the same slip velocity as the force, so both are computed here. Values by joint and
-contact label are nested dictionaries, ``values[joint][contact]``.
+The rates of bristles' deflections follow from the same slip velocity as their force, so both are
+computed here.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -24,13 +21,12 @@ from .._model.scene import Scene
 from .kinds import Kinds
 
 EntrySpeeds: TypeAlias = ByLabel[Scalar]
-"""Entry speed (penetration rate at the onset), m/s, by joint and contact label, of each contact
-whose law uses it; zero while the contact is open."""
+"""Penetration rate at the onset, m/s, of contacts whose laws use it; zero for an open contact."""
 Closed: TypeAlias = ByLabel[Condition]
-"""Whether each contact is closed, by joint and contact label."""
+"""Whether each contact is closed: has a force."""
 Bristles: TypeAlias = ByLabel[Vector]
-"""Deflection of each contact's bristles, m, by joint and contact label, in the axes of the joint's
-first body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
+"""Deflection of each contact's bristles, m, in the axes of the joint's first body; zero while the
+contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
 """Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch."""
@@ -41,12 +37,10 @@ INSIDE = 1e-300
 class LoadedContact:
     """A contact with its forces.
 
-    - `contact`: geometry.
     - `normal_force`: N, including damping, positive if it pushes the bodies apart.
     - `elastic_force`: N, the part of the normal force without damping.
     - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
-    - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body; ``None``
-      without bristles.
+    - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body.
     - `friction_moment`: on the second body about the normal, N m; ``None`` except for friction
       between two flat faces, whose contact has a `face_radius`, the mean radius of the faces, m.
     """
@@ -66,18 +60,12 @@ def contact_forces(
     closed: Closed | None = None,
     bristles: Bristles = NO_BRISTLES,
 ) -> ByLabel[LoadedContact]:
-    """Return the forces of all contacts, by joint and contact label.
+    """Return the forces of all contacts.
 
-    **Arguments:**
-
-    - `motions`: pose and velocities of each body.
-    - `entry_speeds`: m/s, by joint and contact label. If `closed` is given, a closed contact whose
-      entry speed is zero is treated as elastic, like a contact that exists at the start of a run.
-      If `closed` is ``None``, the present penetration rate replaces an entry speed of zero.
-    - `closed`: whether each contact has a force, whatever its depth (see `contact_force`); if
-      ``None``, the contacts that penetrate have one.
-    - `bristles`: deflections, m, of the contacts with bristle laws, in the axes of the joint's
-      first body.
+    `closed` says whether each contact has a force, whatever its depth (see `contact_force`); if
+    ``None``, the contacts that penetrate have one. An entry speed of zero makes a closed contact
+    elastic, like one that exists at the start of a run; if `closed` is ``None``, the present
+    penetration rate replaces it.
 
     **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
     contact, or if the contact has a `face_radius`.
@@ -105,8 +93,6 @@ def _forces_of_joint(
     closed: Mapping[str, Condition] | None,
     bristles: Mapping[str, Vector],
 ) -> list[tuple[str, LoadedContact]]:
-    """Return label and forces of each contact of a joint. The arguments are those of
-    `contact_forces`, by label of the contact."""
     laws, forces = joint.laws(), []
     for label, contact in joint.contacts(motions).items():
         entry_speed = entry_speeds[label] if laws[label].uses_entry_speed else None
@@ -115,8 +101,10 @@ def _forces_of_joint(
             # The present penetration rate cannot replace a missing entry speed, because it
             # differs between the stages of a step.
             entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
-        given = contact, entry_speed, is_closed, motions, bristles
-        forces.append((label, contact_force(joint, label, laws[label], *given)))
+        loaded = contact_force(
+            joint, label, laws[label], contact, entry_speed, is_closed, motions, bristles
+        )
+        forces.append((label, loaded))
     return forces
 
 
@@ -131,13 +119,9 @@ def contact_wrenches(
     """Yield name and wrench of each body, other than the ground, on which one contact of a joint
     acts.
 
-    With a friction moment, each body is yielded twice: the moment has its own wrench.
-
-    **Arguments:** `normal_force`: N, positive if it pushes the bodies apart; `friction`: force on
-    the second body, N, in global axes, or ``None``; `motions`: pose and velocities of each body;
-    `friction_moment`: on the second body about the normal, N m, or ``None``. For a contact that
-    acts as a couple (see `Contact.turning`), `friction` and `friction_moment` are ignored; for the
-    friction of an ideal hinge (see `Contact.lever`), the normal force is.
+    With a friction moment, each body is yielded twice. For a contact that acts as a couple (see
+    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
+    `Contact.lever`), the normal force is.
     """
     first, second = joint.pair()
     if contact.turning is not None:
@@ -185,31 +169,16 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the forces of one contact of a joint.
+    """Return the forces of one contact of a joint, with the arguments and errors of
+    `contact_forces`.
 
     Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
     the force jumps at the wall, the force of a closed contact is continued past the wall as an odd
     function: at a distance d outside, it pulls by as much as it pushes at the depth d inside. If
-    the force itself also jumps at the wall, from zero to F, the forces at these two places have the
-    sum 2 F instead of zero. The reason for the continuation is that a step ends where the contact
-    ends, so that stages of the step lie on both sides of the wall. If the force had a kink between
-    them, the error estimate of the derivatives would reject every step.
-
-    **Arguments:**
-
-    - `label`: of the contact in the joint.
-    - `law`: contact law for the normal force.
-    - `contact`: geometry at this instant.
-    - `entry_speed`: m/s; ``None`` if the law does not use it. It is positive if `closed` is given;
-      otherwise it may be zero, which stands for the present penetration rate.
-    - `closed`: whether the contact has a force, whatever its depth; if ``None``, it has one if it
-      penetrates.
-    - `motions`: pose and velocities of each body.
-    - `bristles`: deflections of the joint's contacts, m, by label, in the axes of the joint's first
-      body.
-
-    **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
-    contact, or if the contact has a `face_radius`.
+    the force itself jumps there from zero to F, the forces at these two places have the sum 2 F.
+    The reason is that a step ends where the contact ends, so that its stages lie on both sides of
+    the wall. A kink of the force between them would let the error estimate of the derivatives
+    reject every step.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -248,12 +217,11 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces, N.
+    """Return a contact with its forces.
 
     The slip of two flat faces has a component along the normal: their relative spin about it times
-    the mean radius of the faces. The friction that a law returns for this slip has a component
-    along the normal too. This component times the radius is the moment of friction about the
-    normal.
+    the mean radius of the faces. So has the friction that a law returns for this slip; its
+    component times the radius is the moment of friction about the normal.
     """
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
@@ -266,17 +234,7 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force of a contact at a gap, N, which for a closed contact is continued past the
-    wall, the onset of the law's force.
-
-    **Arguments:**
-
-    - `force`: function that returns the law's normal force or its elastic part, N, at a gap.
-    - `closed`: whether the contact is closed. An open contact has no force. If the slope of the
-      law's force jumps at the wall, the force of a closed contact outside the wall is the point
-      reflection, about the wall, of the force inside; a force without a kink needs no continuation.
-      With ``None`` the result is `force` at the gap.
-    """
+    """Return a force that is continued past the wall of a closed contact; see `contact_force`."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():
@@ -294,10 +252,8 @@ def _continued(
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
     """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
 
-    At the onset the depth is minus `onset_offset`, since the force may begin while the surfaces are
-    still apart. Exactly there the law has no force yet. The returned depth is therefore slightly
-    larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero. The force at
-    this depth is practically the jump of the force at the onset.
+    Exactly at the onset, at the depth minus `onset_offset`, the law has no force yet. The depth is
+    slightly larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero.
     """
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)
@@ -306,11 +262,7 @@ def depth_at_wall(law: AbstractContactLaw) -> Scalar:
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Return the friction on the second body, N, and the rate of the bristles' deflection, m/s,
-    both in global axes.
-
-    **Arguments:** `deflection`: m, in global axes; `normal_force`: N.
-    """
+    """Return the friction on the second body and the rate of deflection, both in global axes."""
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     # The ratio is the friction, with opposite sign, divided by the normal force.

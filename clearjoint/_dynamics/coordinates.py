@@ -6,8 +6,7 @@ the velocities (m/s, global) and spins (rad/s, body axes) of all bodies, and u t
 coordinates, so that V = H u. The equations of motion in the speeds are H^T M H u' = H^T (F - M H' u
 - gyroscopic terms), where M is the matrix of masses and inertias, F are the forces (including
 weights) and moments on the bodies, and ' is the time derivative. A constraint with the Jacobian J
-by V has the Jacobian J H by u. Rates are time derivatives, so u' are the rates of the speeds. Force
-and moment on a body together are a wrench.
+by V has the Jacobian J H by u. Force and moment on a body together are a wrench.
 
 `JointCoordinates` solve for other unknowns r, which are linear combinations of the u'. In lists of
 rates of the type `Speeds`, r takes the place of u', and H is then the matrix with V' = H r + terms
@@ -34,20 +33,15 @@ MotionVariables: TypeAlias = PyTree
 """Positions and speeds in some coordinates: a PyTree of scalars, whose structure depends on the
 coordinates. The time derivative of the variables has the same structure."""
 Wrenches: TypeAlias = dict[str, Wrench]
-"""Wrench on each body, by the body's name."""
 Speeds: TypeAlias = list[Scalar]
-"""A list with one scalar for each speed u of the coordinates, in their order. The scalars are rates
-of the speeds, generalised forces, or changes of speeds or positions, as each function says."""
+"""One scalar for each speed u: rates, generalised forces, or changes of speeds or positions."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class BodyAcceleration:
-    """Acceleration of one body.
-
-    - `linear`: m/s^2, of the centre of mass, in global axes.
-    - `angular`: rad/s^2, time derivative of the spin, in body axes.
-    """
+    """Acceleration of the centre of mass, m/s^2, global, and rate of the spin, rad/s^2, body
+    axes."""
 
     linear: Vector
     angular: Vector
@@ -57,8 +51,8 @@ class AbstractMechanics(abc.ABC):
     """Equations of motion of a scene at one instant, in the speeds u of some coordinates.
 
     The matrix H maps the speeds to the velocities and spins of the bodies, and M is the matrix of
-    their masses and inertias (see the module). `motions` contains pose and velocities of each body
-    and of "ground", by name. Each method computes only what it returns.
+    their masses and inertias. `motions` contains pose and velocities of each body and of "ground".
+    Values of bodies are dictionaries by name.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -72,69 +66,50 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates of the speeds that gravity and given wrenches cause, without the
+        """Return the rates of the speeds that gravity and a wrench on each body cause, without the
         reactions of constraints.
 
-        The joints that the coordinates eliminate connect the bodies in trees. If no such joint
-        connects a tree with the ground, gravity accelerates all bodies of the tree alike. The rates
-        of this tree may then be relative to free fall: they leave gravity out, and `accelerations`
-        and `variable_rates` add it.
-
-        **Arguments:** `wrenches`: one for each body, by name.
+        The rates of a tree of bodies without an eliminated joint to the ground may be relative to
+        free fall: they leave gravity out, and `accelerations` and `variable_rates` add it.
         """
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return H^T times the wrenches on the bodies: one generalised force for each speed.
 
-        **Arguments:** `wrenches`: by name of body; an entry for the ground is ignored, and a body
-        without an entry has no wrench. The `jacobian` of a constraint's `Row` may also be given;
-        the result is then the row's Jacobian by the speeds.
+        An entry for the ground is ignored, and a body without an entry has no wrench. The
+        `jacobian` of a constraint's `Row` may also be given; the result is then the row's Jacobian
+        by the speeds.
         """
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
-        """Return (H^T M H)^-1 times `forces`: the rates of the speeds that generalised forces, one
-        for each speed, cause."""
+        """Return (H^T M H)^-1 times generalised forces: the rates that they cause."""
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations H' u, which the bodies have if u' = 0.
+        """Return the row's Jacobian times the accelerations H' u, which the bodies have if u' = 0
+        (with gravity, if the rates are relative to free fall).
 
-        It is a part of the second time derivative of the constraint row's value. The part that
-        remains without accelerations of the bodies is the row's own `bias`, and is not included. If
-        the rates u' are relative to free fall, the accelerations at u' = 0 include gravity, and so
-        does the result.
+        It is the part of the second time derivative of the row's value that is not in the row's
+        `bias`.
         """
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the acceleration of each body, by name, for given rates of the speeds."""
+        """Return the acceleration of each body for given rates of the speeds."""
 
     @abc.abstractmethod
     def variable_rates(self, rates: Speeds) -> MotionVariables:
-        """Return the time derivatives of the variables for given rates of the speeds.
-
-        The result has the structure of the variables, with each variable replaced by its time
-        derivative.
-        """
+        """Return the time derivatives of the variables for given rates of the speeds."""
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after a small displacement along each speed, m or rad.
-
-        A displacement is a velocity times a short time. The speeds stay the same. The projection of
-        positions onto the constraints calls this method.
-        """
+        """Return the variables after a small displacement along each speed, m or rad."""
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
-        """Return the variables with a change, m/s or rad/s, added to each speed. The positions stay
-        the same.
-
-        The projection of velocities onto the constraints calls this method, and so do time-stepping
-        methods, which add the effect of impulses.
-        """
+        """Return the variables with a change, m/s or rad/s, added to each speed."""
 
 
 class AbstractCoordinates(eqx.Module):
@@ -151,10 +126,7 @@ class AbstractCoordinates(eqx.Module):
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:
         """Return the names of the ideal joints that need no constraint, because these coordinates
-        can represent only motions that satisfy them.
-
-        All other ideal joints remain constraints.
-        """
+        can represent only motions that satisfy them. All other ideal joints remain constraints."""
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
@@ -169,7 +141,7 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def motions(self, scene: Scene, variables: MotionVariables) -> Motions:
-        """Return pose and velocities of each body and of "ground", by name."""
+        """Return pose and velocities of each body and of "ground"."""
 
     @abc.abstractmethod
     def mechanics(self, scene: Scene, variables: MotionVariables) -> AbstractMechanics:
@@ -189,18 +161,15 @@ class AbstractCoordinates(eqx.Module):
     def with_speeds(
         self, scene: Scene, variables: MotionVariables, others: MotionVariables
     ) -> MotionVariables:
-        """Return variables with the positions of `variables` and the speeds of `others`.
-
-        Time-stepping methods that advance positions and speeds separately call it.
-        """
+        """Return variables with the positions of `variables` and the speeds of `others`."""
 
     def rotation_rates(self, scene: Scene, variables: MotionVariables) -> dict[str, Scalar]:
-        """Return how fast bodies rotate relative to the bodies that carry them, rad/s, positive, by
-        name, for rotations that have no integration error if they are uniform.
+        """Return how fast bodies rotate relative to the bodies that carry them, rad/s, positive;
+        the default is an empty dictionary.
 
-        Runs limit these rotations in a step where they search steps for events. The variables of
-        these bodies, by name, must have an attribute `position`. The default is an empty
-        dictionary: the integration error of Euler parameters limits the rotation in a step.
+        Runs limit the rotation in a step where they search steps for events, for rotations that
+        have no integration error if they are uniform. The variables of these bodies must have an
+        attribute `position`.
         """
         return {}
 
@@ -211,13 +180,11 @@ class AbstractCoordinates(eqx.Module):
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return the two points of the `Anchor` of each body that has one, by name of body.
+    """Return the points of the `Anchor` of each body that has one: on the body, m in body axes, and
+    on the ground, m. Of several anchored joints of a body, the first counts.
 
-    A body with a clearance joint to the ground may have an anchor, the centres of journal and
-    bearing. The vector between these two points, as a variable, keeps digits that a difference of
-    global positions would lose. Each value is a pair: the point on the body, m in body axes, and
-    the fixed point of the ground near it, m in global coordinates. A body with several anchored
-    joints gets the points of the first.
+    The vector between them, as a variable, keeps digits that a difference of global positions would
+    lose.
     """
     points = {}
     for joint in scene.contact_joints().values():
@@ -228,15 +195,8 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
-    """Return the motion of a free body whose variables are a `BodyState`.
-
-    **Arguments:**
-
-    - `body`: variables; ``body.position``, m, is the centre of mass or, with an anchor, the vector
-      from the anchor's ground point to its body point.
-    - `anchor`: body point, m in body axes, and ground point, m, as `anchors` returns them; or
-      ``None``.
-    """
+    """Return the motion of a free body whose position, m, is the centre of mass or, with an
+    `anchor` (see `anchors`), the vector from the anchor's ground point to its body point."""
     rotation = rotation_matrix(body.orientation)
     if anchor is None:
         return Motion(body.position, rotation, body.velocity, body.spin)

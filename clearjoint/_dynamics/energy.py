@@ -1,10 +1,6 @@
-"""Energies of a scene, and powers of its energy ledger.
+"""Energies of a scene, J, and powers of its energy ledger, W, which a run integrates.
 
-The ledger consists of powers, W, which a run integrates to energies, J. Terms that a scene cannot
-have, such as friction without friction laws, are not computed, and are absent from the returned
-dictionaries and from the compiled program. A row is one scalar constraint equation. Values by joint
-and label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code,
-`family` is the inner dictionary of one joint.
+Terms that a scene cannot have are absent from dictionaries and from the compiled program.
 """
 
 from .._math.vectors import Scalar, add, is_zero
@@ -24,8 +20,6 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     the power by which drivers and force elements change the total energy, to which the energy
     stored in force elements belongs: positive for a load that does work on the bodies, zero for a
     spring, negative for a damper.
-
-    **Arguments:** `dynamics`: the solved equations of motion; `t`: the scene's time, s.
     """
     powers: dict[str, Scalar] = {}
 
@@ -68,16 +62,11 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 def bristle_energy(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
 ) -> Scalar | None:
-    """Return the energy stored in the bristles of all contacts, J, under the normal forces in
-    `forces`, or ``None`` if the scene has no bristle laws.
+    """Return the energy stored in the bristles of all contacts, J, or ``None`` if the scene has no
+    bristle laws.
 
-    The ledger's "friction" counts this energy as dissipated, since friction takes it from the
-    motion of the bodies. Bristles are stiffer under a greater normal force, so the stored energy
-    also changes with the normal force, without any work of the bodies.
-
-    **Arguments:** `motions`: pose and velocities of each body; `forces`: forces of all contacts, by
-    joint and contact label; `bristles`: deflections, m in the axes of the joint's first body, by
-    joint and contact label.
+    The ledger's "friction" counts this energy as dissipated. Bristles are stiffer under a greater
+    normal force, so it also changes with the normal force, without any work of the bodies.
     """
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
@@ -97,7 +86,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
     "gravity", "springs" and "contacts".
 
     "gravity" is zero if all centres of mass are at the global origin, "springs" includes all force
-    elements, and "contacts" is the elastic energy of contacts. `t` is the scene's time, s.
+    elements, and "contacts" is the elastic energy of contacts.
     """
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():

@@ -1,13 +1,7 @@
-"""Equations of motion of a scene whose vectors are separate scalars.
+"""Equations of motion of a scene whose vectors are separate scalars (eqs 27-32 of P. Flores et al.,
+Spatial revolute joints with clearances for dynamic analysis of multi-body systems, 2006).
 
-They are eqs 27-32 of P. Flores et al., Spatial revolute joints with clearances for dynamic analysis
-of multi-body systems, 2006.
-
-All that a scene lacks is left out while JAX traces: without constraints the compiled program has no
-multipliers, without friction no slip, without a ledger no powers. A row is one scalar constraint
-equation with its Jacobian. The speeds are those of the chosen coordinates. Values by joint and
-label (of a contact or row) are nested dictionaries, ``values[joint][label]``; in the code, `family`
-is the inner dictionary of one joint.
+All that a scene lacks is left out while JAX traces, such as multipliers without constraints.
 """
 
 from collections.abc import Iterable
@@ -42,14 +36,12 @@ class Dynamics:
     """Solution of the equations of motion at one instant.
 
     - `mechanics`: kinematics and mass matrix in the chosen coordinates.
-    - `contact_forces`: forces of each contact, by joint and contact label.
-    - `rows`: constraint rows by joint and label, of the joints that the coordinates do not
-      eliminate.
+    - `rows`: constraint rows of the joints that the coordinates do not eliminate.
     - `rates`: accelerations in the form that the methods of `mechanics` return and accept. In joint
       coordinates these are not the time derivatives of the speeds but linear combinations of them
       (see `.joint_coordinates.coordinates`); `variable_rates` has the time derivatives.
-    - `multipliers`: Lagrange multipliers of `rows`, by joint and label; a row's Jacobian times its
-      multiplier is the reaction on the bodies (N or N m).
+    - `multipliers`: Lagrange multipliers of `rows`; a row's Jacobian times its multiplier is the
+      reaction on the bodies (N or N m).
     """
 
     mechanics: AbstractMechanics
@@ -60,7 +52,7 @@ class Dynamics:
 
     @property
     def motions(self) -> Motions:
-        """Pose and velocities of each body and of "ground", by name."""
+        """Pose and velocities of each body and of "ground"."""
         return self.mechanics.motions
 
     @cached_property
@@ -77,21 +69,16 @@ class Dynamics:
 def applied_wrenches(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
 ) -> Wrenches:
-    """Return the wrench that force elements, films and contacts exert on each body, by name; zero
-    for a body on which none acts.
+    """Return the wrench that force elements, films and contacts exert on each body: a force at the
+    centre of mass, N in global axes, and a moment about it, N m in body axes.
 
-    A wrench is a force at the centre of mass, N in global axes, and a moment about it, N m in body
-    axes.
-
-    Gravity is not included, because the coordinates add it as an acceleration.
-
-    **Arguments:** `forces`: forces of the contacts, by joint and contact label; contacts of a joint
-    without an entry exert none; `t`: the scene's time, s.
+    Gravity is not included, because the coordinates add it as an acceleration. A joint without an
+    entry in `forces` has no contact forces.
     """
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
-    def apply(given: Iterable[tuple[str, Wrench]]) -> None:
-        for name, wrench in given:
+    def apply(by_body: Iterable[tuple[str, Wrench]]) -> None:
+        for name, wrench in by_body:
             if name != GROUND:
                 wrenches[name] = wrenches[name] + wrench
 
@@ -107,26 +94,29 @@ def applied_wrenches(
 def _wrenches_of_element(
     element: AbstractForce, motions: Motions, t: Scalar
 ) -> list[tuple[str, Wrench]]:
-    """Return body and wrench of each body on which a force element acts."""
     return list(element.wrenches(motions, t).items())
 
 
 def _wrenches_of_joint(
     joint: AbstractContactJoint, motions: Motions, forces: list[LoadedContact]
 ) -> list[tuple[str, Wrench]]:
-    """Return body and wrench of each film and contact of a joint."""
     wrenches = list(joint.film_wrenches(motions).items())
     for force in forces:
-        given = force.contact, force.normal_force, force.friction, motions
-        wrenches += contact_wrenches(joint, *given, force.friction_moment)
+        wrenches += contact_wrenches(
+            joint,
+            force.contact,
+            force.normal_force,
+            force.friction,
+            motions,
+            force.friction_moment,
+        )
     return wrenches
 
 
 def constraint_rows(
     scene: Scene, coordinates: AbstractCoordinates, motions: Motions, t: Scalar
 ) -> ByLabel[Row]:
-    """Return the constraint rows at the scene's time t, s, by joint and label, without the joints
-    that the coordinates eliminate. A joint without rows has no entry."""
+    """Return the constraint rows of joints that the coordinates do not eliminate."""
     eliminated = coordinates.eliminated(scene)
     kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
     kinds = Kinds(scene)
@@ -150,6 +140,5 @@ def _rows_of_joint(
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:
-    """Return all rows in one list, in the order of the dictionaries, which is also that of the
-    multipliers."""
+    """Return all rows in one list, in the order of the dictionaries and of the multipliers."""
     return [row for family in rows.values() for row in family.values()]

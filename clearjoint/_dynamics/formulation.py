@@ -1,15 +1,10 @@
-"""Choices for the equations of motion that are not part of the scene: coordinates, stabilisation,
-solver.
-
-Stabilisation is a method against the drift of constraints by integration errors: Baumgarte's
-feedback (eq. 32 of P. Flores et al., Spatial revolute joints with clearances for dynamic analysis
-of multi-body systems, 2006), projection at the end of each step, or none.
-"""
+"""Choices for the equations of motion: coordinates, stabilisation, solver."""
 
 from collections.abc import Callable
 from typing import TypeVar
 
 import equinox as eqx
+from typing_extensions import override
 
 from .._fields.objects import AbstractConverting, quantity
 from .._fields.types import Single
@@ -43,19 +38,15 @@ class AbstractStabilisation(AbstractConverting):
         """Return the second time derivative that the equations of motion impose on a constraint;
         zero by default.
 
-        **Arguments:** `value`: the constraint's value, m, rad or without unit, which is zero where
-        the constraint is satisfied; `rate`: its time derivative, m/s, rad/s or 1/s.
-
-        **Returns:** m/s^2, rad/s^2 or 1/s^2.
+        `value` is the constraint's value, in m, rad or without unit, which is zero where the
+        constraint is satisfied; `rate` is its time derivative.
         """
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
         """Return the variables at the end of a step, corrected; by default they are unchanged.
 
-        **Arguments:** `variables`: positions and speeds in the run's coordinates; `project`:
-        function that returns given variables with positions and speeds projected onto the
-        constraints.
+        `project` returns given variables with positions and speeds projected onto the constraints.
         """
         return variables
 
@@ -64,20 +55,17 @@ class Unstabilised(AbstractStabilisation):
     """No stabilisation: only the second time derivatives of the constraints are satisfied, so that
     their values drift as integration errors accumulate.
 
-    >>> drifting = cj.Unstabilised()
-    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=drifting).stabilisation
+    >>> cj.Settings(stabilisation=cj.Unstabilised()).stabilisation
     Unstabilised()
     """
 
 
 class Baumgarte(AbstractStabilisation):
     """Feedback that imposes -2 alpha rate - beta^2 value on the second time derivative of each
-    constraint (eq. 32; J. Baumgarte 1972).
+    constraint (eq. 32 of the paper, where the first term lacks the dot that marks the rate; J.
+    Baumgarte 1972).
 
-    `value` and `rate` are those of the constraint. `alpha` and `beta` are in 1/s; 5 is usual. In
-    the paper, the first term lacks the dot that marks the rate.
-
-    **Raises:** `ValueError` if `alpha` or `beta` is negative or not finite.
+    `alpha` and `beta` are in 1/s, and not negative; 5 is usual.
 
     >>> feedback = cj.Baumgarte(alpha=5.0, beta=5.0).target(value=1e-3, rate=0.0)
     >>> print(f"{feedback:.3f}")  # -beta^2 value
@@ -87,35 +75,31 @@ class Baumgarte(AbstractStabilisation):
     alpha: Single = quantity("1/s", default=5.0, positive=True, zero=True)
     beta: Single = quantity("1/s", default=5.0, positive=True, zero=True)
 
+    @override
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return -2 alpha rate - beta^2 value, in m/s^2, rad/s^2 or 1/s^2."""
         return -2.0 * self.alpha * rate - self.beta**2 * value
 
 
 class Projection(AbstractStabilisation):
-    """Projection of positions and velocities onto the constraints at the end of each step.
+    """Projection of positions, by one Newton step, and of velocities onto the constraints at the
+    end of each step.
 
-    The positions are corrected by one Newton step, which suffices for the small error of a step.
-
-    >>> method = cj.Projection()
-    >>> cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=method).stabilisation
+    >>> cj.Settings(stabilisation=cj.Projection()).stabilisation
     Projection()
     """
 
+    @override
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """Return variables whose positions and velocities are projected onto the constraints."""
         return project(variables)
 
 
 class Formulation(eqx.Module):
     """Coordinates, stabilisation and linear solver for the equations of motion.
 
-    - `coordinates`: the integrated variables; `JointCoordinates` by default.
-    - `stabilisation`: how constraints are kept satisfied; `Baumgarte` feedback by default.
     - `redundant`: whether some constraints depend on others; see `clearjoint.constraint_report`. If
-      so, reactions are not unique, and the multipliers of least norm are computed. In this norm,
-      each multiplier is divided by the square root of the mass, or moment of inertia, that it would
-      accelerate if all bodies were free, so that forces and moments can be added.
+      so, reactions are not unique, and the multipliers of least norm are computed, in which each is
+      divided by the square root of the mass, or moment of inertia, that it would accelerate if all
+      bodies were free, so that forces and moments can be added.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
 

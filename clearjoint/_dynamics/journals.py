@@ -1,10 +1,4 @@
-"""Checks and corrections of the positions of journals in their bearings, at the start and end of a
-run.
-
-Ideal joints that replace clearance joints hold journals in a position while an initial state is
-assembled. Values by joint and contact label are nested dictionaries, ``values[joint][contact]``; in
-the code, `family` is the inner dictionary of one joint.
-"""
+"""Checks and corrections of journals in their bearings, at the start and end of a run."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -53,13 +47,11 @@ FAST_APPROACH = 1e-6
 entry speed is unknown. It is the default of the smallest entry speed of contact laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 Depths: TypeAlias = ByLabel[float]
-"""Penetration of the surfaces of each contact, m, by joint and contact label; negative without
-contact."""
+"""Penetration of the surfaces of each contact, m; negative without contact."""
 
 
 def depths(scene: Scene, state: State) -> Depths:
-    """Return the penetration of each contact of a state, m, by joint and contact label; an empty
-    dictionary without clearance joints."""
+    """Return the penetration of each contact of a state."""
     if not scene.contact_joints():
         return {}
     by_joint = contact_depths(scene, state.bodies)
@@ -77,11 +69,7 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named clearance joints centred, by name of
-    clearance joint.
-
-    Joints whose method `centred_joint` returns ``None`` have no centred position and are left out.
-    """
+    """Return ideal joints that hold the journals of named joints centred; some joints have none."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -94,15 +82,11 @@ def resting_joints(
     state: State,
     t: Scalar,
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named clearance joints at the wall, by name
-    of clearance joint.
+    """Return ideal joints that hold the journals of the named clearance joints at the wall, on the
+    side to which their load presses them while the bodies are at rest, at the penetration that
+    carries it.
 
-    A journal is held on the side to which its load presses it while the bodies are at rest, at the
-    penetration at which the contacts carry the load. The load is the reaction of an ideal joint in
-    the place of the clearance joint.
-
-    **Arguments:** `ideal`: ideal joints that replace clearance joints, including the named ones;
-    `state`: a state that satisfies the ideal joints; `t`: s, time at which forces are evaluated.
+    The load is the reaction of the joint in `ideal`, which `state` satisfies.
 
     **Raises:** `ValueError` for a joint whose method `resting_joint` returns ``None``: its load
     does not press the journal against the wall, or the class of the joint has no position of rest.
@@ -126,14 +110,12 @@ def resting_joints(
 def resting_entry_speeds(
     scene: Scene, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, dict[str, float]]:
-    """Return entry speeds for the closed contacts of the named joints, m/s, by joint and contact
-    label, with which a journal that rests on the wall is damped moderately.
+    """Return entry speeds for the closed contacts of the named joints, m/s, with which a journal
+    that rests on the wall is damped moderately.
 
     They are those of an impact of the contact's effective mass whose energy is the elastic energy
-    of the contact. Oscillations about the position of rest are then damped like such an impact:
-    with a damping ratio of about half the factor chi of a Hunt-Crossley law. An entry speed of zero
-    would be replaced by the law's smallest one, with which the damping is so large that the
-    equations of motion are stiff, and an unknown one would mean no damping.
+    of the contact. With the law's smallest entry speed instead, the damping would be so large that
+    the equations of motion are stiff, and with an unknown one there would be no damping.
     """
     laws = scene.laws()
     names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
@@ -148,10 +130,9 @@ def resting_entry_speeds(
 
 
 def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
-    """Return a sentence for each joint with a contact that began so slowly that its damping makes
-    the equations of motion stiff: with less than a fraction `SLOW_ONSET` of the entry speed that
-    `resting_entry_speeds` returns for its present depth. The sentence names the law and a remedy.
-    """
+    """Return a sentence, with a remedy, for each joint with a contact that began so slowly that its
+    damping makes the equations of motion stiff: with less than a fraction `SLOW_ONSET` of the entry
+    speed that `resting_entry_speeds` returns for its present depth."""
     sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
     for name, family in usual.items():
         for label, speed in family.items():
@@ -171,7 +152,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """Return the scene with joints replaced by the joints of the same names in `ideal`."""
+    """Return the scene with joints replaced by those of the same names in `ideal`."""
     # The user has had the warnings of the scene's constructor already.
     with quiet():
         return replace(scene, joints={**scene.joints, **ideal})
@@ -180,22 +161,14 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(
     scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
 ) -> None:
-    """Check the penetrations of an initial state, and warn of contacts deep inside the wall, and of
-    contacts that begin without their damping.
-
-    **Arguments:** `by_joint`, `approaches`: the results of `starting_contacts`.
-
-    The penetration is that of the surfaces. `too_deep`, which ends a run, measures the depth from
-    the onset of the force. It is slightly stricter for smoothed and rough contact laws, whose force
-    begins before the surfaces meet.
+    """Check the penetrations of an initial state, the results of `starting_contacts`.
 
     **Raises:** `ValueError` if a contact is deeper than the limit that the joint's method `deepest`
-    returns for it. A contact without a limit may have any depth.
+    returns for it.
 
-    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit.
-    Each joint gets one message at most, on the contact that is deepest relative to its limit.
-    Another `UnusualValueWarning` is issued for a contact that has begun before, approaches faster
-    than `FAST_APPROACH`, and has no entry speed.
+    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit,
+    and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
+    entry speed.
     """
     for name, family in approaches.items():
         label = max(family, key=lambda label: float(family[label]))
@@ -227,11 +200,10 @@ def require_in_bearings(
 
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
-    """Check that the named joints, whose bodies `assemble` has centred, have no contact deep in a
-    wall: deeper than `FAR_OUTSIDE` times the largest penetration that the joint allows.
+    """Check that no contact of the named joints, whose bodies `assemble` has centred, is deep in a
+    wall.
 
-    **Raises:** `ValueError` that names the contact, for example for a pin beyond the end of its
-    slot, since `assemble` centres a pin only across the slot.
+    **Raises:** `ValueError`, for example for a pin beyond the end of its slot.
     """
     by_joint, joints = depths(scene, state), scene.contact_joints()
     for name in names:
@@ -246,17 +218,8 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Warn of journals that have slid out of their bearings during a run.
-
-    **Arguments:**
-
-    - `time`, `final`: end of the run, s, and the state then.
-    - `kept`: pairs of saved times, (N,), s, and the states then, with a first axis of length N in
-      each array.
-
-    **Warns:** `LeftBearingWarning` for each joint whose journal is outside at a saved time or at
-    the end, with the earliest such time.
-    """
+    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing in one of the
+    states in `kept`, pairs of times and states, or at the end of a run, with the earliest time."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
@@ -279,15 +242,9 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the axial distance, (N,), m, from the end of each bearing to the journal beyond it, by
-    name of joint.
-
-    It is negative until the journal has left the bearing completely; the bearing is taken to be as
-    long as the journal. Joints whose journal cannot slide out are left out.
-
-    **Arguments:** `joints`: by name, each vector as three separate scalars or arrays (N,);
-    `bodies`: N states of each body, by name, with a first axis of length N in each array.
-    """
+    """Return the axial distance, m, from the end of each bearing to the journal beyond it, for N
+    states of each body; negative until the journal has left a bearing of its own length completely.
+    Joints whose journal cannot slide out are left out."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
@@ -296,8 +253,6 @@ def slid_out(
 def _excesses(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, Scalar]:
-    """Return the result of `slid_out` for joints and states of bodies in which each vector is three
-    separate scalars, or three arrays (N,)."""
     # Motions are computed for joints only whose class has a journal that may slide out.
     inherited = AbstractContactJoint.slid_out
     joints = {
@@ -311,30 +266,20 @@ def _excesses(
 
 
 def any_slid_out(scene: Scene, bodies: Mapping[str, BodyState]) -> Condition:
-    """Return whether any journal has left its bearing completely, in a form that JAX can trace.
-
-    Joints whose journal cannot slide out are left out.
-
-    **Arguments:** `scene`, `bodies`: the scene, and the states of its bodies by name; each vector
-    is three separate scalars.
-    """
+    """Return whether any journal has left its bearing completely, in a form that JAX can trace."""
     excesses = _excesses(scene.contact_joints(), bodies).values()
     beyond = [jnp.asarray(excess > 0.0) for excess in excesses]
     return reduce(jnp.logical_or, beyond, jnp.asarray(False))
 
 
 def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
-    """Return the same dictionary with its scalars converted to Python floats."""
     return {name: float(number) for name, number in by_name.items()}
 
 
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
-    """Return the penetration of each contact, m, by joint and contact label.
-
-    In scene and states of the bodies, vectors are arrays (3,).
-    """
+    """Return the penetration of each contact, m, for vectors that are arrays (3,)."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
     return {
@@ -346,8 +291,7 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 def starting_contacts(
     scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
 ) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
-    """Return the results of `contact_depths` and of `approaches_unknown` for a scene and motions in
-    which each vector is three separate scalars."""
+    """Return the results of `contact_depths` and `approaches_unknown` in scalar form."""
     gaps, laws = contact_gaps(scene, motions), scene.laws()
     # Gaps are measured from the onset of the force.
     surfaces = {
@@ -365,12 +309,7 @@ def starting_contacts(
 def _speeds_of_rest(
     names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
 ) -> ByLabel[Scalar]:
-    """Return the speed of an impact, m/s, whose energy is the elastic energy, for each contact of
-    the named joints whose law uses the entry speed, by joint and contact label; zero if the contact
-    is open.
-
-    In scene and states of the bodies, vectors are arrays (3,).
-    """
+    """Return the speed of an impact with the elastic energy of each contact; zero if it is open."""
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(bodies))
@@ -403,12 +342,8 @@ def _speeds_of_rest(
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return the load on each constraint of a scene, N, by name of joint, while all bodies are at
-    rest at time t, s.
-
-    A load is the force that the last of the joint's bodies exerts on the first, (3,) in the axes of
-    the first body. Gravity, force elements, films and drivers cause it, but no contact has a force.
-    In scene and states of the bodies, vectors are arrays (3,).
+    """Return the load on each constraint while all bodies are at rest and no contact has a force:
+    the force, N, that the last of the joint's bodies exerts on the first, in the axes of the first.
     """
     # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
     # norm makes the reactions unique if constraints are redundant. Stabilisation would add forces

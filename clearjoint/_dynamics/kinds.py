@@ -1,10 +1,9 @@
 """Functions of elements, traced once for all elements of a kind.
 
 Elements are of one kind if they differ only in the names of their bodies and in the numbers of
-their arrays. A program with many elements of a class has one function for each kind of them, which
-is called for each element, so that the time of compilation does not grow with the whole text of all
-elements. A scene with few elements of a class is written out: its program is faster, because parts
-that several elements have in common are computed once, and its compilation is short.
+their arrays. In a program with many elements of a class, one function for each kind is called for
+each element, so that the compilation time hardly grows with their number. Few elements are written
+out: the program is then faster, because what several have in common is computed once.
 """
 
 from collections import Counter
@@ -41,12 +40,8 @@ which they don't act. Others are raised at once: a handler of signals may raise 
 class Kinds:
     """Evaluates functions of the elements of a scene.
 
-    Elements of a class with many elements are evaluated by functions of native code.
-    The class counts, rather than the kind, so that the choice does not depend on which numbers are
-    folded as constants: products are rounded at other places in functions, and a lane of a sweep
-    must have the bits of a single run.
-
-    **Arguments:** `scene`: in scalar form.
+    The number of elements of a class, not of a kind, decides whether they share functions: a kind
+    depends on which numbers are folded as constants, and a lane could differ from a single run.
     """
 
     def __init__(self, scene: Scene):
@@ -62,12 +57,9 @@ class Kinds:
     ) -> Result:
         """Return ``function(element, motions, *others)``.
 
-        **Arguments:** `function`: defined once, for instance in a module. Its result may contain
-        names of the element's bodies as leaves, but not as keys of dictionaries: JAX would sort
-        these by other names. `element`: an element of the scene; `motions`: motion of each body by
-        name; `others`: PyTrees without names of bodies.
-
-        **Raises:** what the function raises.
+        The function must be defined once, for instance in a module. Its result may contain names of
+        the element's bodies as leaves, but not as keys of dictionaries, since JAX would sort these
+        by other names. `others` have no names of bodies.
         """
         if are_many(self._counts[type(element)]):
             names = {
@@ -91,10 +83,7 @@ class Kinds:
 def _renamed(element: Element, names: dict[str, str]) -> Element:
     """Return an element with other names of its bodies.
 
-    **Arguments:** `names`: the new names by the old ones.
-
-    **Raises:** `NotSharedError` if the element's names are in other places than fields of itself
-    and of its parts.
+    **Raises:** `NotSharedError` if names are in other places than fields of it and of its parts.
     """
     renamed = element
     for path, name in list(_texts(element)):
@@ -108,7 +97,6 @@ def _renamed(element: Element, names: dict[str, str]) -> Element:
 
 
 def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the texts in the fields of a module and of the modules in them, each with its path."""
     for field in fields(node):
         value = getattr(node, field.name, None)
         if isinstance(value, str):
@@ -119,7 +107,6 @@ def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def _changed(node: Module, path: tuple[str, ...], text: str) -> Module:
-    """Return a copy of a module with another text at a path."""
     first, *rest = path
     copy = object.__new__(type(node))
     for name, value in vars(node).items():

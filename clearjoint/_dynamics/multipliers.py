@@ -1,9 +1,5 @@
 """Lagrange multipliers of constraint rows (eqs 30 and 32 of P. Flores et al., Spatial revolute
-joints with clearances for dynamic analysis of multi-body systems, 2006).
-
-A row is one scalar constraint equation; its Jacobian by the speeds of the coordinates is a list
-with one number for each speed.
-"""
+joints with clearances for dynamic analysis of multi-body systems, 2006)."""
 
 from collections.abc import Mapping, Sequence
 
@@ -22,21 +18,14 @@ class ConstraintEquations:
     """Equations for the multipliers of constraint rows, which are factorised once for any number of
     right sides.
 
-    With the mass matrix M of the coordinates and the rows D, the multipliers lambda that cause
-    given changes D u' of the rows solve D M^-1 D^T lambda = targets.
+    With the mass matrix M of the coordinates and the rows D (`directions`, one list for each row,
+    with one number for each speed), the multipliers lambda that cause given changes D u' of the
+    rows solve D M^-1 D^T lambda = targets.
 
     A row of exact zeros is left out, and its multiplier is zero. An example is the row that closes
-    a planar loop in the direction normal to its plane, since the coordinates always satisfy it.
-
-    **Arguments:**
-
-    - `mechanics`: equations of motion, which solve linear equations with the mass matrix M.
-    - `directions`: the rows of D, one list for each constraint row (at least one), with one
-      number for each speed.
-    - `solver`: solver of the linear equations.
-    - `weights`: one number for each row, by which the row and its target are multiplied before
-      `solver` is called, see `row_weights`; ``None``, the default, for a solver whose result
-      doesn't depend on them.
+    a planar loop in the direction normal to its plane, since the coordinates always satisfy it. If
+    the solver's result depends on them, `weights` multiply the rows and their targets (see
+    `row_weights`).
     """
 
     def __init__(
@@ -61,17 +50,8 @@ class ConstraintEquations:
         self._solve = solver.solving(gram_matrix(rows, self._solved_rows)) if rows else list
 
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
-        """Return the smallest change of the speeds' rates that changes the second time derivative
-        of each constraint row by its target, and the multipliers of the rows.
-
-        The change is M^-1 D^T lambda, the smallest in the metric of M. Projections use the same
-        method with changes of speeds or positions in place of rates.
-
-        **Arguments:** `targets`: one number for each constraint row.
-
-        **Returns:** the change, one number for each speed, and one multiplier for each constraint
-        row.
-        """
+        """Return the smallest change of rates, speeds or positions in the metric of M that changes
+        each row by its target, M^-1 D^T lambda, and the multipliers of the rows."""
         weights = self._weights
         aims = [
             targets[k] if weights is None else multiply(weights[k], targets[k]) for k in self._kept
@@ -88,14 +68,12 @@ class ConstraintEquations:
 
 
 def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]:
-    """Return the weight of each constraint row: the square root of the mass, kg, that its
-    multiplier would accelerate if all bodies were free, or of the moment of inertia, kg m^2, for a
-    row in rad or without unit.
+    """Return the weight of each constraint row: the square root of the mass, kg, or moment of
+    inertia, kg m^2, that its multiplier would accelerate if all bodies were free.
 
-    Rows multiplied by their weights all have the same unit. If constraints are redundant, the
-    multipliers of least norm are computed. Without weights, this norm would add forces in N to
-    moments in N m. In a mechanism with links of a millimetre, the solver would also take the
-    equations of translation for rounding errors, beside those of rotation.
+    Rows multiplied by their weights all have the same unit. Without weights, the least norm of the
+    multipliers of redundant constraints would add forces to moments, and in a mechanism with links
+    of a millimetre, the solver would take the equations of translation for rounding errors.
     """
     weights = []
     for row in rows:
@@ -113,11 +91,7 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
 
 
 def _mean_inertia(body: Body) -> Scalar:
-    """Return the mean of a body's principal moments of inertia, kg m^2.
-
-    Its inertia is a `Vector` of these moments, or a `Matrix`, whose trace is their sum. The mean
-    suffices for weights, which need not be exact.
-    """
+    """Return the mean of a body's principal moments of inertia, exact enough for weights."""
     inertia = body.inertia
     if isinstance(inertia, Matrix):
         return (inertia.row_x.x + inertia.row_y.y + inertia.row_z.z) / 3.0
@@ -125,15 +99,13 @@ def _mean_inertia(body: Body) -> Scalar:
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Stack n scalars to an array (n,) of floats: a JAX array if any of them is one, otherwise a
-    NumPy array."""
+    """Stack scalars to an array of floats, of JAX if any of them is of JAX."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
 
 
 def row_rate(row: Row, motions: Motions) -> Scalar:
-    """Return the time derivative, m/s, rad/s or 1/s, of a constraint row's value for given motions
-    of the bodies by name."""
+    """Return the time derivative of a constraint row's value for given motions of the bodies."""
     total = row.time_rate
     for name, pair in row.jacobian.items():
         if name != GROUND:

@@ -1,9 +1,4 @@
-"""Evaluation of a scene's equations of motion at an instant, in chosen coordinates.
-
-Each compiled program makes one `System` at its beginning, from which steps, outputs and reports
-compute motions, forces and rates. Values by joint and label (of a contact or constraint) are nested
-dictionaries, ``values[joint][label]``; in the code, `family` is the inner dictionary of one joint.
-"""
+"""Evaluation of a scene's equations of motion at an instant, in chosen coordinates."""
 
 import functools
 from collections.abc import Sequence
@@ -50,9 +45,10 @@ class System(eqx.Module):
       floating-point numbers are dense enough for the shortest steps.
 
     In all methods, `variables` are those of the formulation's coordinates, t is in s since
-    `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s, by
-    joint and contact label (zero for an open contact), and joints and bodies are identified by
-    name. A row is one scalar constraint equation.
+    `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s (zero
+    for an open contact), and `bristles` are the deflections of bristle friction laws, m, in the
+    axes of the joint's first body. Values of bodies and joints are dictionaries by name, and values
+    of contacts and constraint rows by name of joint and label.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -66,30 +62,27 @@ class System(eqx.Module):
     origin: Scalar | None = None
 
     def with_scene(self, scene: Scene) -> "System":
-        """Return this system with another scene of the same structure: the same names and
-        types."""
+        """Return this system with another scene of the same structure."""
         return System(scene, self.formulation, self.origin)
 
     def clock(self, t: Scalar) -> Scalar:
-        """Return the scene's time, s, for a time t since `origin`, s."""
+        """Return the scene's time for a time since `origin`."""
         return t if self.origin is None else self.origin + t
 
     def own_time(self, time: Scalar) -> Scalar:
-        """Return the time since `origin`, s, for a time of the scene, s."""
+        """Return the time since `origin` for a time of the scene."""
         return time if self.origin is None else time - self.origin
 
     def encode(self, bodies: dict[str, BodyState]) -> MotionVariables:
-        """Return the variables for given states of the bodies, by name, in scalar form."""
+        """Return the variables for given states of the bodies, in scalar form."""
         return self.formulation.coordinates.encode(self.scene, bodies)
 
     def decode(self, variables: MotionVariables) -> dict[str, BodyState]:
-        """Return the states of the bodies, by name, in scalar form."""
+        """Return the states of the bodies, in scalar form."""
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return normalised variables of the same motion: Euler parameters are scaled to unit norm
-        if their squared norm differs from one by more than 1e-6, and angles, except those of
-        screws, are moved to between -2 pi and 2 pi."""
+        """Return normalised variables, see `AbstractCoordinates.without_drift`."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
@@ -97,18 +90,15 @@ class System(eqx.Module):
         return self.formulation.coordinates.with_speeds(self.scene, variables, others)
 
     def motions(self, variables: MotionVariables) -> Motions:
-        """Return pose and velocities of each body and of "ground", by name."""
+        """Return pose and velocities of each body and of "ground"."""
         return self.formulation.coordinates.motions(self.scene, variables)
 
     def mechanics(self, variables: MotionVariables) -> AbstractMechanics:
-        """Return kinematics and mass matrix of the scene for given variables. The result includes
-        gravity, but no other forces: it solves the equations of motion for wrenches (force and
-        moment on each body) that the caller computes."""
+        """Return kinematics and mass matrix of the scene."""
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
-        """Return the rows, at time t, of those constraints that the coordinates do not eliminate,
-        by joint and label."""
+        """Return the rows of those constraints that the coordinates do not eliminate."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
@@ -121,17 +111,9 @@ class System(eqx.Module):
     ) -> Dynamics:
         """Solve the equations of motion, with the contact forces that follow from the variables.
 
-        The result has the rates of the speeds, the contact forces, and the multipliers of the rows.
-
-        **Arguments:**
-
-        - `entry_speeds`: as in the class. If a contact with a force has an entry speed of zero, its
-          present penetration rate is used or, if `closed` is given, its force is elastic.
-        - `closed`: whether each contact has a force, by joint and contact label; if ``None``, the
-          contacts that penetrate have one.
-        - `bristles`: deflection of the bristles of each contact with a bristle friction law, m, in
-          the axes of the joint's first body, by joint and contact label; may be left out if there
-          are no such contacts.
+        `closed` says whether each contact has a force; if ``None``, the contacts that penetrate
+        have one. If a contact with a force has an entry speed of zero, its present penetration rate
+        is used or, if `closed` is given, its force is elastic.
 
         **Raises:** `ValueError` if `bristles` lacks a contact with a bristle friction law, or if
         such a contact is one of flat faces (has a `face_radius`).
@@ -143,11 +125,7 @@ class System(eqx.Module):
     def dynamics_under(
         self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
     ) -> Dynamics:
-        """Solve the equations of motion with given contact forces, by joint and contact label;
-        ``{}`` for a motion without contact forces.
-
-        **Arguments:** `mechanics`: kinematics and mass matrix, as the method `mechanics` returns.
-        """
+        """Solve the equations of motion with given contact forces."""
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
         rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
         if not rows:
@@ -174,38 +152,28 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Return the time derivatives of the variables, and the powers of the energy ledger, W, by
-        name.
-
-        The arguments are those of `dynamics`. The ledger has the powers of damping, friction,
-        films, drives and stabilisation. Without a ledger the powers are an empty dictionary.
-        """
+        """Return the time derivatives of the variables, and the powers of the energy ledger, W."""
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-        """Return the powers of the energy ledger, W, by name, for solved equations of motion; an
-        empty dictionary if the formulation has no ledger."""
+        """Return the powers of the energy ledger, W; none if the formulation has no ledger."""
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
-        """Return the energies of the scene, J, by name: "kinetic", and as far as the scene has them
+        """Return the energies of the scene, J: "kinetic", and as far as the scene has them
         "gravity", "springs" and "contacts"."""
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
-        """Return penetration, m, and its rate, m/s, of each contact, by joint and contact label.
-
-        The penetration is measured from the onset of the contact's force.
-        """
+        """Return penetration and its rate of each contact, from the onset of its force."""
         return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
         self, variables: MotionVariables, variable_rates: MotionVariables
     ) -> ByLabel[Scalar]:
-        """Return the second time derivative of each contact's penetration, m/s^2, by joint and
-        contact label, for given time derivatives of the variables."""
+        """Return the second time derivative of each contact's penetration, m/s^2."""
 
         def rates(variables: MotionVariables) -> ByLabel[Scalar]:
             return jax.tree.map(
@@ -222,27 +190,16 @@ class System(eqx.Module):
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
-        """Return geometry and forces of each contact, by joint and contact label. Contacts that
-        penetrate have a force.
-
-        **Arguments:** `bristles`: as in `dynamics`.
-
-        **Raises:** `ValueError` as in `dynamics`.
-        """
+        """Return geometry and forces of each contact, with the errors of `dynamics`."""
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables corrected towards the constraints, first in position, then in
-        velocity."""
+        """Return the variables corrected towards the constraints in position and velocity."""
         return self.project_velocities(self.project_positions(variables, t), t)
 
     def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables after one Newton step of the positions towards constraint values of
-        zero.
-
-        The step is the smallest, in the metric of the mass matrix, of all steps that satisfy the
-        linearised constraints.
-        """
+        """Return the variables after one Newton step of the positions towards the constraints: the
+        smallest, in the metric of the mass matrix, that satisfies the linearised constraints."""
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
@@ -251,10 +208,8 @@ class System(eqx.Module):
         return mechanics.after_displacement(changes)
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables with velocities corrected so that the constraints' rates are zero.
-
-        The correction is the smallest, in the metric of the mass matrix, of all that do so.
-        """
+        """Return the variables with velocities corrected so that the constraints' rates are zero,
+        by the smallest correction in the metric of the mass matrix."""
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
@@ -273,14 +228,8 @@ class System(eqx.Module):
         """Return the smallest change of positions, speeds or rates of the speeds, in the metric of
         the mass matrix, by which each row reaches its target, and the multipliers of the rows.
 
-        **Arguments:**
-
-        - `rows`: at least one.
-        - `targets`: if `rates` is ``None``, the demanded change of each row's value or rate. If
-          `rates` is given, the demanded second time derivative of each row's value, minus the part
-          of this derivative that does not depend on the rates of the speeds.
-        - `rates`: rates of the speeds before the change; ``None`` for a change of positions or
-          speeds.
+        Targets are changes of the rows' values or rates or, if `rates` of the speeds are given,
+        second time derivatives of the values without the part that does not depend on the rates.
         """
         directions = [mechanics.projected(row.jacobian) for row in rows]
         if rates is not None:
@@ -294,15 +243,12 @@ class System(eqx.Module):
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
-        """Return the rows of constraints that depend on time, by joint and label, for bodies at
-        rest, without their Jacobians.
-
-        At rest, the value of such a row changes only as its driver prescribes: `time_rate` and
-        `bias` are the first and second time derivative of the value. These numbers, without any
-        Jacobian, show whether a driver is smooth over a step.
-        """
-        at = self.motions(variables).items()
-        motions = {name: Motion(one.position, one.rotation, ZERO, ZERO) for name, one in at}
+        """Return the rows, without Jacobians, of constraints that depend on time, for bodies at
+        rest: `time_rate` and `bias` are then the first and second time derivative of the value."""
+        motions = {
+            name: Motion(motion.position, motion.rotation, ZERO, ZERO)
+            for name, motion in self.motions(variables).items()
+        }
         prescribed: ByLabel[Row] = {}
         for name, family in self.rows(motions, t).items():
             for label, row in family.items():
@@ -312,9 +258,8 @@ class System(eqx.Module):
         return prescribed
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
-        """Return whether any constraint is violated by more than `FARTHEST`, or by more than the
-        smallest radial clearance of a contact if that is less. A constraint whose value is NaN
-        counts as violated. The result is ``None`` if there are no constraints."""
+        """Return whether any constraint is violated by more than `FARTHEST` or the smallest radial
+        clearance of a contact; ``None`` if there are no constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

@@ -1,5 +1,2 @@
-"""Fields of the classes of this package, independent of mechanics.
-
-The modules declare units and allowed values, convert given values to arrays, check them, warn of
-unusual numbers, and print objects.
-"""
+"""Fields of the classes of this package, independent of mechanics: units, allowed and usual values,
+conversion to arrays, checks, warnings, and printing."""

@@ -1,8 +1,4 @@
-"""Cache of function results, with the numbers in PyTrees as keys.
-
-It serves the checks before a run, which take longer than a short run and are often repeated with
-the same numbers.
-"""
+"""Cache of function results, with the numbers in PyTrees as keys, for the checks before a run."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -15,8 +11,7 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 KEPT = 256
-"""Largest number of results that are cached for each function. Beyond it, the least recently used
-result is removed."""
+"""Largest number of results of a function; beyond it, the least recently used is removed."""
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
@@ -24,10 +19,9 @@ Result = TypeVar("Result")
 def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Return the given function of PyTrees with a cache for its results.
 
-    A result is used again for arguments of the same classes, with the same static fields and the
-    same numbers. Leaves other than arrays must be hashable. The function must have no side effects,
-    and callers must not change its results. Neither errors nor results for traced numbers are
-    cached.
+    A result is used again for arguments of the same classes, static fields and numbers. Leaves
+    other than arrays must be hashable. The function must have no side effects, and callers must not
+    change its results. Neither errors nor results for traced numbers are cached.
     """
     results: OrderedDict[Hashable, Result] = OrderedDict()
 
@@ -54,11 +48,7 @@ def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Argumen
 
 
 def content(leaf: PyTree) -> Hashable:
-    """Return a hashable key for a leaf of a PyTree.
-
-    It consists of the type, shape, dtype and bytes of an array, or of the type and value of any
-    other object, which must be hashable.
-    """
+    """Return a hashable key for a leaf of a PyTree, which is an array or itself hashable."""
     if isinstance(leaf, np.ndarray | np.generic | jax.Array):
         array = np.asarray(leaf)
         return type(leaf), array.shape, array.dtype, array.tobytes()

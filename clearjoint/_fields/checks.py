@@ -1,17 +1,10 @@
-"""Checks of values, whose error messages all have the same form.
+"""Checks of values, whose error messages all have the form of `require`: `argument`, the name of
+the value; `expected`, what the value must be; and `remedy`, advice on how to correct it.
 
-Arguments that the functions have in common are those of `require`: `argument`, the name of the
-value; `expected`, what the value must be; and `remedy`, advice on how to correct it. Functions that
-check several conditions give advice of their own for some of them, such as a wrong shape or an
-entry that is not finite.
-
-Numbers are stored as 64-bit NumPy arrays. Unlike JAX arrays, these do not start a JAX backend when
-a scene is built, and do not depend on JAX's setting of precision.
-
-The numbers in a traced value are unknown. A check of them cannot raise an error, and usually
-passes; shapes are known and checked. But while `conditions_of` calls a check, the condition on the
-numbers is collected, so that a compiled program can evaluate it for the numbers of one run, or for
-those of all runs of a sweep.
+Numbers are stored as 64-bit NumPy arrays, which do not start a JAX backend when a scene is built. A
+check of a traced value, whose numbers are unknown, passes. But while `conditions_of` calls a check,
+the condition on the numbers is collected, so that a compiled program can evaluate it for the
+numbers of one run, or for those of all runs of a sweep.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -35,30 +28,22 @@ from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
-"""Largest number of characters of a value in an error message, and largest number of entries of an
-array or list whose entries are shown there."""
+"""Largest number of characters of a value, and of entries of an array or list, in a message."""
 Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""`as_shown` rounds a number to 14 digits if this changes it by at most so many `EPSILON`, relative
-to the number."""
+"""`as_shown` rounds a number to 14 digits if this changes it by at most so many `EPSILON`."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 """Conditions that `conditions_of` collects at present; ``None`` if it isn't running."""
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """Return a value as a float64 NumPy array.
+    """Return a value as a float64 NumPy array, but JAX arrays and traced numbers as a JAX array.
 
-    A JAX array is returned unchanged. A list or tuple that contains traced numbers is returned as a
-    JAX array.
-
-    **Arguments:** `value`: a number, an array, or nested lists of numbers. `argument`, `unit`: name
-    and unit of the value in the error message.
-
-    **Raises:** `ValueError` if the value does not consist of numbers; texts, bools, dates, complex
-    numbers and ``None`` are refused. In a list that also contains numbers, NumPy takes a bool as 0
-    or 1, without an error.
+    **Raises:** `ValueError`, with the name and unit of the value, if it does not consist of
+    numbers; texts, bools, dates, complex numbers and ``None`` are refused. In a list that also
+    contains numbers, NumPy takes a bool as 0 or 1, without an error.
     """
     if isinstance(value, jax.Array):
         return value
@@ -81,9 +66,9 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     except (TypeError, ValueError, OverflowError):
         numbers = None
     if numbers is None:
-        given = "" if unit == "1" else f", in {unit}"
+        in_unit = "" if unit == "1" else f", in {unit}"
         raise ValueError(
-            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}{given}."
+            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}{in_unit}."
         )
     return numbers
 
@@ -94,17 +79,8 @@ def concrete(value: object) -> np.ndarray | None:
 
 
 def as_shown(value: Any) -> Any:
-    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing.
-
-    Lists and tuples are converted entry by entry. Other values, also JAX arrays, are returned
-    unchanged.
-
-    A number that differs by a few roundings from its form with 14 digits is replaced by that form.
-    For example, after the conversion of a unit, 4.999999999999999e-06 is shown as 5e-06.
-
-    >>> as_shown(np.array([4.999999999999999e-06, 1 / 3]))
-    [5e-06, 0.3333333333333333]
-    """
+    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing; a number
+    that differs by a few roundings from its form with 14 digits is replaced by that form."""
     if isinstance(value, list | tuple) and type(value) in (list, tuple):
         return type(value)(map(as_shown, value))
     if isinstance(value, np.ndarray | np.generic):
@@ -135,11 +111,8 @@ def checkable(*values: object) -> list[Any] | None:
 
 
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
-    """Return the conditions, each a traced boolean (), under which a check raises no error.
-
-    `check` is called once. Each `require` in it whose condition is traced adds this condition to
-    the list. Errors for known values are raised as usual.
-    """
+    """Return the conditions, each a traced boolean (), under which a check raises no error; errors
+    for known values are raised."""
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
     try:
@@ -156,10 +129,8 @@ def require(
 
     A traced condition is not tested; `conditions_of` collects it.
 
-    **Arguments:** `condition`: a boolean, which may be traced. The other arguments form the
-    message: "Argument `argument` must be `expected`, but is `value`: `remedy`."
-
-    **Raises:** `ValueError` with this message if the condition is false.
+    **Raises:** `ValueError` "Argument `argument` must be `expected`, but is `value`: `remedy`." if
+    the condition is false.
 
     >>> extend.require(False, "teeth", 3, "at least 5", "count them")
     Traceback (most recent call last):
@@ -182,21 +153,13 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values; it may involve the other values too.
-
-    Traced values are treated as by `checkable`.
-
-    **Arguments:** `condition`: function of all values as arrays; its result may be traced.
-    `argument`: name of the first value. `expected`: as in `require`, but `{0}`, `{1}` and so on in
-    it are replaced by the values. `remedy`: as in `require`.
-
-    **Raises:** `ValueError` if the condition is false.
-    """
-    if (known := checkable(*values)) is not None:
-        holds = condition(*known)
+    """Check a condition on the first of several values, which fill in `{0}` and so on in
+    `expected`."""
+    if (arrays := checkable(*values)) is not None:
+        holds = condition(*arrays)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
         if isinstance(holds, Tracer) or not holds:
-            require(holds, argument, known[0], expected.format(*map(as_shown, known)), remedy)
+            require(holds, argument, arrays[0], expected.format(*map(as_shown, arrays)), remedy)
 
 
 @contextmanager
@@ -209,11 +172,8 @@ def errors_about(subject: str) -> Iterator[None]:
 
 
 def _shown(value: object) -> str:
-    """Return a value as text for an error message.
-
-    A text of more than `LONGEST` characters is cut off, and its length is added. A NumPy array of
-    more than `LONGEST` entries is replaced by its shape, and a list or tuple by its length.
-    """
+    """Return a value as text for an error message; a long text is cut off, and a long array or list
+    is replaced by its shape or length."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple) and len(value) > LONGEST:
@@ -224,8 +184,6 @@ def _shown(value: object) -> str:
 
 def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remedy: str) -> None:
     """Raise a ``ValueError`` unless an array has the given shape and only finite values.
-
-    `remedy` is the advice for a wrong shape.
 
     >>> extend.require_shape("inertia", np.eye(3), (3, 3), "give it so")  # else raises
     """
@@ -247,13 +205,9 @@ def _all_finite(array: np.ndarray | jax.Array) -> bool:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Raise a ``ValueError`` unless a value is one finite number, positive or, with `zero`, not
-    negative.
+    """Raise a ``ValueError`` unless a value is one finite number, positive or, if `zero`, zero.
 
-    >>> extend.require_positive("radius", -1.0, "give it in m")
-    Traceback (most recent call last):
-        ...
-    ValueError: Argument `radius` must be positive, but is -1.0: give it in m.
+    >>> extend.require_positive("radius", 1.0, "give it in m")  # else raises
     """
     require_shape(argument, value, (), "pass a single number")
     expected = "zero or positive" if zero else "positive"
@@ -261,8 +215,7 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
-    """Raise a ``ValueError`` unless a value is an integer, positive or, with `zero`, not negative;
-    floats and bools are refused."""
+    """Raise a ``ValueError`` unless a value is an integer, positive or, if `zero`, zero."""
     least, expected = (0, "zero or positive") if zero else (1, "positive")
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
     require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
@@ -271,16 +224,15 @@ def require_count(argument: str, value: object, remedy: str, *, zero: bool = Fal
 def require_type(
     argument: str, value: object, kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` unless a value is an instance of `kind`; the message names the value's
-    class."""
+    """Raise a ``ValueError`` with the class of a value unless it is an instance of `kind`."""
     require(isinstance(value, kind), argument, type(value).__name__, expected, remedy)
 
 
 def require_types(
     argument: str, given: Mapping[str, object], kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary of instances of `kind`, whose keys are
-    non-empty strings. `expected` describes an instance, such as "an Axis"."""
+    """Raise a ``ValueError`` unless a value is a dictionary by name of instances of `kind`, which
+    `expected` describes, such as "an Axis"."""
     require_names(argument, given, remedy)
     for name, value in given.items():
         require_type(f"{argument}[{name!r}]", value, kind, expected, remedy)
@@ -290,43 +242,35 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
     """Raise a ``ValueError`` unless a value is a dictionary whose keys are non-empty strings."""
     require_type(argument, given, Mapping, "a dictionary by name", remedy)
     for name in given:
-        fine = isinstance(name, str) and name != ""
-        require(fine, argument, name, "named by non-empty strings", "name every element")
+        is_name = isinstance(name, str) and name != ""
+        require(is_name, argument, name, "named by non-empty strings", "name every element")
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
     """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a Zarr
-    store, where the name of an array is that of a folder.
-
-    Empty names, names with a slash or backslash, and names that begin with "." or "__" are refused.
-    """
+    store, where the name of an array is that of a folder."""
     require_names(argument, given, remedy)
     for name in given:
-        fine = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
+        is_folder = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
         expected = 'named without a slash, and with neither "." nor "__" in front'
-        require(fine, f"{argument}[{name!r}]", name, expected, "rename it")
+        require(is_folder, f"{argument}[{name!r}]", name, expected, "rename it")
 
 
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
     """Return a dictionary with the entries of a mapping, after `require_names` has checked its
     keys.
 
-    The ``__init__`` methods of Equinox modules call it before they store the dictionary. JAX sorts
-    the keys of a stored dictionary, and its error for keys of mixed types would not name the
-    argument.
+    JAX sorts the keys of a dictionary in a module, and its error for keys of mixed types would not
+    name the argument.
     """
     require_names(argument, given, remedy)
     return dict(given)
 
 
 def require_range(argument: str, value: ArrayLike, lower: float, upper: float, remedy: str) -> None:
-    """Raise a ``ValueError`` unless a value is one finite number in the closed interval [lower,
-    upper].
+    """Raise a ``ValueError`` unless a value is one finite number in [lower, upper].
 
-    >>> extend.require_range("restitution", 1.5, 0.0, 1.0, "give c")
-    Traceback (most recent call last):
-        ...
-    ValueError: Argument `restitution` must be in [0.0, 1.0], but is 1.5: give c.
+    >>> extend.require_range("restitution", 0.9, 0.0, 1.0, "give c")  # else raises
     """
     require_shape(argument, value, (), "pass a single number")
     expected = f"in [{lower}, {upper}]"
@@ -336,11 +280,8 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
 def caution_unless(
     condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` about a number unless the condition holds.
-
-    **Arguments:** `value`: in the given unit. `expected`: the usual range with its unit, such as
-    "at most 1 m", for the message.
-    """
+    """Issue an `UnusualValueWarning` about a number unless the condition holds; `expected` is the
+    usual range with its unit, such as "at most 1 m"."""
     if not condition:
         caution(
             f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
@@ -357,10 +298,8 @@ def caution_above(argument: str, value: object, unit: str, most: float, remedy: 
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` if a number is less than `least` or larger than `most`.
-
-    Tracers are not checked, and NaN gives no warning.
-    """
+    """Issue an `UnusualValueWarning` if a number, unless it is traced, is out of its usual
+    range."""
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
@@ -378,13 +317,10 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless a direction has three finite components, (3,), and a length
-    above 1e-12.
+    """Raise a ``ValueError`` unless a direction has three finite components and a length above
+    1e-12.
 
-    >>> extend.require_axis("axis", (0, 0, 0))
-    Traceback (most recent call last):
-        ...
-    ValueError: Argument `axis` must be a vector of non-zero length, but is ...
+    >>> extend.require_axis("axis", (0, 0, 1))  # else raises
     """
     require_shape(argument, value, (3,), "pass three components")
     expected, remedy = "a vector of non-zero length", "give a direction, for example (0, 0, 1)"
@@ -393,8 +329,7 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless four Euler parameters, (4,), are finite and have unit norm to
-    within 1e-6."""
+    """Raise a ``ValueError`` unless four Euler parameters have unit norm to within 1e-6."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"
@@ -405,11 +340,8 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 
 
 def recheck(tree: PyTree) -> None:
-    """Repeat the checks of the constructors for all Equinox modules in a PyTree, without warnings.
-
-    They are needed before a run, since values may have been replaced in a scene without calling its
-    constructors, as by `equinox.tree_at`.
-    """
+    """Repeat the checks of the constructors for all Equinox modules in a PyTree, without warnings:
+    `equinox.tree_at` may have replaced values."""
     with quiet():
         _check_here(tree)
         for part in _children(tree):
@@ -418,15 +350,10 @@ def recheck(tree: PyTree) -> None:
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
     """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
-    without warnings.
+    without warnings: the faster form of `recheck` for a sweep.
 
-    It is the faster form of `recheck` for a sweep, which changes a few numbers of a scene. A module
-    of this package that contains changed leaves only through a dictionary, list or tuple is not
-    checked, since its checks don't depend on the numbers in the entries of these containers. A
-    module of any other package is checked if it contains a changed leaf anywhere.
-
-    **Arguments:** `structure`: that of `tree`, from `jax.tree.structure`; `changed`: whether each
-    leaf has changed, in JAX's order.
+    Modules of this package that contain changed leaves only through a dictionary, list or tuple are
+    left out, since their checks don't depend on the numbers in these containers.
     """
     with quiet():
         for path in _paths_to_changed(structure, changed):
@@ -436,15 +363,9 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 def conditions_of_changes(
     tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 ) -> list[jax.Array] | None:
-    """Return the conditions under which `recheck_changes` would raise no error: traced booleans of
-    shape (), all of which must be true.
-
-    Compiled programs evaluate them, for example for the numbers of all runs of a sweep. The result
-    is ``None`` if any class to be checked is not of this package, since its checks may need known
-    numbers.
-
-    **Arguments:** those of `recheck_changes`, with traced numbers in the `tree`.
-    """
+    """Return the conditions under which `recheck_changes` would raise no error, for a compiled
+    program, or ``None`` if a class to be checked is not of this package: its checks may need known
+    numbers."""
     for path in _paths_to_changed(structure, changed):
         if not is_of_package(reduce(_child, path, tree)):
             return None
@@ -452,17 +373,13 @@ def conditions_of_changes(
 
 
 def is_of_package(module: eqx.Module) -> bool:
-    """Return whether the class of a module, an instance of `equinox.Module`, belongs to this
-    package."""
+    """Return whether the class of a module belongs to this package."""
     return type(module).__module__.split(".")[0] == __name__.split(".")[0]
 
 
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
-    """Return the paths of the modules that `recheck_changes` must check, inner modules first.
-
-    The arguments are those of `recheck_changes`.
-    """
+    """Return the paths of the modules that `recheck_changes` must check, inner modules first."""
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
@@ -491,12 +408,8 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    """Call the checks of a module: the method `__check_init__` of its class and of each base class.
-    Any other value is not checked.
-
-    While `conditions_of` collects conditions, a check that fails because it needs known values is
-    omitted.
-    """
+    """Call the checks of a module of its class and of each base class. While `conditions_of`
+    collects conditions, a check that fails because it needs known values is omitted."""
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if check := vars(cls).get("__check_init__"):
@@ -516,16 +429,12 @@ def _children(tree: PyTree) -> list[PyTree]:
 
 
 ALIKE = 0.66
-"""Smallest similarity of an unknown and a known name, from 0 to 1 by `difflib`, at which an error
-message suggests the known one."""
+"""Smallest similarity, from 0 to 1 by `difflib`, at which a message suggests a known name."""
 
 
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
-    """Return the remedy for an unknown name, as the end of an error message.
-
-    The remedy suggests the most similar of the `known` names, without regard to capitals, followed
-    by the advice `otherwise`. If no known name is similar, the remedy is `otherwise` alone.
-    """
+    """Return the remedy for an unknown name, as the end of an error message: the most similar of
+    the known names, without regard to capitals, if there is one, and the advice `otherwise`."""
     by_lower = {other.lower(): other for other in known}
     similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)
     return f"did you mean {by_lower[similar[0]]!r}? If not, {otherwise}" if similar else otherwise

@@ -1,4 +1,4 @@
-"""Conversion of names and texts given by users, so that matplotlib draws them as they are."""
+"""Names and texts given by users, so that matplotlib draws them as they are."""
 
 from textwrap import fill
 
@@ -9,8 +9,7 @@ WIDEST_LABEL = 44
 
 
 def literal(text: str) -> str:
-    """Return a text with escaped dollar signs, so that matplotlib does not typeset what is between
-    two of them as mathematics."""
+    """Return a text with escaped dollar signs, so that matplotlib does not typeset mathematics."""
     return text.replace("$", r"\$")
 
 
@@ -18,10 +17,8 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
     """Return a name as one line of at most `longest` characters, for matplotlib.
 
     The middle of a longer name is replaced by an ellipsis, since similar names differ mostly at the
-    end. A name that begins with an underscore gets a space of zero width in front,
-    since legends omit labels that begin with an underscore. An empty name becomes "(no name)".
-    Dollar signs are escaped as by `literal`. Neither these escapes nor the space count as
-    characters.
+    end. A name that begins with an underscore gets a space of zero width in front, since legends
+    omit such labels. Neither it nor escapes of dollar signs count as characters.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:
@@ -31,8 +28,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """Return the label of an axis, broken into lines of about equal length if it is longer than
-    `WIDEST_LABEL` characters."""
+    """Return the label of an axis in lines of about equal length, at most `WIDEST_LABEL`."""
     # The quotient rounded up. Lines end before a word that doesn't fit. With a width of six
     # characters more than the average, the text nearly always fits into this number of lines.
     lines = -(-len(label) // WIDEST_LABEL)

@@ -1,9 +1,9 @@
 """Order of names where JAX flattens dictionaries.
 
-JAX sorts the keys of a dictionary when it flattens a PyTree, and leaves them sorted when it makes
-the PyTree again. So whatever has passed through a function of JAX is in the order of names, while
-a scene has the order in which its author wrote it down. Columns, rows and lists that are paired by
-position must not mix the two: they carry their names, or take them from one object.
+JAX sorts the keys of a dictionary when it flattens a PyTree. So whatever has passed through a
+function of JAX is in the order of names, while a scene has the order in which its author wrote it
+down. Columns, rows and lists that are paired by position must not mix the two: they carry their
+names, or take them from one object.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,24 +23,14 @@ def in_order_of_leaves(names: Iterable[str]) -> list[str]:
 
 def with_leaves(tree: Tree, leaves: Sequence[PyTree]) -> Tree:
     """Return a scene, a state or a pair of both with other leaves, and with the names in their own
-    order.
-
-    `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. Use this function
-    for scenes and states that are returned to a user, or whose names are paired with columns.
-
-    **Arguments:** `leaves`: in the order of `jax.tree.leaves`.
-    """
+    order; `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead."""
     return ordered_like(tree, jax.tree.unflatten(jax.tree.structure(tree), leaves))
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
-    """Return `other` with the names in the order of those of `tree`.
-
-    Both are a scene, a state or a tuple of such. Dictionaries inside of elements are left as they
-    are: they pass through JAX in each run, so that their order can't matter.
-
-    **Arguments:** `other`: a new PyTree, whose Equinox modules are changed in place.
-    """
+    """Return a new scene, state or tuple of such, whose modules are changed in place, with the
+    names in the order of `tree`. Dictionaries inside of elements keep their order, which can't
+    matter."""
     if type(other) is tuple:
         return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
     for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():

@@ -1,7 +1,4 @@
-"""Objects whose fields are declared, checked, converted to arrays and printed.
-
-User-defined subclasses of `AbstractConverting` need only annotate their fields.
-"""
+"""Objects whose fields are declared, checked, converted to arrays and printed."""
 
 import inspect
 from collections.abc import Callable
@@ -38,10 +35,7 @@ _COUNTS = {(): "a single number", (3,): "three components", (4,): "four componen
 
 @dataclass(frozen=True)
 class Declaration:
-    """Allowed and usual values of a field.
-
-    The attributes are the arguments of `quantity` with the same names.
-    """
+    """Allowed and usual values of a field; the attributes are arguments of `quantity`."""
 
     unit: str
     shape: tuple[int, ...] | None = None
@@ -53,10 +47,9 @@ class Declaration:
     remedy: str = ""
 
     def check_value(self, name: str, value: ArrayLike) -> None:
-        """Check a value of the field `name` against the declaration.
+        """Check a value of the field `name` against the declaration, and warn of an unusual one.
 
         **Raises:** `ValueError` for a value that is not allowed.
-        **Warns:** `UnusualValueWarning` for an unusual value.
         """
         if self.check is not None:
             self.check(name, value)
@@ -100,15 +93,14 @@ def quantity(
     - `positive`: whether the value must be a single positive number; with `zero`, it may be zero
       too.
     - `within`: closed interval in which the value, a single number, must be.
-    - `usual`: smallest and largest usual value of a single number, in the unit; other values give
-      an `UnusualValueWarning`.
+    - `usual`: smallest and largest usual value of a single number; others give an
+      `UnusualValueWarning`.
     - `check`: a function of the field's name and value that raises a ``ValueError``, such as
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
-    - `table`: whether the methods of the object get an array of any shape as an array, for instance
-      a table of N numbers for `jax.numpy.interp`. By default, in compiled programs, they get an
-      array of shape (3,) as a `Vector`, one of shape (4,) as `EulerParameters`, one of shape (3, 3)
-      as a `Matrix`, and one of any other shape as an array.
+    - `table`: whether methods get an array of any shape as an array, for instance for
+      `jax.numpy.interp`. By default, in compiled programs, they get one of shape (3,) as a
+      `Vector`, (4,) as `EulerParameters` and (3, 3) as a `Matrix`.
     - `options`: options of `equinox.field`, such as `default`.
 
     >>> class Blade(extend.AbstractFriction):
@@ -118,17 +110,23 @@ def quantity(
     >>> Blade(0.1)
     Blade(coefficient=0.1)
     """
-    declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
+    declared = Declaration(
+        unit,
+        shape=shape,
+        positive=positive,
+        zero=zero,
+        within=within,
+        usual=usual,
+        check=check,
+        remedy=remedy,
+    )
     metadata = {"unit": unit, "table": table, "declared": declared}
     return eqx.field(**{"converter": as_number, "metadata": metadata, **options})
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """Declare a field with the default ``None``, otherwise as `quantity` does.
-
-    ``None`` stands for an effect that is absent, and that compiled programs therefore don't
-    compute. `unit` and `options` are arguments of `quantity`, such as `shape` and `positive`;
-    `default` and `converter` are set here and cannot be given.
+    """Declare a field with the default ``None``, which stands for an effect that is absent and not
+    computed, otherwise as `quantity` does.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -155,23 +153,19 @@ def described(unit: str, text: str = "") -> Any:
 
 @cache
 def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
-    """Return the fields of a class that have a declaration: the name and declaration of each."""
     return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]
 
 
 LONGEST = 16
-"""Largest number of entries of an array that is printed with its entries; of a larger array, dtype
-and shape are printed."""
+"""Largest number of entries of an array that is printed with its entries."""
 
 
 class AbstractReadable(eqx.Module):
     """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
 
-    When an object is made, the value of each field is checked against its declaration, such as
-    ``quantity("m", positive=True)``, unless it is ``None``. A subclass may define two further
-    checks, which run afterwards: `_check_together` for conditions on several fields, and
-    `_caution_together` for warnings about unusual combinations. The `repr` shows numbers and short
-    arrays as they were given.
+    When an object is made, each field is checked against its declaration, such as ``quantity("m",
+    positive=True)``, unless it is ``None``; then `_check_together` and `_caution_together` are
+    called.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -198,13 +192,10 @@ class AbstractReadable(eqx.Module):
             self._caution_together()
 
     def _check_together(self) -> None:
-        """Raise a ``ValueError`` if the values of several fields don't fit together.
-
-        By default there is no such condition.
-        """
+        """Raise a ``ValueError`` if the values of several fields don't fit together."""
 
     def _caution_together(self) -> None:
-        """Issue a warning if the values of several fields are unusual together; by default none."""
+        """Issue a warning if the values of several fields are unusual together."""
 
     def __setattr__(self, name: str, value: object) -> None:
         # Equinox sets fields in `__init__`; later it raises the error, which gets a remedy here.
@@ -224,15 +215,8 @@ class AbstractReadable(eqx.Module):
 
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
-    """Return a function ``__dir__`` for a package that lists its names without those of its
-    modules.
-
-    Importing a module of a package adds the module's name to those of the package. Among many of
-    these, users who complete a name with the tab key would hardly find classes and functions.
-
-    **Arguments:** `namespace`: ``globals()`` of the package; `public`: names of modules to be
-    listed all the same.
-    """
+    """Return a function ``__dir__`` for a package that lists the names of a namespace without those
+    of its modules, except the `public` ones, so that users find classes with the tab key."""
     return lambda: sorted(
         name
         for name, value in namespace.items()
@@ -241,10 +225,7 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
 
 
 def _plain(leaf: object) -> object:
-    """Return a short array as a number or a list of numbers, and any other leaf unchanged.
-
-    Short arrays have at most `LONGEST` entries. Traced numbers are unchanged too.
-    """
+    """Return a short array as a number or a list of numbers, and any other leaf unchanged."""
     is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf
@@ -252,8 +233,7 @@ def _plain(leaf: object) -> object:
 
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of fields that hold no numbers. Such fields become static: part of a PyTree's
-structure."""
+"""Annotations of fields that hold no numbers, and become static: part of a PyTree's structure."""
 
 
 class AbstractConverting(AbstractReadable):
@@ -265,11 +245,9 @@ class AbstractConverting(AbstractReadable):
     - otherwise numeric: numbers, tuples and lists are converted to 64-bit arrays, so that a change
       of a number compiles nothing again.
 
-    `clearjoint.extend.quantity("N m")` also declares unit, shape and range. In compiled programs,
-    the methods of the subclass get an array of shape (3,) as a `Vector`, one of shape (4,) as
-    `EulerParameters` and one of shape (3, 3) as a `Matrix`; in a field declared with ``table=True``
-    they stay arrays. Declare functions, and numbers that determine the structure of a program, such
-    as a number of repetitions, by ``equinox.field(static=True)``.
+    `clearjoint.extend.quantity("N m")` also declares unit, shape and range. Declare functions, and
+    numbers that determine the structure of a program, such as a number of repetitions, by
+    ``equinox.field(static=True)``.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -280,22 +258,16 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts the values given for the field `name`.
-
-        This method is called when a class is defined, for each field that the class itself
-        annotates (not for inherited ones), unless the field is static or declares a converter. A
-        subclass may override it for its own fields; by default it returns `as_numbers`.
-        """
+        """Return the function that converts the values given for a field without a converter."""
         del name
         return as_numbers
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """Return a value in which numbers, and tuples and lists of numbers, are replaced by float64
-    arrays.
+    """Return a value in which numbers of Python and NumPy, and tuples and lists of numbers, are
+    replaced by float64 arrays.
 
-    The numbers are those of Python and NumPy, and NumPy arrays. Tuples and lists of numbers, or of
-    arrays of equal shape, are stacked to one array.
+    Tuples and lists of numbers, or of arrays of equal shape, are stacked to one array.
     Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
     unchanged, such as JAX arrays, texts and bools.
 
@@ -318,16 +290,14 @@ def as_numbers(value: PyTree) -> PyTree:
 
 
 def with_arrays(tree: PyTree) -> PyTree:
-    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
+    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays, before a
+    run.
 
-    It is called before each run. A Python number that `equinox.tree_at` has put into a scene would
-    otherwise be part of the program, which would be compiled for each of its values. Traced numbers
-    are not converted. In Equinox modules of other packages, numbers in fields without a converter
-    are not converted either, since they may be meant as parts of the program. Python's bools stay
-    parts of the program, so that a class may branch on them; NumPy's become 0.0 or 1.0. If all
-    leaves are 64-bit NumPy arrays or JAX arrays of floats, the PyTree itself is returned, and its
-    JAX arrays keep their precision. If not, JAX arrays that are not traced are converted like other
-    numbers.
+    A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
+    program, which would be compiled for each of its values. Traced numbers are not converted, nor
+    are Python's bools and numbers in fields without a converter in Equinox modules of other
+    packages, since they may be meant as parts of the program. If all leaves are 64-bit NumPy arrays
+    or JAX arrays of floats, the PyTree itself is returned.
     """
     leaves, structure = jax.tree.flatten(tree)
     # Usually nothing is left to convert.
@@ -344,8 +314,7 @@ def with_arrays(tree: PyTree) -> PyTree:
 
 
 def is_float_array(leaf: PyTree) -> bool:
-    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats, as `with_arrays`
-    leaves it."""
+    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats."""
     if type(leaf) is np.ndarray:
         return leaf.dtype == np.float64
     return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)
@@ -359,11 +328,7 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves.
-
-    In Equinox modules of this package, these are the leaves in all fields that are not static; in
-    other modules, those in fields with a converter. Leaves outside of all modules count too.
-    """
+    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves."""
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
@@ -384,11 +349,8 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
-    """Return a value as a JAX array of the given type.
-
-    It is converted to a NumPy array first, because `jax.numpy.asarray` of Python's and NumPy's
-    numbers compiles a small program for each shape.
-    """
+    """Return a value as a JAX array, by way of NumPy: `jax.numpy.asarray` of numbers of Python and
+    NumPy compiles a small program for each shape."""
     return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
 
@@ -403,17 +365,13 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the dataclass field `name` of a class, static or with a converter.
-
-    A field that declares neither becomes static if its annotation is in `NAMES`, and gets the
-    converter of `field_converter` otherwise.
-    """
+    """Return the dataclass field `name` of a class, static or with a converter."""
     # The class may have declared a field, or only a default value, or neither.
-    given = cls.__dict__.get(name)
-    if isinstance(given, Field):
-        field = given
+    value = cls.__dict__.get(name)
+    if isinstance(value, Field):
+        field = value
     else:
-        field = eqx.field(default=given) if name in cls.__dict__ else eqx.field()
+        field = eqx.field(default=value) if name in cls.__dict__ else eqx.field()
     if "converter" in field.metadata or field.metadata.get("static", False):
         return field
     added = {"static": True} if annotation in NAMES else {"converter": cls.field_converter(name)}

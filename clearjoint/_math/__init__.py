@@ -1,2 +1,1 @@
-"""Arithmetic on scalars, without mechanics: vectors, rotations, smoothing, interpolation,
-and small linear systems."""
+"""Arithmetic on scalars, without mechanics."""

@@ -2,13 +2,9 @@
 unrolled arithmetic.
 
 A matrix S = D X^T is divided into blocks of `SIZE` rows and columns, of which only those that are
-not structural zeros are stored. Which blocks there are, and which operations on blocks have to
-follow each other, is known while JAX traces. The operations are listed in tables, and loops over
-the tables execute them. The length of the program therefore does not depend on the matrix, and its
-run time is proportional to the number of operations on blocks.
-
-Elements of all blocks are in one array, block after block and row by row. An index of a block is
-its place in this array.
+not structural zeros are stored, in one array, block after block and row by row. Which operations on
+blocks have to follow each other is known while JAX traces. They are listed in tables, over which
+loops run, so that the length of the program does not depend on the matrix.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,6 +15,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from .linear_solvers import (
     AbstractMatrix,
@@ -39,18 +36,14 @@ MOST_MULTIPLICATIONS = 2500
 """Largest number of multiplications of a system of equations that is solved by unrolled arithmetic:
 those of about 15 rows without zeros. Compiling them takes about a second."""
 _Place: TypeAlias = tuple[int, int]
-"""Row and column of a block among the blocks."""
 _Step: TypeAlias = tuple[int, ...]
 """A row of a table: numbers for the kind of the operation, and indices of blocks or vectors."""
 _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
 
 def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
-    """Return the matrix S = D X^T, which must be symmetric, in the form that suits its size.
-
-    **Arguments:** `first`, `second`: the n rows of D and X, with equally many columns. Entries that
-    are the Python number zero are structural.
-    """
+    """Return the symmetric matrix S = D X^T of the rows of D and X, in the form that suits its
+    size."""
     supports = [[_support(row) for row in rows] for rows in (first, second)]
     neighbours: list[set[int]] = [set() for _ in first]
     shared: list[list[bool]] = []
@@ -70,8 +63,11 @@ def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
         return BlockMatrix(first, second)
     return ScalarMatrix(
         [
-            [inner(row, other) if yes else 0.0 for yes, other in zip(known, second, strict=False)]
-            for row, known in zip(first, shared, strict=True)
+            [
+                inner(row, other) if coupled else 0.0
+                for coupled, other in zip(of_row, second, strict=False)
+            ]
+            for row, of_row in zip(first, shared, strict=True)
         ]
     )
 
@@ -79,15 +75,12 @@ def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
 class _Plan:
     """Places of the blocks of a symmetric matrix and of its factor, and the operations on them.
 
-    - `sizes`: the number of rows of each group.
     - `order`: the groups of rows in their order of elimination. All other indices of groups are
       places in this order.
+    - `sizes`: the number of rows of each group.
     - `slots`: index of each stored block, by its place, in and below the diagonal. Blocks of the
       factor that are zero in the matrix (fill-in) are included.
     - `entries`: the places of the blocks of the matrix itself.
-
-    **Arguments:** `neighbours`: for each group of rows, those with which it is coupled; `sizes`:
-    the number of rows of each group.
     """
 
     def __init__(self, neighbours: Sequence[set[int]], sizes: Sequence[int]):
@@ -101,8 +94,7 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in reordered[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices, among all rows of blocks, of the rows that a group of rows has in a
-        block."""
+        """Return the indices of the rows that a group of rows has in a block."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
@@ -159,10 +151,7 @@ class _Plan:
 
 
 class BlockMatrix(AbstractMatrix):
-    """The matrix S = D X^T, which must be symmetric, in blocks.
-
-    **Arguments:** `first`, `second`: the n rows of D and X, with equally many columns.
-    """
+    """The symmetric matrix S = D X^T in blocks."""
 
     def __init__(self, first: Sequence[Sequence[Scalar]], second: Sequence[Sequence[Scalar]]):
         self.n = len(first)
@@ -197,8 +186,7 @@ class BlockMatrix(AbstractMatrix):
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return the blocks of a matrix with ones on the diagonal in rows beyond those of a group,
-        which has fewer than `SIZE`, and zeros elsewhere."""
+        """Return blocks with ones on the diagonal in the rows beyond those of a group."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):
@@ -206,24 +194,21 @@ class BlockMatrix(AbstractMatrix):
         return blocks.ravel()
 
     def _diagonal(self) -> np.ndarray:
-        """Return the indices of the n elements of the diagonal."""
         group, row = np.divmod(self._places, SIZE)
         slots = np.array([self._plan.slots[k, k] for k in group.tolist()])
         return slots * ELEMENTS + row * (SIZE + 1)
 
     def _vector(self, numbers: Sequence[Scalar]) -> jax.Array:
-        """Return n scalars, in the order of the rows, as a vector in blocks."""
         index = np.full(SIZE * len(self._groups), -1)
         index[self._places] = np.arange(self.n)
         return _gathered(numbers, index)
 
+    @override
     def trace(self) -> Scalar:
-        """Return the sum of the diagonal."""
         return jnp.sum(_taken(self._blocks, self._diagonal()))
 
+    @override
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
-        """Factorise S + `shift` I, and return the function that solves equations, see the base
-        class."""
         shifted = self._blocks
         if not is_zero(shift):
             mask = np.zeros(len(self._plan.slots) * ELEMENTS)
@@ -234,7 +219,6 @@ class BlockMatrix(AbstractMatrix):
 
 
 def _support(row: Sequence[Scalar]) -> set[int]:
-    """Return the indices of the entries of a row that are not structural zeros."""
     return {k for k, entry in enumerate(row) if not is_zero(entry)}
 
 
@@ -243,8 +227,6 @@ def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
 
     A row joins the rows before it if less than half of their columns of blocks differ, as for the
     rows of one joint. Otherwise, blocks would couple rows that have nothing in common.
-
-    **Arguments:** `columns`: for each row, its columns of blocks with entries.
     """
     groups: list[list[int]] = []
     union: set[int] = set()
@@ -262,7 +244,6 @@ def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
 def _block_columns(
     groups: Sequence[Sequence[int]], rows: Sequence[Sequence[Scalar]]
 ) -> list[set[int]]:
-    """Return for each group of rows the columns of blocks in which it has entries."""
     return [{k // SIZE for row in group for k in _support(rows[row])} for group in groups]
 
 
@@ -274,7 +255,6 @@ def _coupled(columns: Sequence[list[set[int]]], i: int, j: int) -> bool:
 def _blocks(
     rows: Sequence[Sequence[Scalar]], groups: Sequence[Sequence[int]], places: Sequence[_Place]
 ) -> jax.Array:
-    """Return the blocks at some places of a matrix with the given rows, which `groups` divide."""
     entries: list[Scalar] = []
     index = np.full((len(places), SIZE, SIZE), -1)
     for block, (group, column) in enumerate(places):
@@ -302,7 +282,7 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return a row of a block, or a part of a vector, of `SIZE` numbers."""
+    """Return a row of a block, or a part of a vector."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 
@@ -311,11 +291,7 @@ def _looped(
     start: jax.Array,
     table: Sequence[_Step],
 ) -> jax.Array:
-    """Return an array of which each row of a table changes one row of `SIZE` numbers.
-
-    **Arguments:** `step`: function of the array and a row of the table that returns the changed
-    numbers and the index of their row.
-    """
+    """Return an array of which each row of a table changes a row, with the numbers of `step`."""
 
     def changed(array: jax.Array, row: jax.Array) -> tuple[jax.Array, None]:
         numbers, index = step(array, row)
@@ -327,10 +303,8 @@ def _looped(
 def _sums_of_products(
     start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[_Step]
 ) -> jax.Array:
-    """Return blocks plus products A B^T of blocks of `first` and `second`.
-
-    **Arguments:** `table`: rows (index of the row of the sum, of the row of A, of the block B).
-    """
+    """Return blocks plus products A B^T of blocks of `first` and `second`; the table has the
+    indices of the row of the sum, of the row of A, and of the block B."""
 
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, a, b = row
@@ -340,8 +314,7 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of the factor L of L L^T, followed by the inverses of the blocks of its
-    diagonal."""
+    """Return the blocks of the factor L of L L^T, and the inverses of its diagonal blocks."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.
@@ -349,19 +322,19 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     for j, size in enumerate(plan.sizes):
         inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0
 
-    def inverse_row(row: jax.Array, lower: jax.Array, known: jax.Array, target: jax.Array):
+    def inverse_row(row: jax.Array, lower: jax.Array, factor: jax.Array, target: jax.Array):
         unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
         lower = jnp.where(unit > 0.0, 0.0, lower)
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
-        return (unit - lower @ known) * pivot
+        return (unit - lower @ factor) * pivot
 
     def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
         kind, target, source, block = entries
-        here, row, known = _row(blocks, target), _row(blocks, source), _block(blocks, block)
-        image = known @ row
+        here, row, factor = _row(blocks, target), _row(blocks, source), _block(blocks, block)
+        image = factor @ row
         numbers = jax.lax.cond(
             kind == _FACTORISE,
-            lambda: inverse_row(row, image, known, target),
+            lambda: inverse_row(row, image, factor, target),
             lambda: jnp.where(kind == _UPDATE, here - image, image),
         )
         return numbers, target
@@ -378,8 +351,6 @@ def _image(
 
 
 def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
-    """Return the product of a symmetric matrix in blocks and a vector."""
-
     # The vector is not a part of the array that the loop changes, so that JAX can transpose the
     # loop where the blocks are derivatives.
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -1,9 +1,8 @@
 """Interpolation over a time step: Hermite polynomials, parabolas, roots and maxima of functions.
 
 A position x in a step is a number from 0 at its start to 1 at its end. The length of the step is h,
-s. A rate is a derivative by time, which is the derivative by x divided by h. All functions are
-arithmetic on scalars without loops at run time, except for `secant_root`. For arrays they work
-element by element.
+s. A rate is the derivative by x divided by h. Functions work element by element for arrays, and
+have no loops at run time, except for `secant_root`.
 """
 
 from collections.abc import Callable
@@ -19,17 +18,16 @@ NEWTON_STEPS = 4
 """Number of Newton steps in `hermite_root`. Once the position is near the root, each step doubles
 the number of correct digits."""
 TINY = 1e-200
-"""`Parabola.part_below` divides by the coefficient of x^2. If its magnitude is at most this number,
-this number takes its place. In practice this happens only if the coefficient is zero."""
+"""Smallest magnitude of the divisor in `Parabola.part_below`, the coefficient of x^2."""
 SECANT_STEPS = 12
 """Number of evaluations in `secant_root`. It is fixed, so that lanes side by side do the same."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
 """Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these two. The next parabola divides differences of values by distances of
-points, which would enlarge rounding errors if the distances were smaller. No parabola follows the
-last evaluation, so the limit does not apply to it."""
+to the distance between these two. The next parabola divides by distances of points, which would
+enlarge rounding errors if they were smaller. No parabola follows the last evaluation, so the limit
+does not apply to it."""
 GUESS_MARGIN = 0.1
 """Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
 relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
@@ -55,23 +53,15 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the rate at x of the cubic with the given values and rates at the ends of a step.
-
-    The length of the step must not be zero.
-    """
+    """Return the rate at x of the cubic with the given values and rates at the ends of a step."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate position x of the root of a cubic, given by its values and rates at
-    the ends of a step.
-
-    The values at the ends must have opposite signs. The root is approximated by `NEWTON_STEPS`
-    Newton steps within a shrinking bracket. The larger the cubic's curvature, the less accurate the
-    result is.
-    """
+    """Return the approximate position x of the root of a cubic whose values at the ends of a step
+    have opposite signs, by `NEWTON_STEPS` Newton steps within a shrinking bracket."""
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     # Start from the root of the straight line through both ends.
     x = start.value / (start.value - end.value)
@@ -99,11 +89,7 @@ class Bend(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """Polynomial of fifth degree over a step.
-
-    - `coefficients`: the six coefficients of powers of x, the lowest power first.
-    - `h`: s, length of the step.
-    """
+    """Polynomial of fifth degree over a step of length `h`, its lowest power of x first."""
 
     coefficients: tuple[Scalar, ...]
     h: Scalar
@@ -190,14 +176,8 @@ class Point(NamedTuple):
 
 
 def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) -> Scalar:
-    """Return the approximate position x of a function's root between two points, by `SECANT_STEPS`
-    secant steps within a shrinking bracket (N. Anderson, A. Bjorck 1973).
-
-    It serves for functions whose rates are not known, unlike `hermite_root`.
-
-    **Arguments:** `value_at`: function of x; `start`, `end`: two of its points, whose values must
-    have opposite signs.
-    """
+    """Return the approximate root x of a function between two points with values of opposite signs,
+    by `SECANT_STEPS` secant steps within a shrinking bracket (N. Anderson, A. Bjorck 1973)."""
 
     # Secants without a bracket missed the root of a contact that begins soon after another one has
     # ended: both ends of the step are then at the wall, and the greatest distance lies between.
@@ -223,11 +203,8 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) 
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position x of the maximum of the parabola through three points in order of x.
-
-    The position is limited to the interval from the first to the last point. If the parabola has no
-    maximum, the position of the middle point is returned.
-    """
+    """Return the position x of the maximum of the parabola through three points, between the outer
+    ones; that of the middle point if there is no maximum."""
     left = _slope(first, middle)
     right = _slope(middle, last)
     bend = (right - left) / _positive(last.x - first.x)
@@ -241,19 +218,15 @@ def vertex(first: Point, middle: Point, last: Point) -> Scalar:
 def highest_after(
     value_at: Callable[[Scalar], Scalar], before: Point, first: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between two points, using a further point before them.
+    """Estimate the maximum of a function between the points `first` and `last`, using a further
+    point before them.
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
-    the maximum of the cubic through these points and the first evaluation.
-
-    **Arguments:** `value_at`: function of x; `before`, `first`, `last`: points of the function in
-    order of x. The maximum between `first` and `last` is estimated.
-
-    **Returns:** a point. Its value is the largest of the function's values at `first`, `last` and
-    the two evaluations. If neither `first` nor `last` is above the higher evaluation, the position
-    is the maximum of the parabola through this evaluation and its neighbours, which is nearer to
-    the function's maximum than the evaluated points. Otherwise it is the position of the higher one
-    of `first` and `last`.
+    the maximum of the cubic through these points and the first evaluation. The value of the result
+    is the largest of the function's values at `first`, `last` and the two evaluations. If neither
+    end is above the higher evaluation, the position is the maximum of the parabola through this
+    evaluation and its neighbours, which is nearer to the function's maximum than the evaluated
+    points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.
@@ -271,13 +244,8 @@ def highest_after(
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the approximate position x of the maximum of the cubic through four points in order
-    of x.
-
-    The maximum is sought between `first` and `last`, by a Newton step from the maximum of the
-    parabola through the last three points. If the cubic does not bend downwards there, the result
-    is that of `vertex` for the parabola.
-    """
+    """Return the approximate position x of the maximum of the cubic through four points, by a
+    Newton step from the maximum of the parabola through the last three."""
     x = vertex(first, middle, last)
     bend = _bend(first, middle, last)
     # In Newton's form, the cubic is the parabola plus twist (x - first)(x - middle)(x - last). The
@@ -301,17 +269,13 @@ def _bend(first: Point, middle: Point, last: Point) -> Scalar:
 def highest(
     value_at: Callable[[Scalar], Scalar], first: Point, middle: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between the first and the last of three points.
+    """Estimate the maximum of a function between the first and the last of three points in order of
+    x.
 
     The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
-    Algorithms for Minimization without Derivatives, 1973, ch. 5). After each evaluation, three of
-    the four points are kept: the higher one of the two inner points, and its neighbours.
-
-    **Arguments:** `value_at`: function of x; `first`, `middle`, `last`: points of the function in
-    order of x. If `middle` is lower than `first` or `last`, that end may be dropped.
-
-    **Returns:** the highest of the last three points. Its value is one of the function's values,
-    because the maximum of a parabola would be too large at a kink.
+    Algorithms for Minimization without Derivatives, 1973, ch. 5). After each evaluation, the higher
+    one of the two inner points and its neighbours are kept. The result is the highest of the last
+    three points, not the maximum of a parabola, which would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
         # The last evaluation is not used for a further parabola, and may be near the other points.
@@ -324,10 +288,7 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return the higher one of two inner points with its neighbours, in order of x.
-
-    The inner points are `middle` and `new`, both of which are between `first` and `last`.
-    """
+    """Return the higher one of two inner points with its neighbours, in order of x."""
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value
@@ -338,24 +299,22 @@ def _nearest_three(
     )
 
 
-def higher(one: Point, other: Point) -> Point:
-    """Return the point with the larger value, or `one` if the values are equal."""
-    return _either(other.value > one.value, other, one)
+def higher(first: Point, second: Point) -> Point:
+    """Return the point with the larger value, or the first if the values are equal."""
+    return _either(second.value > first.value, second, first)
 
 
-def _either(condition: Scalar, one: Point, other: Point) -> Point:
-    return Point(*(jnp.where(condition, a, b) for a, b in zip(one, other, strict=True)))
+def _either(condition: Scalar, first: Point, second: Point) -> Point:
+    return Point(
+        x=jnp.where(condition, first.x, second.x),
+        value=jnp.where(condition, first.value, second.value),
+    )
 
 
 def _slope(first: Point, second: Point) -> Scalar:
-    """Return the slope of the straight line through two points; zero if the points are equal."""
     return (second.value - first.value) / _positive(second.x - first.x)
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return a length, or 1 in its place if it is zero, for use as a divisor.
-
-    The length is the distance in x of two points. If it is zero, the difference of values or slopes
-    that is divided by it is zero too, and the quotient is 0/1 instead of 0/0.
-    """
+    """Return a length, or 1 if it is zero, for use as a divisor of a difference, then zero too."""
     return jnp.where(length > 0.0, length, 1.0)

@@ -1,16 +1,16 @@
 """Solvers for symmetric positive semidefinite systems of linear equations.
 
-The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Entries that
-are the Python number zero are structural: operations on them are omitted. A system whose solution
-takes few multiplications is solved by unrolled scalar arithmetic (`ScalarMatrix`), which is fast in
-a stepping loop. The compile time of unrolled code grows faster than its length, so that all other
-systems are solved by loops over blocks (`.block_matrices`).
+The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Operations on
+entries that are the Python number zero are omitted. Unrolled scalar arithmetic solves systems that
+take few multiplications (`ScalarMatrix`), and loops over blocks all others, since the compile time
+of unrolled code grows faster than its length.
 """
 
 import abc
 from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
+from typing_extensions import override
 
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
@@ -23,10 +23,7 @@ Solve = Callable[[Sequence[Scalar]], list[Scalar]]
 
 def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
     """Return, for each column of the triangular factor of a symmetric matrix, the indices of the
-    rows below the diagonal with an entry that is not a structural zero.
-
-    **Arguments:** `neighbours`: for each unknown, those with which it is coupled: the columns of
-    its row in which the matrix has entries.
+    rows below the diagonal with entries, from the columns of the entries in each row of the matrix.
     """
     columns = [{i for i in others if i > j} for j, others in enumerate(neighbours)]
     for column in columns:
@@ -39,13 +36,9 @@ def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
 
 
 def least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
-    """Return the indices of unknowns in an order of elimination that reduces fill-in.
-
-    The next unknown to be eliminated is always one that is coupled with the fewest remaining ones
-    (W. F. Tinney, J. W. Walker, Direct solutions of sparse network equations, 1967).
-
-    **Arguments:** `neighbours`: as for `below_diagonal`.
-    """
+    """Return the indices of unknowns in an order of elimination that reduces fill-in: next is
+    always one that is coupled with the fewest remaining ones (W. F. Tinney, J. W. Walker, Direct
+    solutions of sparse network equations, 1967)."""
     remaining = {i: set(others) for i, others in enumerate(neighbours)}
     order = []
     while remaining:
@@ -60,24 +53,18 @@ def least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
 
 
 def _neighbours(matrix: Rows) -> list[set[int]]:
-    """Return for each row of a symmetric matrix the other columns with structural nonzeros."""
-    found: list[set[int]] = [set() for _ in matrix]
+    neighbours: list[set[int]] = [set() for _ in matrix]
     for i, row in enumerate(matrix):
         for j in range(i):
             if not is_zero(row[j]):
-                found[i].add(j)
-                found[j].add(i)
-    return found
+                neighbours[i].add(j)
+                neighbours[j].add(i)
+    return neighbours
 
 
 class UnrolledFactorisation:
-    """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic.
-
-    Operations on structural zeros are omitted, so that a sparse matrix stays sparse except for
-    fill-in.
-
-    **Arguments:** `matrix`: the n rows, of which only the lower triangle is read.
-    """
+    """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic, without
+    operations on structural zeros."""
 
     def __init__(self, matrix: Rows):
         n = len(matrix)
@@ -97,7 +84,7 @@ class UnrolledFactorisation:
                 self._lower[i][j] = multiply(entry, self._inverse_diagonal[j])
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of ``matrix @ x = right``; x and `right` are lists of n scalars."""
+        """Return the solution x of ``matrix @ x = right``."""
         # Solve L z = right, then D L^T x = z.
         n = len(right)
         z: dict[int, Scalar] = {}
@@ -110,8 +97,7 @@ class UnrolledFactorisation:
 
 
 def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
-    """Return `start` minus the products of the entries that two dictionaries have in common, in
-    the order of the first one."""
+    """Return `start` minus the products of the entries that two dictionaries have in common."""
     for k, a in first.items():
         if k in second:
             start = subtract(start, multiply(a, second[k]))
@@ -119,11 +105,7 @@ def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar])
 
 
 class OrderedFactorisation:
-    """Factorisation of a sparse matrix whose unknowns are reordered to reduce fill-in, see
-    `least_degree_order`.
-
-    **Arguments:** `matrix`: as for `UnrolledFactorisation`.
-    """
+    """Factorisation of a sparse matrix whose unknowns are reordered to reduce fill-in."""
 
     def __init__(self, matrix: Rows):
         self._order = least_degree_order(_neighbours(matrix))
@@ -131,8 +113,7 @@ class OrderedFactorisation:
         self._factorisation = UnrolledFactorisation(full)
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of ``matrix @ x = right``; x and `right` are lists of n scalars in
-        the original order of the unknowns."""
+        """Return the solution x of ``matrix @ x = right``, in the original order."""
         if all(map(is_zero, right)):
             return list(right)
         solution = self._factorisation.solve([right[i] for i in self._order])
@@ -141,10 +122,7 @@ class OrderedFactorisation:
 
 
 class AbstractMatrix(abc.ABC):
-    """A symmetric matrix S of a system of linear equations.
-
-    - `n`: number of rows.
-    """
+    """A symmetric matrix S of a system of `n` linear equations."""
 
     n: int
 
@@ -154,33 +132,28 @@ class AbstractMatrix(abc.ABC):
 
     @abc.abstractmethod
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
-        """Return the function that solves S x = b by the iteration x <- x + (S + `shift` I)^-1 (b -
-        S x) from x = 0.
+        """Return the function that solves S x = b by a number of iterations (`sweeps`) x <- x + (S
+        + `shift` I)^-1 (b - S x) from x = 0; one suffices if `shift` is zero.
 
         S + `shift` I must be positive definite, and is factorised once.
-
-        **Arguments:** `sweeps`: number of iterations; one suffices if `shift` is zero.
         """
 
 
 class ScalarMatrix(AbstractMatrix):
-    """A matrix whose systems are solved by unrolled scalar arithmetic.
-
-    **Arguments:** `rows`: the n rows, of which only the lower triangle is read.
-    """
+    """A matrix whose systems are solved by unrolled scalar arithmetic."""
 
     def __init__(self, rows: Rows):
         self._rows, self.n = rows, len(rows)
 
+    @override
     def trace(self) -> Scalar:
-        """Return the sum of the diagonal."""
         trace: Scalar = 0.0
         for i, row in enumerate(self._rows):
             trace = add(trace, row[i])
         return trace
 
+    @override
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
-        """Return the function that solves the equations, see the base class."""
         matrix = self._rows
         shifted = [[*row[:i], add(row[i], shift)] for i, row in enumerate(matrix)]
         factorisation = OrderedFactorisation(shifted)
@@ -204,12 +177,7 @@ class AbstractSolver:
     """
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return a row of D, with zeros in place of entries that the solver takes for rounding
-        errors.
-
-        This method is called for each row of D before the matrix is computed from the results. By
-        default it returns the row unchanged. A solver for singular matrices overrides it.
-        """
+        """Return a row of D, with zeros in place of entries that are rounding errors."""
         return list(row)
 
     def solving(self, matrix: AbstractMatrix) -> Solve:
@@ -220,8 +188,8 @@ class AbstractSolver:
 class Exact(AbstractSolver):
     """Direct solver, for nonsingular matrices only."""
 
+    @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
-        """Return the function that solves the equations by a factorisation of S."""
         return matrix.solving()
 
 
@@ -231,12 +199,10 @@ class LeastNorm(AbstractSolver):
     The iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and converges
     to the solution of least norm. Each iteration multiplies the error by at most eps/(eps + sigma),
     where sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free
-    augmented Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, the iteration can be
-    differentiated where eigenvalues coincide.
-
-    - `relative_shift`: eps relative to the mean of the diagonal of S.
-    - `sweeps`: number of iterations. Unless sigma is far below that mean, three of them reduce the
-      error to the size of rounding errors.
+    augmented Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, it can be
+    differentiated where eigenvalues coincide. `relative_shift` is eps relative to the mean of the
+    diagonal of S; unless sigma is far below that mean, three iterations reduce the error to the
+    size of rounding errors.
     """
 
     relative_shift = 1e-8
@@ -246,25 +212,23 @@ class LeastNorm(AbstractSolver):
     components of unit vectors, or of arms in m. The row of a constraint that the coordinates always
     satisfy consists of such errors, and would make the solution arbitrary."""
 
+    @override
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
-        """Return the row with zeros in place of entries that are rounding errors."""
         return [
             entry if is_zero(entry) else jnp.where(jnp.abs(entry) > self.rounding, entry, 0.0)
             for entry in row
         ]
 
     def _shift(self, trace: Scalar, n: int) -> Scalar:
-        """Return eps for a matrix with n rows and the given trace; 1 for a matrix of zeros."""
         return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
 
+    @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
-        """Return the function that solves the equations by a factorisation of S + eps I."""
         return matrix.solving(self._shift(matrix.trace(), matrix.n), self.sweeps)
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
-    """Return the inner product of two lists of n scalars, without operations on structural
-    zeros."""
+    """Return the inner product of two lists, without operations on structural zeros."""
     total: Scalar = 0.0
     for a, b in zip(first, second, strict=True):
         total = add(total, multiply(a, b))
@@ -272,6 +236,6 @@ def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
 
 
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
-    """Return the product of a symmetric matrix of n rows and a vector of n scalars."""
+    """Return the product of a symmetric matrix and a vector."""
     n = len(vector)
     return [inner([matrix[max(i, j)][min(i, j)] for j in range(n)], vector) for i in range(n)]

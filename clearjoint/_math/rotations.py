@@ -17,7 +17,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
     """Return the matrix that transforms body components to global ones.
 
     The Euler parameters are divided by their norm, so that the matrix is orthogonal although
-    rounding and integration errors change the norm. No constraint on the norm is needed.
+    rounding and integration errors change the norm.
 
     >>> half = 0.5**0.5  # a quarter of a revolution about z
     >>> matrix = extend.rotation_matrix(extend.EulerParameters(half, 0.0, 0.0, half))
@@ -37,8 +37,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
 
 
 def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
-    """Return the time derivatives of Euler parameters, 1/s, for a spin (angular velocity) in body
-    axes, rad/s."""
+    """Return the time derivatives of Euler parameters for a spin in body axes, rad/s."""
     a, b, c = 0.5 * spin.x, 0.5 * spin.y, 0.5 * spin.z
     return EulerParameters(
         -(p.e1 * a + p.e2 * b + p.e3 * c),
@@ -49,11 +48,8 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Return the normalised Euler parameters after a further small rotation.
-
-    The result is correct to first order in the angle.
-
-    **Arguments:** `p`: the Euler parameters before; `angle`: the rotation vector in body axes, rad.
+    """Return the normalised Euler parameters after a further rotation by a small rotation vector in
+    body axes, rad, correct to first order in it.
 
     >>> start = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
     >>> p = extend.turned(start, extend.Vector(0.0, 0.0, 1e-3))
@@ -95,12 +91,12 @@ correction is exact to first order: it reduces an error of this size to 2.5e-13.
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
-    """Return Euler parameters with their norm corrected to 1 if it has drifted.
+    """Return Euler parameters with their norm corrected to 1 if the error of its square is above
+    `NORM_DRIFT`.
 
-    They are returned unchanged if the error of the squared norm is at most `NORM_DRIFT`. The
-    rotation does not depend on the norm, but the error control of a step does. Each step changes
-    the norm slightly in the same direction, without bound over millions of steps: for a spinning
-    top, the norm is 1.6 after 24 h at a relative tolerance of 1e-4, and 1e40 at 1e-3.
+    The rotation does not depend on the norm, but the error control of a step does. Each step
+    changes the norm slightly in the same direction: for a spinning top, the norm is 1.6 after 24 h
+    at a relative tolerance of 1e-4, and 1e40 at 1e-3.
     """
     squared = squared_norm(p)
     drifted = jnp.abs(squared - 1.0) > NORM_DRIFT
@@ -110,11 +106,11 @@ def kept_unit(p: EulerParameters) -> EulerParameters:
 
 
 def within_two_turns(angle: Scalar) -> Scalar:
-    """Return an angle, rad, minus the nearest multiple of 4 pi.
+    """Return an angle, rad, minus the nearest multiple of 4 pi, after which Euler parameters
+    repeat.
 
-    Two revolutions restore the Euler parameters including their sign; a single one reverses it. An
-    angle that grew with every revolution would lose digits, and the errors that relative tolerances
-    allow would grow with it.
+    An angle that grew with every revolution would lose digits, and the errors that relative
+    tolerances allow would grow with it.
 
     >>> print(f"{extend.within_two_turns(5.0 * np.pi) / np.pi:.1f}")  # half a revolution
     1.0
@@ -133,11 +129,8 @@ def unit(vector: Vector) -> Vector:
 
 
 def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
-    """Return two unit vectors that, followed by the unit vector `axis`, form a right-handed frame.
-
-    The formula is valid for every axis (T. Duff et al., Building an orthonormal basis, revisited,
-    2017). For the z axis, the result is the unit vectors of x and y.
-    """
+    """Return two unit vectors that, followed by the unit vector `axis`, form a right-handed frame
+    (T. Duff et al., Building an orthonormal basis, revisited, 2017); x and y for the z axis."""
     sign = _sign(axis.z)
     a = -1.0 / (sign + axis.z)
     b = axis.x * axis.y * a
@@ -147,7 +140,6 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 def _sign(a: Scalar) -> Scalar:
-    """Return 1 for a positive number or zero, else -1; a Python number for a Python number."""
     if isinstance(a, int | float):
         return 1.0 if a >= 0.0 else -1.0
     return jnp.where(a >= 0.0, 1.0, -1.0)
@@ -173,32 +165,29 @@ class RotationVector(NamedTuple):
     factor: Scalar
 
     def rate(self, spin: Vector) -> Vector:
-        """Return the time derivative of the rotation vector, rad/s.
+        """Return the time derivative of the rotation vector, rad/s, for the spin of the rotated
+        frame relative to the fixed one, rad/s, in axes of the fixed frame.
 
-        It is the product of the inverse left Jacobian of the exponential map and the spin.
-
-        **Arguments:** `spin`: angular velocity of the rotated frame relative to the fixed frame,
-        rad/s, in axes of the fixed frame.
+        It is the inverse left Jacobian of the exponential map (J. Solà et al., A micro Lie theory
+        for state estimation in robotics, 2018) times the spin.
         """
         product = self.vector.cross(spin)
         return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
     def torque(self, moment: Vector) -> Vector:
-        """Return the torque on the rotated frame, N m, in axes of the fixed frame.
+        """Return the torque on the rotated frame, N m, in axes of the fixed frame, for the moment
+        that is work-conjugate to the rotation vector.
 
-        Torque and moment have the same power, ``moment . rate = torque . spin``, so the matrix of
-        this map is the transpose of that in `rate`.
-
-        **Arguments:** `moment`: N m, moment that is work-conjugate to the rotation vector.
+        Both have the same power, ``moment . rate = torque . spin``, so the matrix of this map is
+        the transpose of that in `rate`.
         """
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
 
 
 def rotation_vector(rotation: Matrix) -> RotationVector:
-    """Return the rotation vector of a rotation matrix.
-
-    The matrix transforms components in the rotated frame to components in the fixed frame.
+    """Return the rotation vector of a matrix that transforms components in the rotated frame to
+    components in the fixed frame.
 
     At exactly half a revolution, two opposite vectors describe the same rotation, and the `vector`
     of the result is zero instead.
@@ -215,11 +204,8 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle from 0 to pi divided by its sine, given the squared sine and the cosine.
-
-    The result is 1 at an angle of zero. At exactly pi, where the quotient is infinite, it is an
-    arbitrary finite number; the vector that it multiplies is zero there.
-    """
+    """Return an angle from 0 to pi divided by its sine; at exactly pi, some finite number, since
+    the vector that it multiplies is zero."""
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)
@@ -230,11 +216,7 @@ def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
 
 
 def _curvature(squared_angle: Scalar, stretch: Scalar, cosine: Scalar) -> Scalar:
-    """Return (1 - (angle/2) cot(angle/2))/angle^2, the `factor` of a `RotationVector`.
-
-    **Arguments:** `squared_angle`: rad^2; `stretch`: the angle divided by its sine; `cosine`: of
-    the angle.
-    """
+    """Return the `factor` of a `RotationVector`; `stretch` is the angle divided by its sine."""
     # cot(angle/2) is (1 + cosine)/sine. Near zero the difference would cancel, so a series is used.
     near = squared_angle < 100.0 * SMALL
     a = jnp.where(near, squared_angle, 0.0)

@@ -1,9 +1,5 @@
 """Functions of scalars: branches, angles, and powers and norms whose derivatives are finite.
 
-A power of a negative number and its derivative are zero. The direction of a zero vector and the
-derivative of its norm are zero. A ramp of width w > 0 has a continuous derivative, and a ramp of
-width ``None`` is exactly max(x, 0).
-
 For numbers of Python and NumPy, NumPy computes these functions, so that nothing is compiled, except
 for `positive_power` and `ramp`, which always use JAX.
 """
@@ -24,29 +20,22 @@ def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
 
 
 def sine(angle: Scalar) -> Scalar:
-    """Return the sine of an angle given in rad."""
+    """Return the sine of an angle, rad."""
     return library((angle,)).sin(angle)
 
 
 def cosine(angle: Scalar) -> Scalar:
-    """Return the cosine of an angle given in rad."""
+    """Return the cosine of an angle, rad."""
     return library((angle,)).cos(angle)
 
 
 def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return the polar angle, rad in [-pi, pi], of the point with the coordinates (cosine, sine).
-
-    The point may be at any distance from the origin.
-    """
+    """Return the polar angle, rad in [-pi, pi], of the point (cosine, sine) at any distance."""
     return library((sine, cosine)).arctan2(sine, cosine)
 
 
 def wrapped(value: Scalar, period: Scalar) -> Scalar:
-    """Return a value minus the nearest multiple of a period.
-
-    The absolute value of the result is at most half a period: at most pi for an angle in rad and a
-    period of 2 pi.
-    """
+    """Return a value minus the nearest multiple of a period."""
     return value - period * library((value, period)).round(value / period)
 
 
@@ -62,12 +51,12 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
     >>> print(f"{extend.positive_power(4.0, 1.5):.1f}, {extend.positive_power(-4.0, 1.5):.1f}")
     8.0, 0.0
     """
-    positive, known = x > 0.0, exponent if isinstance(exponent, int | float) else None
-    if known == 1.0:
+    positive, number = x > 0.0, exponent if isinstance(exponent, int | float) else None
+    if number == 1.0:
         return jnp.where(positive, x, 0.0)
     # The power of a negative number would be NaN, and its derivative NaN even where it is not used.
     safe = jnp.where(positive, x, 1.0)
-    power = safe * jnp.sqrt(safe) if known == 1.5 else safe**exponent
+    power = safe * jnp.sqrt(safe) if number == 1.5 else safe**exponent
     return jnp.where(positive, power, 0.0)
 
 
@@ -81,8 +70,8 @@ def norm(vector: Vector) -> Scalar:
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
     """Return the norm of a vector, and the unit vector in its direction.
 
-    For the zero vector, both are zero, with zero derivatives. A vector shorter than 1e-100, whose
-    squared norm is at most `_TINY`, counts as zero.
+    For the zero vector, as which one shorter than 1e-100 counts, both are zero, with zero
+    derivatives.
 
     >>> norm, direction = extend.norm_and_direction(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")

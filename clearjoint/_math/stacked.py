@@ -18,21 +18,14 @@ For fewer, it computes the same as for a PyTree of scalars."""
 
 
 class Stacked(eqx.Module):
-    """Numbers of a PyTree as one array.
-
-    - `array`: the numbers; along the last axis, in the order of the PyTree's n leaves.
-    - `structure`: structure of the PyTree.
-    """
+    """Numbers of a PyTree with n leaves as one array, along its last axis."""
 
     array: Float[jax.Array, "... n"]
     structure: Hashable = eqx.field(static=True)
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
-    """Return a PyTree of at least `FEWEST` floats of JAX as a `Stacked`, any other unchanged.
-
-    Instead of floats, the leaves may be arrays of one shape, such as derivatives by parameters.
-    """
+    """Return a PyTree of `FEWEST` or more floats of JAX, or arrays of one shape, as a `Stacked`."""
     leaves, structure = jax.tree.flatten(tree)
     if len(leaves) < FEWEST or not all(isinstance(leaf, jax.Array) for leaf in leaves):
         return tree

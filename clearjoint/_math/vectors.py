@@ -1,14 +1,11 @@
 """Vectors and 3x3 matrices whose components are separate scalars.
 
-Scalars are faster than arrays here. Native code (`clearjoint._native`) consists of operations on
-scalars, and XLA's CPU compiler compiles a stepping loop to one function if the loop's body is
-elementwise arithmetic on scalars. A `stack`, a `dot` or a concatenation would each launch a kernel
-of XLA, which would take most of the time of a run. Under ``vmap`` the same code computes many runs:
-each scalar becomes an array.
+Scalars are faster than arrays here: native code consists of operations on scalars, and XLA compiles
+a loop of elementwise arithmetic to one function, where each `stack` or `dot` would launch a kernel.
+Under ``vmap``, each scalar becomes an array.
 
 A component that is a Python ``0.0`` or ``1.0`` is *structural*: operations on it are omitted while
-JAX traces, so that a fixed ground or a unit vector needs no arithmetic. `fold_constants` finds such
-components in the numbers of a scene, for example in an axis (1, 0, 0). A program is then compiled
+JAX traces, so that a fixed ground or a unit vector needs no arithmetic. A program is then compiled
 for each pattern of zeros and ones, but not for each value of a number.
 """
 
@@ -37,8 +34,7 @@ Condition: TypeAlias = bool | jax.Array
 
 
 _NUMBERS = int, float
-"""Classes of Python's numbers. Written out, `int | float` would be made anew at each call of `_is`,
-which is called for each operand of each operation that JAX traces."""
+"""Written out, `int | float` would be made anew for each operand that JAX traces."""
 
 
 def _is(value: Scalar, number: float) -> bool:
@@ -46,20 +42,15 @@ def _is(value: Scalar, number: float) -> bool:
 
 
 def are_traced_alike(a: Scalar, b: Scalar) -> bool:
-    """Return whether both numbers are JAX tracers of the same shape and dtype.
-
-    An operation on them needs no conversions. Its primitive can be called directly, which JAX
-    traces in a quarter of the time of an operator.
-    """
+    """Return whether both numbers are tracers of the same shape and dtype, so that the primitive
+    can be called directly, which JAX traces in a quarter of the time of an operator."""
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
 def have_primitive(a: Scalar, b: Scalar) -> bool:
-    """Return whether JAX's primitives can be called with both numbers as they are.
-
-    Either `are_traced_alike`, or one is a tracer of one number of float64 and the other a float of
-    Python, for which an operator takes four times as long as the primitive.
-    """
+    """Return whether JAX's primitives can be called with both numbers as they are: tracers that are
+    `are_traced_alike`, or one of one number of float64 with a float of Python, for which an
+    operator takes four times as long."""
     if isinstance(a, Tracer) and isinstance(b, Tracer):
         return a.aval == b.aval
     traced, number = (a, b) if isinstance(a, Tracer) else (b, a)
@@ -82,10 +73,7 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    """Return a - b, without a subtraction if either is a structural zero or both are one object.
-
-    In the latter case the result is a structural zero.
-    """
+    """Return a - b, without a subtraction if either is a structural zero or both are one object."""
     if a is b:
         return 0.0
     if _is(b, 0):
@@ -96,8 +84,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
-    """Return a * b, without an operation if either is a structural zero or one. The product with a
-    structural zero is a structural zero."""
+    """Return a * b, without an operation if either is a structural zero or one."""
     if _is(a, 0) or _is(b, 0):
         return 0.0
     if _is(a, 1):
@@ -113,11 +100,7 @@ def larger(a: Scalar, b: Scalar) -> Scalar:
 
 
 def square_root(a: Scalar) -> Scalar:
-    """Return the square root of a number that is not negative.
-
-    It is a Python float for numbers of Python and for NumPy's float64, otherwise a number or array
-    of NumPy or JAX like the argument.
-    """
+    """Return the square root of a number that is not negative."""
     return math.sqrt(a) if isinstance(a, int | float) else library((a,)).sqrt(a)
 
 
@@ -287,11 +270,8 @@ structural. The pattern of an array without structural components may be ``None`
 class ConstantFolded:
     """PyTree of numbers, with the structural components of its vectors and matrices.
 
-    Compiled programs depend on the patterns, which are static, but not on the numbers.
-
-    - `tree`: numbers and arrays.
-    - `patterns`: structural components of each leaf of `tree`, in JAX's order; for a matrix, row by
-      row. An empty tuple stands for no structural components at all.
+    Compiled programs depend on the patterns, which are static, but not on the numbers. `patterns`
+    has one for each leaf of `tree`; an empty tuple stands for no structural components at all.
     """
 
     tree: PyTree
@@ -310,12 +290,9 @@ def fold_constants(
     """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
 
     Components of tracers, and of arrays in fields with the metadata ``{"table": True}``, are not
-    marked.
-
-    **Arguments:** `tree`: PyTree of numbers and arrays; `varied`: PyTree of the same structure with
-    a bool for each leaf, true for leaves whose components must not be marked, because their numbers
-    differ between runs of the same program; ``None``, the default, if there are no such leaves.
-    `flattened`: leaves and structure of `tree`, if they are known already.
+    marked. Neither are those of leaves for which `varied`, a PyTree of the same structure, is true,
+    because their numbers differ between runs of the same program. `flattened` are leaves and
+    structure of `tree`, if they are known already.
     """
     leaves, structure = jax.tree.flatten(tree) if flattened is None else flattened
     shapes = tuple([leaf.shape if type(leaf) is np.ndarray else np.shape(leaf) for leaf in leaves])
@@ -342,12 +319,7 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of all leaves of a PyTree.
-
-    **Arguments:** `digits`: for each component of all vectors, one after the other, its index in
-    `_DIGITS`; `vectors`, `sizes`: indices of the vectors among the leaves, and their numbers of
-    components; `leaves`: number of leaves.
-    """
+    """Return the patterns of all leaves from the digits (`_DIGITS`) of all vectors' components."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -360,9 +332,7 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the indices of the leaves whose components may be marked, those of shape (3,) and
-    (3, 3), and their numbers of components. `unpack` leaves the arrays of tables as they are, so
-    they have no components to mark."""
+    """Return the indices and sizes of the leaves whose components may be marked."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
     return vectors, tuple(math.prod(shapes[k]) for k in vectors)
@@ -370,11 +340,8 @@ def _vectors(
 
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
-    """Return for each leaf of a PyTree whether it is in a field that is declared as a table.
-
-    Such a field has ``{"table": True}`` in its metadata. An array of shape (3,) in it is a column
-    of three numbers, not a vector.
-    """
+    """Return for each leaf whether it is in a field with ``{"table": True}`` in its metadata, where
+    an array of shape (3,) is no vector."""
     return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
 
 
@@ -392,8 +359,6 @@ def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
 
 
 def _pattern(leaf: ArrayLike) -> Pattern:
-    """Return the structural components of an array; ``None`` for tracers and for other shapes than
-    (3,) and (3, 3)."""
     if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
         return None
     numbers = np.asarray(leaf, dtype=float).ravel().tolist()
@@ -401,8 +366,7 @@ def _pattern(leaf: ArrayLike) -> Pattern:
 
 
 def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
-    """Return the component at an index behind the leading axes. JAX traces primitives in half of
-    the time of an index."""
+    """Return a component. JAX traces primitives in half of the time of an index."""
     if leading or not isinstance(leaf, Tracer):
         return leaf[(slice(None),) * leading + index]
     part = jax.lax.slice(leaf, index, [k + 1 for k in index])
@@ -410,31 +374,28 @@ def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
 
 
 def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
-    """Return the scalar form of one array, or the array itself if it has none; see `unpack`."""
     shape = jnp.shape(leaf)[leading:]
     if shape == (4,):
         return EulerParameters(*(_component(leaf, (k,), leading) for k in range(4)))
     if shape not in ((3,), (3, 3)):
         return leaf
     indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
-    known = (None,) * len(indices) if pattern is None else pattern
+    constants = (None,) * len(indices) if pattern is None else pattern
     parts = [
         _component(leaf, i, leading) if k is None else k
-        for i, k in zip(indices, known, strict=True)
+        for i, k in zip(indices, constants, strict=True)
     ]
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)
 
 
 def unpack(tree: PyTree, leading: int = 0) -> PyTree:
-    """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by its scalar form.
+    """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by a `Vector`,
+    `EulerParameters` or `Matrix`.
 
-    The scalar forms are `Vector`, `EulerParameters` and `Matrix`. Structural components of a
-    `ConstantFolded` PyTree become Python numbers. Fields with the metadata ``{"table": True}`` keep
-    their arrays.
-
-    **Arguments:** `tree`: PyTree of arrays; `leading`: number of axes that all arrays have before
-    these shapes. The scalars are then arrays with these axes.
+    Structural components of a `ConstantFolded` PyTree become Python numbers. Fields with the
+    metadata ``{"table": True}`` keep their arrays. If arrays have a number of `leading` axes before
+    these shapes, the scalars are arrays with these axes.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0
@@ -467,17 +428,13 @@ def _pack_leaf(leaf: PyTree) -> PyTree:
 
 
 def library(parts: Sequence[Scalar]) -> ModuleType:
-    """Return the module ``jax.numpy`` if any of the numbers is an array of JAX, else ``numpy``.
-
-    Nothing is compiled for computations with NumPy.
-    """
+    """Return ``jax.numpy`` if any of the numbers is of JAX, else ``numpy``."""
     return jnp if any(isinstance(part, jax.Array) for part in parts) else np
 
 
 def pack(tree: PyTree) -> PyTree:
-    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by an array.
-
-    This is the inverse of `unpack`. If components are arrays, their axes come first.
+    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by an array: the inverse of
+    `unpack`.
 
     >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
     array([1., 2., 3.])

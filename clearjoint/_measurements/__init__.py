@@ -1,2 +1,1 @@
-"""Measured series of quantities with their noise: reading of files, conversion of units, and
-residuals of predictions."""
+"""Measured series of quantities with their noise."""

@@ -34,15 +34,12 @@ _FIRST_LINE = {
     "parse_dates": False,
     "skipfooter": 0,
 }
-"""Options with which `pandas.read_csv` reads the header alone, as a row of texts. They replace the
-user's options of the same names."""
+"""Options with which `pandas.read_csv` reads the header alone, as a row of texts."""
 
 
 @dataclass(frozen=True)
 class Channel:
     """The measured quantity of a table's column, with its noise and unit.
-
-    **Arguments:**
 
     - `quantity`: a scalar function of an `Instant` (the scene with its motion at one time), such as
       those of `clearjoint.quantities`.
@@ -62,22 +59,14 @@ class Channel:
 
 @dataclass(frozen=True)
 class _Column:
-    """One column of a table.
-
-    - `label`: name of the column and of the table, for error messages.
-    - `values`: the values in the table, (rows,).
-    - `unit`: unit that the table gives, or ``None``.
-    """
+    """One column of a table, with a label for error messages, and the table's unit, if any."""
 
     label: str
     values: "pd.Series"
     unit: str | None
 
     def numbers(self) -> np.ndarray:
-        """Return the values as floats, (rows,), with NaN for texts that are not numbers.
-
-        **Raises:** `ValueError` for dates and truth values.
-        """
+        """Return the values as floats, with NaN for texts; refuse dates and truth values."""
         import pandas as pd
 
         kind = self.values.dtype.kind
@@ -89,15 +78,10 @@ class _Column:
             self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
-    def require_each(self, fine: np.ndarray, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the first row for which `fine`, (rows,), is false; do
-        nothing if there is none.
-
-        **Arguments:** `expected`: condition that each value must meet; `remedy`: advice at the end
-        of the message.
-        """
-        if not fine.all():
-            k = int(np.argmin(fine))
+    def require_each(self, valid: np.ndarray, expected: str, remedy: str) -> None:
+        """Raise a `ValueError` that names the first row that is not valid, if there is one."""
+        if not valid.all():
+            k = int(np.argmin(valid))
             value = self.values.tolist()[k]
             raise ValueError(
                 f"Row {k + 1} of {self.label} must be {expected}, but is {value!r}: {remedy}."
@@ -114,13 +98,7 @@ def read_csv(
     missing: Missing = "refuse",
     **options: Any,
 ) -> Measurements:
-    """Read measurements from a CSV file with a header.
-
-    This example reads the columns "t [ms]" and "probe x [um]", and converts values to SI units:
-
-        probe = Channel(JournalOffset("pin", "x"), noise=2.0)  # in the column's unit
-        data = read_csv("rig.csv", {"probe x": probe}, comment="#", missing="drop")
-        data.check(scene)  # raises an error if the scene lacks the joint
+    """Read measurements from a CSV file with a header, converted to SI units.
 
     **Arguments:**
 
@@ -135,13 +113,12 @@ def read_csv(
 
     **Returns:** `Measurements` whose series have the names of the columns.
 
-    **Raises:** `ValueError` for a file that is empty, that is not in UTF-8 (or in the encoding of
-    the option `encoding`), or whose rows have more fields than its header; for a missing or
-    repeated column; for a column without a unit, with an unknown unit or one of another dimension,
-    or with another unit than its channel; for samples that are not finite numbers, unless they are
-    dropped, and for dates and truth values; for a column without samples; for times that are not
-    finite or don't rise strictly; for noise that is missing, not positive or of another length; for
-    an unknown `missing`; and for an empty `channels`. `OSError` for a file that does not exist.
+    **Raises:** `ValueError` for a file that pandas cannot read, or whose rows have more fields than
+    its header; for a missing or repeated column; for a column without a unit, with an unknown unit
+    or one of another dimension, or with another unit than its channel; for samples that are not
+    finite numbers, unless they are dropped, and for dates and truth values; for a column without
+    samples; for times that are not finite or don't rise strictly; and for noise that is missing,
+    not positive or of another length. `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
@@ -173,26 +150,18 @@ def function_from_csv(
 ) -> TableOfTime:
     """Read a function of time, such as the torque of a drive, from a CSV file with a header.
 
-        torque = cj.function_from_csv("torque.csv", "torque", "N m")  # columns "t [ms]", "torque"
-        motor = cj.DriveTorque("ground", "crank", (0, 0, 1), torque)
-
     **Arguments:**
 
-    - `path`: path of the file, which may be compressed.
     - `column`: name of the column of values. A header may contain its unit, "torque [N cm]".
     - `unit`: SI unit of the function, to which values are converted; also the unit of a column
       whose header has none.
     - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for switched values.
-    - `time`, `time_unit`: the column of times, and its unit if the header has none.
-    - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+    - `path`, `time`, `time_unit`, `options`: as in `read_csv`.
 
-    **Returns:** a function of time of the type `kind`, with times in s and values in `unit`.
-
-    **Raises:** `ValueError` for a file that is empty, in another encoding, or whose rows have more
-    fields than its header, as in `read_csv`; for a missing or repeated column, fewer than two rows,
-    values or times that are not finite numbers, dates and truth values, times that don't rise
-    strictly, and an unknown unit or one of another dimension. `OSError` for a file that does not
-    exist.
+    **Raises:** `ValueError` for a file that can't be read, as in `read_csv`; for a missing or
+    repeated column, fewer than two rows, values or times that are not finite numbers, dates and
+    truth values, times that don't rise strictly, and an unknown unit or one of another dimension.
+    `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})
@@ -213,14 +182,8 @@ def function_from_csv(
 
 
 def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
-    """Read a CSV file, and return a function that finds one of its columns.
-
-    The function receives the name of the column and, for error messages, the name of the argument
-    in which the user has passed it. `options` are those of `pandas.read_csv`.
-
-    **Raises:** `ValueError` for a file that can't be read. The returned function raises it for a
-    missing or repeated column.
-    """
+    """Read a CSV file, and return a function that finds one of its columns by its name, and for
+    error messages the name of the argument in which the user has passed it."""
     options = {"index_col": False, "skipinitialspace": True, **options}
     table = _read(path, options)
     headers = [_split(header) for header in table.columns]
@@ -252,10 +215,8 @@ def from_xarray(
     """Return measurements from the variables of an xarray dataset.
 
     Each variable has one dimension, whose coordinate contains the times, in s or in the unit of the
-    coordinate's attribute "units". A variable's attribute "units" is the unit of its values.
-
-    **Arguments:** `channels`: `Channel` by name of the variable; other arguments and the result are
-    as in `read_csv`.
+    coordinate's attribute "units". A variable's attribute "units" is the unit of its values. The
+    arguments are as in `read_csv`.
 
     **Raises:** `ValueError` as `read_csv`, and for a variable with more or less than one dimension
     or without a coordinate of times.
@@ -293,11 +254,6 @@ def from_xarray(
 
 
 def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
-    """Return the table in a CSV file; `options` are those of `pandas.read_csv`.
-
-    **Raises:** `ValueError`, with a remedy, for a file that is empty or in another encoding, or
-    whose rows have more fields than its header; `OSError` for a file that does not exist.
-    """
     import pandas as pd
 
     # pandas only warns of rows with more fields than the header, and drops the surplus.
@@ -324,8 +280,7 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _split(header: Hashable) -> tuple[str, str | None]:
-    """Return the name and the unit of a header such as "x [mm]"; the unit is ``None`` if the header
-    does not end with brackets."""
+    """Return the name and the unit, ``None`` if there is none, of a header such as "x [mm]"."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
         return str(header).strip(), None
@@ -337,13 +292,7 @@ def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> N
 
 
 def _times(column: _Column, unit: str) -> np.ndarray:
-    """Return the times in a column, (rows,) s.
-
-    **Arguments:** `unit`: unit of the times if the table has none.
-
-    **Raises:** `ValueError` for times that are not finite or don't rise strictly, for dates and
-    truth values, and for a unit that is not one of time.
-    """
+    """Return the times in a column, s; `unit` is that of a table without one."""
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)
@@ -360,17 +309,9 @@ def _series(
     noise: ArrayLike | None,
     missing: Missing,
 ) -> Series:
-    """Return the series of a column, in SI units.
-
-    **Arguments:** `name`: name of the column; `channel`: its quantity, noise and unit; `column`:
-    its values; `times`: (rows,) s; `noise`, `missing`: arguments of the reader.
-
-    **Raises:** `ValueError` for an unknown `missing`, for invalid rows or noise, for a column
-    without samples, and for a unit that is missing, unknown, of another dimension than the
-    quantity, or not the channel's.
-    """
-    known = ("refuse", "drop")
-    require(missing in known, "missing", missing, f"one of {known}", "name one of them")
+    """Return the series of a column, in SI units."""
+    choices = ("refuse", "drop")
+    require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
     values = column.numbers()
     valid = np.isfinite(values)
     if missing == "refuse":

@@ -1,8 +1,5 @@
-"""Measured series of quantities with their noise, and conversion of units to SI by pint.
-
-The units are those of pint's application registry, in which users can define their own
-(`pint.get_application_registry().define`).
-"""
+"""Measured series of quantities with their noise, and conversion of units to SI by pint, in whose
+application registry users can define their own."""
 
 import math
 import re
@@ -39,14 +36,8 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
-    """Return the factor that converts values from a unit to an SI unit, and the SI unit as text.
-
-    The first result times a value in `unit` is the value in the second result.
-
-    **Arguments:**
-
-    - `unit`: any unit that pint knows, such as "mm" or "rpm".
-    - `si`: the SI unit to convert to; ``None`` for the SI base unit of the same dimension.
+    """Return the factor that converts values from a unit, any that pint knows, to an SI unit, and
+    the SI unit; without `si`, that of the SI base unit of the same dimension.
 
     **Raises:** `ValueError` for an unknown unit, a unit of another dimension, a frequency in Hz
     where an angular speed is expected, a unit that is not a multiple of the SI unit, such as a
@@ -65,13 +56,13 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     require(not cycles, "unit", unit, f"{expected}, not cycles", 'write "rpm" or "turn/s"')
     # A level or a temperature in degrees Celsius has no single factor: it would convert wrongly. A
     # conversion by a factor gives 0 for 0, and for 2 twice as much as for 1, apart from rounding.
-    zero, one, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
-    linear = abs(zero) + abs(two - 2.0 * one) <= 1e-12 * abs(one)
+    zero, factor, two = (registry.convert(number, source, target) for number in (0.0, 1.0, 2.0))
+    linear = abs(zero) + abs(two - 2.0 * factor) <= 1e-12 * abs(factor)
     require(linear, "unit", unit, f"a multiple of {target}", "convert the values beforehand")
     if si is not None:
-        return float(one), si
+        return float(factor), si
     # A unit that is an SI unit already keeps the spelling of the user.
-    return float(one), unit if one == 1.0 else f"{target:~C}" or "1"
+    return float(factor), unit if factor == 1.0 else f"{target:~C}" or "1"
 
 
 _UNREADABLE = (
@@ -93,11 +84,7 @@ one by which a handler of signals ends a program, are no errors of the unit."""
 def _pint_unit(
     registry: "pint.registry.ApplicationRegistry", unit: str, argument: str
 ) -> "pint.Unit":
-    """Return the unit of pint that a text names. `argument` is the name of the text in errors.
-
-    **Raises:** `ValueError` for an unknown unit, and for one that is too long or has too large
-    powers, see `LONGEST` and `LARGEST_POWER`.
-    """
+    """Return the unit of pint that a text names."""
     from pint.util import string_preprocessor
 
     # Units come from headers of files, so pint's parser must not be given an expression that takes
@@ -114,13 +101,13 @@ def _pint_unit(
     expected = "a unit whose powers are small numbers"
     require(small and not chained, argument, unit, expected, SPELLING)
     try:
-        known = registry.Unit(unit)
-        registry.get_base_units(known)  # Overflows for a prefix with a large power.
+        parsed = registry.Unit(unit)
+        registry.get_base_units(parsed)  # Overflows for a prefix with a large power.
     except _UNREADABLE as error:
         raise ValueError(
             f"Argument `{argument}` must be a unit that pint knows, but is {unit!r}: {SPELLING}."
         ) from error
-    return known
+    return parsed
 
 
 if TYPE_CHECKING:
@@ -132,24 +119,23 @@ class Series(AbstractReadable):
 
     **Arguments:**
 
-    - `channel`: the measured quantity, one of `clearjoint.quantities` or a user-defined function.
-      It is a scalar function of an `Instant`, the scene with its motion at one time. If the channel
-      has an attribute `period`, such as 2 pi for an angle, residuals are taken modulo the period.
+    - `channel`: the measured quantity, one of `clearjoint.quantities` or a user-defined function of
+      an `Instant`. If the channel has an attribute `period`, such as 2 pi for an angle, residuals
+      are taken modulo the period.
     - `times`: (N,) s, strictly rising.
     - `values`: (N,) in `unit`.
     - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
     - `unit`: unit of `values` and `noise`, any that pint knows; by default the unit of the channel.
-      It is required for a channel without an attribute `unit`, such as a plain function. The
-      values of such a channel must be in the SI unit to which `unit` is converted.
+      It is required for a channel without an attribute `unit`, such as a plain function. The values
+      of such a channel must be in the SI unit to which `unit` is converted.
     - `name`: name of the series in error messages.
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
 
     **Raises:** `ValueError` for shapes other than these, a series without samples, numbers that are
     not finite, times that don't rise strictly, noise that is not positive, a channel that is not a
-    function, and a unit that is missing, or that `to_si` refuses: for example one that is unknown
-    or of another dimension than the channel's. If JAX traces any of the numbers, only the unit and
-    the channel are checked.
+    function, and a unit that is missing, unknown or of another dimension. If JAX traces any of the
+    numbers, only the unit and the channel are checked.
 
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> series = cj.Series(angle, [0.0, 0.1], [90.0, 91.0], noise=0.5, unit="deg")
@@ -196,8 +182,8 @@ class Series(AbstractReadable):
             return
         times, values, noise = map(np.asarray, rows)
         label = "" if self.name is None else f" of {self.name!r}"
-        fine = times.ndim == 1 and times.size > 0
-        require(fine, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
+        is_row = times.ndim == 1 and times.size > 0
+        require(is_row, f"times{label}", times.shape, "a row of times", "pass shape (N,), N > 0")
         expected = f"of the shape {times.shape} of the times"
         remedy = "pass one value for each time"
         require(values.shape == times.shape, f"values{label}", values.shape, expected, remedy)
@@ -213,32 +199,26 @@ class Series(AbstractReadable):
 
     @property
     def period(self) -> float | None:
-        """Period of the quantity in its SI unit, such as 2 pi rad for an angle; ``None`` for a
-        quantity without a period."""
+        """Period of the quantity, such as 2 pi rad for an angle; ``None`` without one."""
         return getattr(self.channel, "period", None)
 
     def __len__(self) -> int:
         return len(self.times)
 
     def residuals(self, prediction: ArrayLike) -> Float[jax.Array | np.ndarray, " N"]:
-        """Return (prediction - values) / noise, (N,), without unit.
+        """Return (prediction - values) / noise, (N,), for predicted values in SI units.
 
         For a channel with a period, the nearest multiple of the period is subtracted from the
         difference, so that -pi and pi agree.
 
-        **Arguments:** `prediction`: (N,) predicted values of the quantity at `times`, in SI units.
-
-        **Returns:** (N,), a JAX array if `prediction` is one or if JAX traces any of the numbers,
-        otherwise a NumPy array.
-
         **Raises:** `ValueError` for a prediction of another shape.
         """
-        given = prediction, self.values, self.noise
-        traced = any(concrete(each) is None for each in given)
+        arrays = prediction, self.values, self.noise
+        traced = any(concrete(array) is None for array in arrays)
         # JAX is used for JAX arrays only. It would compile its operations again for each number of
         # samples, which NumPy need not do.
         library = jnp if traced or isinstance(prediction, jax.Array) else np
-        prediction, values, noise = map(library.asarray, given)
+        prediction, values, noise = map(library.asarray, arrays)
         shape, expected = prediction.shape, f"of shape {np.shape(self.values)}"
         remedy = "pass one value for each time"
         require(shape == np.shape(self.values), "prediction", shape, expected, remedy)
@@ -248,19 +228,13 @@ class Series(AbstractReadable):
         return difference / noise
 
     def with_noise(self, generator: np.random.Generator) -> "Series":
-        """Return a copy whose values contain additional random noise, normally distributed with the
-        standard deviation `noise`.
-
-        Applied to a series of predicted values, it gives synthetic measurements.
-
-        **Arguments:** `generator`: source of the random numbers.
-        """
+        """Return a copy with additional normally distributed noise of the standard deviation
+        `noise`, as for synthetic measurements."""
         drawn = self.values + self.noise * generator.standard_normal(len(self))
         return self._of(self.times, drawn, self.noise)
 
     def between(self, start: float, end: float) -> "Series | None":
-        """Return a series of the samples with start <= time < end, s, or ``None`` if there are
-        none."""
+        """Return the samples with start <= time < end, or ``None`` if there are none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None
@@ -271,23 +245,16 @@ class Series(AbstractReadable):
 
 
 def require_each(
-    fine: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
+    valid: np.ndarray, argument: str, values: np.ndarray, expected: str, remedy: str
 ) -> None:
-    """Raise a `ValueError` that names the first entry of `values`, (N,), for which `fine`, (N,), is
-    false; do nothing if there is none.
-
-    **Arguments:** `argument`: name of the array; `expected`: condition that each entry must meet;
-    `remedy`: advice at the end of the message.
-    """
-    if not fine.all():
-        k = int(np.argmin(fine))
+    """Raise a `ValueError` that names the first entry that is not valid, if there is one."""
+    if not valid.all():
+        k = int(np.argmin(valid))
         require(False, f"{argument}[{k}]", float(values[k]), expected, remedy)
 
 
 class Measurements(AbstractReadable):
-    """Measured series by name, such as all records of one experiment.
-
-    **Arguments:** `series`: a dictionary of `Series`, at least one; their times may differ.
+    """Measured series by name, such as all records of one experiment; their times may differ.
 
     **Raises:** `ValueError` for an empty dictionary, for a name that is empty or not a string, and
     for an entry that is not a `Series`.
@@ -330,19 +297,15 @@ class Measurements(AbstractReadable):
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that the channels name, such as bodies and joints.
+        """Check that a scene has the elements that the channels name.
 
-        A channel that is a plain function is not checked.
-
-        **Raises:** `ValueError` if an element is missing. The message names the series, and lists
-        the names that the scene has.
+        **Raises:** `ValueError` that names the series, and lists the names that the scene has.
         """
         for name, series in self.series.items():
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """Return a copy in which normally distributed noise is added to each series, with the
-        series' own standard deviation. `generator` is the source of the random numbers."""
+        """Return a copy with normally distributed noise of each series' own deviation."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":

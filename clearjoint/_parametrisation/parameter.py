@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.checks import require, require_positive, require_shape, require_types
 from .._math.vectors import Scalar, library
@@ -69,12 +70,8 @@ class AbstractScale(abc.ABC):
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return the parameter's value at a coordinate.
-
-        JAX must be able to differentiate the function, and to vectorise it (`jax.vmap`).
-
-        **Arguments:** `coordinate`: a single number.
-        """
+        """Return the parameter's value at a coordinate, by a function that JAX can
+        differentiate."""
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
@@ -88,32 +85,20 @@ class AbstractScale(abc.ABC):
         return np.asarray(jax.jvp(self.value, (jnp.asarray(coordinate),), (jnp.ones(()),))[1])
 
     def uninformative_std(self, coordinate: float) -> float:
-        """Return the standard deviation of the coordinate above which an estimate carries no
-        information.
-
-        A parameter whose estimate has a larger standard deviation counts as not identifiable. The
-        default is 1, the size of a typical change: on a `Log` scale, an uncertainty by a factor of
-        e.
-
-        **Arguments:** `coordinate`: estimated coordinate.
-        """
+        """Return the standard deviation of the coordinate above which a parameter counts as not
+        identifiable; by default 1, on a `Log` scale an uncertainty by a factor of e."""
         return 1.0
 
     def label(self, name: str) -> str:
-        """Return text that names the coordinate of the parameter `name`; by default the name
-        itself."""
+        """Return text that names the coordinate of a parameter; by default the parameter's name."""
         return name
 
 
 @dataclass(frozen=True)
 class Linear(AbstractScale):
-    """Scale of any value: value = unit * coordinate.
+    """Scale of any value: value = unit * coordinate. The steps of a fit are not limited.
 
-    The steps of a fit are not limited.
-
-    **Arguments:** `unit`: size of a typical change of the value, in the parameter's unit; positive.
-
-    **Raises:** `ValueError` unless `unit` is a single positive, finite number.
+    `unit` is the size of a typical change of the value, in the parameter's unit; positive.
 
     >>> cj.Linear(unit=0.5).value(3.0)
     1.5
@@ -125,27 +110,22 @@ class Linear(AbstractScale):
     def __post_init__(self) -> None:
         require_positive("unit", self.unit, "give the size of a typical change")
 
+    @override
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return unit * coordinate."""
         return self.unit * coordinate
 
+    @override
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return value / unit.
-
-        **Raises:** `ValueError` unless the value is a single finite number.
-        """
         return _finite(value) / self.unit
 
+    @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate)).
-
-        If the standard deviation of the coordinate is larger, that of the value exceeds both the
-        magnitude of the value and `unit`.
-        """
+        """Return max(1, abs(coordinate)), above which the standard deviation of the value exceeds
+        both the magnitude of the value and `unit`."""
         return max(1.0, abs(float(coordinate)))
 
+    @override
     def label(self, name: str) -> str:
-        """Return the name divided by the unit, such as "length/0.01"; the name for unit 1."""
         return name if self.unit == 1.0 else f"{name}/{self.unit:g}"
 
 
@@ -162,21 +142,18 @@ class Log(AbstractScale):
 
     max_step: ClassVar[float] = 1.0
 
+    @override
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return exp(coordinate)."""
         return library((coordinate,)).exp(coordinate)
 
+    @override
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return log(value).
-
-        **Raises:** `ValueError` for a value that is not a positive, finite number.
-        """
         number = _finite(value)
         require(number > 0.0, "value", number, "positive", "take a Linear() scale")
         return math.log(number)
 
+    @override
     def label(self, name: str) -> str:
-        """Return "log" and the name, such as "log stiffness"."""
         return f"log {name}"
 
 
@@ -184,12 +161,10 @@ class Log(AbstractScale):
 class Bounded(AbstractScale):
     """Scale of values between two bounds: coordinate = log((value - low)/(high - value)).
 
-    One step of a fit changes the coordinate by 1 at most.
-
-    **Arguments:** `low`, `high`: bounds in the parameter's unit. Only a value strictly between them
+    One step of a fit changes the coordinate by 1 at most. Only a value strictly between the bounds
     has a coordinate. Far coordinates, such as 40, give a value that is rounded to a bound.
 
-    **Raises:** `ValueError` unless both are single finite numbers and low < high.
+    **Raises:** `ValueError` unless both bounds are single finite numbers and low < high.
 
     >>> scale = cj.Bounded(0.0, 1.0)
     >>> print(f"{scale.value(0.0):.2f}, {scale.value(5.0):.3f}")
@@ -206,39 +181,30 @@ class Bounded(AbstractScale):
         above = f"above low = {self.low}"
         require(self.low < self.high, "high", self.high, above, "swap the bounds")
 
+    @override
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return low + (high - low)/(1 + exp(-coordinate))."""
         return self.low + (self.high - self.low) * jax.nn.sigmoid(coordinate)
 
+    @override
     def coordinate(self, value: Scalar | np.ndarray) -> float:
-        """Return log((value - low)/(high - value)).
-
-        **Raises:** `ValueError` for a value that is not between the bounds.
-        """
         number = _finite(value)
         inside = self.low < number < self.high
         bounds = f"between {self.low} and {self.high}"
         require(inside, "value", number, bounds, "start inside the bounds, or widen them")
         return math.log((number - self.low) / (self.high - number))
 
+    @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return pi/sqrt(3), about 1.8, for every coordinate.
-
-        This is the standard deviation of the coordinate if only the bounds are known, with a value
-        that is uniformly distributed between them.
-        """
+        """Return pi/sqrt(3), the standard deviation of the coordinate if only the bounds are known,
+        with a value that is uniformly distributed between them."""
         return math.pi / math.sqrt(3.0)
 
+    @override
     def label(self, name: str) -> str:
-        """Return "logit" and the name, such as "logit friction"."""
         return f"logit {name}"
 
 
 def _finite(value: Scalar | np.ndarray) -> float:
-    """Return a value as a float.
-
-    **Raises:** `ValueError` unless it is a single finite number.
-    """
     require_shape("value", value, (), "pass a single number")
     return float(value)
 
@@ -253,18 +219,16 @@ class Parameter:
 
     **Arguments:**
 
-    - `path`: function that selects the number in a scene, such as
-      ``lambda scene: scene.joints["pin"].clearance``. A path that returns several numbers ties
-      them: they share one value. Instead of a path, an `AbstractVariation` may be given, which says
-      in another way how a value changes scene and state. The field `variation` is the given
-      `AbstractVariation`, or a `SceneNumber` made from the path.
-    - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for
-      numbers between bounds. A scale gives each value an unbounded coordinate; the fit works in
-      these coordinates, and derivatives are with respect to them.
-    - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state. A
-      guess is required for an `AbstractVariation` that selects no number.
+    - `path`: function that selects the number in a scene, such as ``lambda scene:
+      scene.joints["pin"].clearance``. A path that returns several numbers ties them: they share one
+      value. Instead of a path, an `AbstractVariation` may be given, which says in another way how a
+      value changes scene and state.
+    - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for numbers
+      between bounds. A scale gives each value an unbounded coordinate; the fit works in these
+      coordinates, and derivatives are with respect to them.
+    - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state.
     - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
-      in the scene. It is ignored for an `AbstractVariation`, which has its own unit.
+      in the scene.
 
     **Raises:** `ValueError` for a path that is not a function, and for a `scale` that is no
     `AbstractScale`.
@@ -290,8 +254,8 @@ class Parameter:
         variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
         kind = scale if isinstance(scale, type) else type(scale)
         remedy = "pass for example cj.Log() or cj.Bounded(0.0, 1.0)"
-        fine = isinstance(scale, AbstractScale | None)
-        require(fine, "scale", kind.__name__, "a scale, such as Linear(), or None", remedy)
+        is_scale = isinstance(scale, AbstractScale | None)
+        require(is_scale, "scale", kind.__name__, "a scale, such as Linear(), or None", remedy)
         object.__setattr__(self, "variation", variation)
         object.__setattr__(self, "scale", Linear() if scale is None else scale)
         object.__setattr__(self, "value", value)
@@ -304,12 +268,8 @@ class Parameter:
         value: float | None = None,
         unit: str | None = None,
     ) -> "Parameter":
-        """Return a parameter that is a number of the initial state.
-
-        **Arguments:** `path`: function that selects the number in a `State`, such as
-        ``lambda state: state.bodies["arm"].spin[2]``. The other arguments, and the errors, are as
-        in `Parameter`; the default of `value` is the number in the initial state.
-        """
+        """Return a parameter that is a number of the initial state, such as ``lambda state:
+        state.bodies["arm"].spin[2]``, with arguments and errors of `Parameter`."""
         return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod
@@ -318,16 +278,8 @@ class Parameter:
     ) -> "Parameter":
         """Return a parameter whose value enters the scene and the initial state through a function.
 
-        **Arguments:**
-
-        - `make`: function that receives the scene, the initial state and a value, and returns the
-          changed pair (scene, state).
-        - `value`: first guess, in `unit`; required, because the scene has no such number.
-        - `scale`: as in `Parameter`.
-        - `unit`: text that labels the value; by default "1", for a number without a unit.
-
-        **Raises:** `ValueError` if `make` is not a function, and for a `scale` that is no
-        `AbstractScale`.
+        ``make(scene, state, value)`` returns the changed pair (scene, state). The first guess, in
+        `unit`, is required, because the scene has no such number.
         """
         return Parameter(MadeByFunction(make, unit), scale, value=value)
 
@@ -336,22 +288,13 @@ class Parameter:
         """Return a parameter that is the delay, s, of the time stamps of measured series.
 
         A sample at time t is compared with the motion at t - delay. Fits by `identify`,
-        `identify_many` and `minimise`, and `posterior`, accept delays.
-
-        **Arguments:**
-
-        - `series`: names of the series in `Measurements`, the measured data of the fit; at least
-          one. All of them have the same delay.
-        - `value`: first guess, s.
-        - `scale`: `Linear()` by default; `Bounded(-1e-3, 1e-3)` keeps the delay within 1 ms.
+        `identify_many` and `minimise`, and `posterior`, accept delays. All series that are named
+        have the same delay. The scale `Bounded(-1e-3, 1e-3)` keeps it within 1 ms.
 
         A sample whose time less the delay is before the start of the run is compared with the
         initial state: leave out these samples by `Measurements.between`. A delay common to all
-        series is identifiable only if the initial state is known, or if the motion depends on
-        time itself, for example by a driver, and not only on the time since its start.
-
-        **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that
-        is no `AbstractScale`.
+        series is identifiable only if the initial state is known, or if the motion depends on time
+        itself, for example by a driver, and not only on the time since its start.
 
         >>> delay = cj.Parameter.delay("probe x", "probe y")
         >>> delay.value
@@ -361,24 +304,14 @@ class Parameter:
 
     @staticmethod
     def bias(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
-        """Return a parameter that is the bias of the sensors of measured series.
+        """Return a parameter that is the bias of the sensors of measured series, in their unit.
 
         The reading of a sensor with errors is gain * y + bias + drift * t, for the quantity y and
-        the time t since the start of the run. `identify`, `identify_many`, `minimise`, `posterior`,
+        the time t since the start of the run. All series that are named have the same value, so
+        that they must have the same unit. `identify`, `identify_many`, `minimise`, `posterior`,
         `sensitivities`, `identifiability` and `fit_horizon` accept these parameters; the last three
-        refer to outputs or sensors in place of series.
-
-        **Arguments:**
-
-        - `series`: names of the series in `Measurements`, the measured data of the fit; at least
-          one. All of them have the same value, so that they must have the same unit.
-        - `value`: first guess, in the SI unit of the series.
-        - `scale`: `Linear()` by default.
-
-        If the channel has a period, such as an angle, whole periods of a residual don't count.
-
-        **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that
-        is no `AbstractScale`.
+        refer to outputs or sensors in place of series. If the channel has a period, such as an
+        angle, whole periods of a residual don't count.
 
         >>> bias = cj.Parameter.bias("encoder", value=0.01)
         >>> bias.value
@@ -391,12 +324,9 @@ class Parameter:
         """Return a parameter that is the gain of the sensors of measured series: the factor by
         which they multiply the quantity.
 
-        See `Parameter.bias` for the reading of a sensor with several errors. A gain is identifiable
-        only if something else than the size of the motion shows it, such as the frequency of a
-        vibration, the scene's known lengths, or another sensor. The reading of an angle that jumps
-        from pi to -pi jumps by 2 pi times the gain.
-
-        **Arguments, errors:** as in `Parameter.bias`; `value`: 1 for an ideal sensor.
+        See `Parameter.bias`. A gain is identifiable only if something else than the size of the
+        motion shows it, such as the frequency of a vibration, the scene's known lengths, or another
+        sensor. The reading of an angle that jumps from pi to -pi jumps by 2 pi times the gain.
 
         >>> cj.Parameter.gain("torque", scale=cj.Bounded(0.8, 1.2)).value
         1.0
@@ -405,13 +335,11 @@ class Parameter:
 
     @staticmethod
     def drift(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
-        """Return a parameter that is the drift of the sensors of measured series: the constant rate
-        at which their bias changes, in the SI unit of the series per second.
+        """Return a parameter that is the drift of the sensors of measured series: the constant
+        rate, in their unit per second, at which their bias changes from zero at the start of the
+        run.
 
-        At the start of the run the drift has no effect. See `Parameter.bias` for the reading of a
-        sensor with several errors.
-
-        **Arguments, errors:** as in `Parameter.bias`.
+        See `Parameter.bias`.
 
         >>> cj.Parameter.drift("encoder").value
         0.0
@@ -419,10 +347,8 @@ class Parameter:
         return _of_sensors(SeriesDrift, series, value, scale)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """Return the coordinate of `value` on the parameter's scale.
-
-        If `value` is ``None``, the result is the coordinate of the number in the scene or state; of
-        tied numbers, that of the first.
+        """Return the coordinate of `value` on the parameter's scale or, if it is ``None``, of the
+        (first tied) number in the scene or state.
 
         **Raises:** `ValueError` for a value that the scale doesn't allow. If `value` is ``None``,
         also for a path that leads to no number, and for a variation that selects no number of the
@@ -447,11 +373,6 @@ def _of_sensors(
     value: float,
     scale: AbstractScale | None,
 ) -> Parameter:
-    """Return a parameter that is an error of the sensors of measured series, given by name.
-
-    **Raises:** `ValueError` without names, for names that are not texts, and for a `scale` that is
-    no `AbstractScale`.
-    """
     remedy = f'pass their names in the measurements, such as Parameter.{kind.noun}("probe")'
     named = len(series) > 0 and all(isinstance(name, str) for name in series)
     require(named, "series", series, "names of series", remedy)
@@ -462,19 +383,12 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
-    """Check that `parameters` is a dictionary of `Parameter` by name.
-
-    **Raises:** `ValueError` if it is not a dictionary, and for an entry that is no `Parameter` or
-    whose name is not a non-empty string. The message names the wrong entry.
-    """
+    """Check that `parameters` is a dictionary of `Parameter` by name."""
     require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Return the largest change of each parameter's coordinate in one step of a fit, (p,).
-
-    The limit is `AbstractScale.max_step`; it may be infinite.
-    """
+    """Return the largest change of each parameter's coordinate in one step of a fit, (p,)."""
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
 
 
@@ -488,11 +402,11 @@ def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.
 def values_at(
     parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
 ) -> dict[str, float]:
-    """Return the value of each parameter by name at coordinates (p,)."""
+    """Return the value of each parameter at coordinates (p,)."""
     pairs = zip(parameters.items(), coordinates, strict=True)
     return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}
 
 
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Return the coordinates of all parameters, (p,), each from `Parameter.coordinate_in`."""
+    """Return the coordinates of all parameters, (p,)."""
     return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

@@ -18,7 +18,6 @@ from .parameter import AbstractScale, Parameter
 from .variations import Change, NumberSetter
 
 Coordinates = jax.Array | np.ndarray
-"""(p,) coordinates of parameters on their scales."""
 
 
 class ParametrisedScene(eqx.Module):
@@ -27,13 +26,8 @@ class ParametrisedScene(eqx.Module):
     - `values`: (p,) coordinates of the parameters on their scales, at which derivatives are
       computed.
     - `base`: scene and initial state before any change.
-    - `changes`: for each parameter, a function of scene, state and value that returns the changed
-      scene and state.
-    - `scales`: for each parameter, the map from coordinate to value.
-    - `patterns`: folded constants of the scene: components of its vectors and matrices that are
-      exactly 0 or 1 and compiled as such. For each leaf, a tuple of the components' values, with
-      ``None`` for a component that is not folded; or ``None`` for a leaf without folded components.
-      An empty tuple stands for no folded constants at all.
+    - `changes`, `scales`: of each parameter.
+    - `patterns`: folded constants of the scene, see `ConstantFolded`.
     """
 
     values: Coordinates
@@ -43,24 +37,18 @@ class ParametrisedScene(eqx.Module):
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
 
     def at(self, values: ArrayLike) -> "ParametrisedScene":
-        """Return a copy with other coordinates (p,) as its `values`."""
+        """Return a copy with other coordinates."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        """Return scene and initial state at coordinates (p,).
-
-        Their vectors are arrays (3,), not three separate scalars.
-        """
+        """Return scene and initial state at coordinates, with vectors as arrays (3,)."""
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
     def varied(self) -> PyTree[bool]:
-        """Return for each leaf of the scene whether a parameter may change it.
-
-        **Returns:** a PyTree of booleans with the structure of the scene.
-        """
+        """Return, in the structure of the scene, whether a parameter may change each leaf."""
         structure = jax.tree.structure(self.base[0])
         # If all parameters are numbers, their locations tell which leaves change: each
         # `NumberSetter` has the indices of the leaves that it sets.
@@ -85,15 +73,12 @@ class ParametrisedScene(eqx.Module):
         return jax.tree.unflatten(structure, is_traced)
 
     def scene(self, values: Coordinates) -> Scene:
-        """Return the scene at coordinates (p,), each vector and matrix as separate scalars.
-
-        Folded constants are Python numbers, and operations with them are left out while JAX traces.
-        """
+        """Return the scene at coordinates, with vectors and matrices as separate scalars and folded
+        constants as Python numbers."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates (p,), with its vectors and Euler parameters as
-        separate scalars."""
+        """Return the initial state at coordinates, with vectors as separate scalars."""
         return unpack(self.scene_and_state(values)[1])
 
     def with_derivatives(
@@ -104,21 +89,11 @@ class ParametrisedScene(eqx.Module):
     ) -> tuple[PyTree, PyTree, PyTree]:
         """Compute a function of the scene and its derivatives by the parameters, in forward mode.
 
-        Parameters enter the function in two ways: through the scene, and through `primals`, earlier
-        results of a run, whose derivatives `tangents` are known.
-
-        **Arguments:**
-
-        - `function`: function of the scene, in the form that the method `scene` returns, and of
-          `primals`. It returns a pair: the value, which is differentiated, and an auxiliary result,
-          which is not.
-        - `primals`: further arguments of the function, after the scene; they may depend on the
-          parameters.
-        - `tangents`: derivatives of `primals` by the parameters, (p, ...) for each array.
-
-        **Returns:** the value, the auxiliary result, and the value's derivatives, (p, ...) for each
-        array. All are computed at the coordinates `self.values`, and derivatives are by these
-        coordinates, not by the parameters' values.
+        The arguments of the function are the scene, in the form of the method `scene`, and
+        `primals`, earlier results of a run, whose derivatives by the parameters are `tangents`. It
+        returns a value, which is differentiated, and an auxiliary result. Returned are the value,
+        the auxiliary result, and the value's derivatives by the coordinates, (p, ...) for each
+        array, at `self.values`.
         """
 
         def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
@@ -141,10 +116,8 @@ class ParametrisedScene(eqx.Module):
 def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """Return a scene and its initial state as functions of p parameters.
-
-    **Arguments:** `scene`, `state`: before any parameter changes them; `parameters`: by name, in
-    the order of the coordinates; `values`: (p,) coordinates at which derivatives are computed.
+    """Return a scene and its initial state as functions of p parameters, in the order of `values`,
+    their coordinates.
 
     **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for a
     delay of a measured series, which is not part of a scene.

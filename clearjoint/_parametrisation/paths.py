@@ -1,6 +1,6 @@
 """Paths of numbers: find, list and replace the numbers of a scene or a state.
 
-A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. A path may return one
+A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It may return one
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 
@@ -20,23 +20,19 @@ from .._fields.checks import as_number, concrete, nearest, require
 from .._fields.leaves import in_order_of_leaves, with_leaves
 
 NumberPath = Callable[[PyTree], PyTree]
-"""Function that receives a scene or a state and returns one of its numbers, or several numbers that
-are tied."""
+"""Function of a scene or a state that returns one of its numbers, or several tied numbers."""
 Index = int | slice | EllipsisType
 """Part of an index into an array: for one axis or, as an ellipsis, for several axes."""
 Leaf = jax.Array | np.ndarray | float
-"""A number or an array of a scene or a state."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """Location of a number in a scene or a state, which are PyTrees.
+    """Location of a number in a scene or a state: index of the array in the list of
+    `jax.tree.leaves`, and indices into that array, empty for the whole array.
 
     Indexing a location, as in ``location[1]``, returns the location of a component. A slice or an
     ellipsis returns the location of several components; indexing this raises a `ValueError`.
-
-    - `leaf`: index of the array in the list of `jax.tree.leaves`.
-    - `component`: indices into that array; empty for the whole array.
     """
 
     leaf: int
@@ -50,7 +46,7 @@ class Number:
         keys = key if isinstance(key, tuple) else (key,)
         # In NumPy, an index after a slice, as in inertia[0:2][1], counts along the slice. Here all
         # indices are applied to the array at once, which would select something else.
-        whole = all(isinstance(one, int | np.integer) for one in self.component)
+        whole = all(isinstance(index, int | np.integer) for index in self.component)
         expected, remedy = "indexed no further after a slice", "give one index, as in inertia[1]"
         require(whole, "path", [*self.component, *keys], expected, remedy)
         return Number(self.leaf, (*self.component, *keys))
@@ -59,10 +55,9 @@ class Number:
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects in a scene or state.
 
-    **Raises:** `ValueError` if the path names an unknown element or field, if it indexes beyond the
-    end of a tuple or list, if it indexes the result of a slice, or if it returns a computed value,
-    a whole element such as a joint, or nothing. Whether an array has the selected component is not
-    checked.
+    **Raises:** `ValueError` if the path names an unknown element or field, indexes where there is
+    nothing, or returns a computed value, a whole element such as a joint, or nothing. Whether an
+    array has the selected component is not checked.
     """
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
@@ -80,44 +75,39 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
         # The path computes with a location, which supports no arithmetic. The check below refuses
         # everything that is not a location, and shows this error.
         numbers = [error]
-    fine = bool(numbers) and all(isinstance(number, Number) for number in numbers)
-    given = [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers]
+    are_stored = bool(numbers) and all(isinstance(number, Number) for number in numbers)
+    shown = [n if isinstance(n, Number | Exception) else type(n).__name__ for n in numbers]
     expected = "a function that returns numbers stored in the tree, not values computed from them"
     remedy = "see parameters(tree) for all numbers, e.g. lambda s: s.joints['pin'].clearance"
-    require(fine, "path", given, expected, remedy)
+    require(are_stored, "path", shown, expected, remedy)
     return numbers
 
 
 @lru_cache(maxsize=256)
 def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
-    """Return a tree of the given structure, in which each leaf is its own location."""
     return jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
 
 
 def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
-    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest known name.
-
-    **Arguments:** `tree`: scene or state; `error`: raised by the path, with the unknown name.
-    """
+    """Raise the `ValueError` for a path with an unknown name, and suggest the nearest one."""
     missing = error.name if isinstance(error, AttributeError) else error.args[0]
     paths = [path for path, _ in jax.tree_util.tree_leaves_with_path(tree)]
-    known = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
+    names = {getattr(key, "key", getattr(key, "name", "")) for path in paths for key in path}
     otherwise = (
         "see cj.parameters(scene), or cj.parameters(state) for Axis.initial and Parameter.initial, "
         "for all numbers"
     )
     raise ValueError(
         "Argument `path` must be a function that leads to numbers stored in the tree, but names "
-        f"{missing!r}, which does not exist: {nearest(missing, map(str, known), otherwise)}."
+        f"{missing!r}, which does not exist: {nearest(missing, map(str, names), otherwise)}."
     ) from error
 
 
 def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with another value at a path.
+    """Return a copy of a scene or state with another value, in SI units, at a path; tied numbers
+    all receive it.
 
-    The value is in the SI unit of the number that it replaces; tied numbers all receive it. Only
-    the shape of the value is checked. The constructors' checks, such as that a mass is positive,
-    are not repeated.
+    The constructors' checks, such as that a mass is positive, are not repeated.
 
     **Raises:** `ValueError` if the path leads to no number or to a component that the array does
     not have, and if the value has another shape than the number that it replaces.
@@ -131,11 +121,7 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 
 
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with `value` at each of the locations `numbers`.
-
-    **Raises:** `ValueError` for a value of another shape than the number, and for a component that
-    the scene or state doesn't have.
-    """
+    """Return a copy of a scene or state with a value at each of the locations."""
     leaves, value = jax.tree.leaves(tree), as_number(value)
     require_fits(leaves, numbers, value)
     for number in numbers:
@@ -144,13 +130,7 @@ def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
 
 
 def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
-    """Check that the located numbers exist and have the shape of the value.
-
-    **Arguments:** `leaves`: the list of `jax.tree.leaves` of the scene or state.
-
-    **Raises:** `ValueError` for a component that the array does not have, and for a value of
-    another shape than one of the numbers.
-    """
+    """Check that the located numbers exist among the `leaves`, and have the shape of the value."""
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
         expected = f"of shape {shape}, as the number it replaces"
@@ -158,11 +138,7 @@ def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> No
 
 
 def value_at(tree: PyTree, path: NumberPath) -> Leaf:
-    """Return the value that a path selects in a scene or state; of tied numbers, the first value.
-
-    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`, or to a component
-    that the array does not have.
-    """
+    """Return the value that a path selects in a scene or state; the first of tied numbers."""
     number = numbers_at(tree, path)[0]
     leaf = jax.tree.leaves(tree)[number.leaf]
     _shape(leaf, number.component)  # refuses a missing component
@@ -170,10 +146,7 @@ def value_at(tree: PyTree, path: NumberPath) -> Leaf:
 
 
 def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
-    """Return the shape of a leaf, or of its component.
-
-    **Raises:** `ValueError` if the leaf has no such component.
-    """
+    """Return the shape of a leaf, or of its component, which must exist."""
     shape = np.shape(leaf)
     try:
         # NumPy refuses an index that is out of range, whereas JAX would silently accept it. The
@@ -187,7 +160,6 @@ def _shape(leaf: PyTree, component: tuple[Index, ...]) -> tuple[int, ...]:
 
 
 def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
-    """Return a copy of a leaf with `value` at a component, or `value` for an empty `component`."""
     if not component:
         return value
     # Numbers that JAX traces can only be set by JAX. Other numbers are set by NumPy, which compiles
@@ -200,11 +172,7 @@ def _replaced(leaf: Leaf, component: tuple[Index, ...], value: Leaf) -> Leaf:
 
 
 def unit_at(tree: PyTree, path: NumberPath) -> str:
-    """Return the SI unit, as text, of the number that a path selects, or of the first of tied
-    numbers; "1" for a number without unit.
-
-    **Raises:** `ValueError` if the path leads to no number, see `numbers_at`.
-    """
+    """Return the SI unit of the first number that a path selects; "1" for a number without unit."""
     index = numbers_at(tree, path)[0].leaf
     return list(_named_leaves(tree, ""))[index][2]
 
@@ -222,12 +190,9 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Yield name, value and unit of each number, in the order of `jax.tree.leaves`.
-
-    **Arguments:** `tree`: scene or state, or a part of it; `name`: name of this part, with which
-    the names of its numbers begin; `unit`: unit of the numbers of this part. It does not apply to
-    numbers in fields of an object: such a field declares its own unit.
-    """
+    """Yield name, value and unit of each number of a part of a scene or state, in the order of
+    `jax.tree.leaves`. The unit of the part holds for numbers outside of fields, which declare their
+    own."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

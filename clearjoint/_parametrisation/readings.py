@@ -16,15 +16,12 @@ from .parameter import AbstractScale, Parameter
 from .variations import AbstractSeriesVariation, MadeByFunction, SeriesDelay, unchanged
 
 Row = jax.Array | np.ndarray
-"""Numbers of one output at several times, or coordinates."""
+"""Numbers of one output at several times, (T,), or coordinates, (p,)."""
 
 
 class SensorErrors(eqx.Module):
-    """Those parameters of a run that are errors of the sensors of its outputs.
-
-    - `errors`: each error with its index among the p parameters.
-    - `scales`: (p,) scale of each parameter.
-    """
+    """Those parameters of a run that are errors of the sensors of its outputs: each error with its
+    index among the parameters, and the scales of all parameters."""
 
     errors: tuple[tuple[int, AbstractSeriesVariation], ...] = eqx.field(static=True, default=())
     scales: tuple[AbstractScale, ...] = eqx.field(static=True, default=())
@@ -32,7 +29,7 @@ class SensorErrors(eqx.Module):
     @property
     def delays(self) -> tuple[tuple[int, tuple[str, ...]], ...]:
         """The index of each delay among the parameters, with the names of its outputs."""
-        return tuple((k, one.series) for k, one in self.errors if isinstance(one, SeriesDelay))
+        return tuple((k, e.series) for k, e in self.errors if isinstance(e, SeriesDelay))
 
     @property
     def of_values(self) -> bool:
@@ -40,25 +37,19 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value of an error, (...), at coordinates (..., p).
-
-        `number`: index of the error among the parameters.
-        """
+        """Return the value of the error with an index, (...), at coordinates (..., p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
     def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
-        """Return the reading of a sensor, (T,), with all errors except a delay.
-
-        **Arguments:** `name`: of the output; `quantity`: (T,) its values; `elapsed`: (T,) s, times
-        since the start of the run; `coordinates`: (p,) of the parameters.
-        """
+        """Return the reading of a sensor, (T,), with all errors except a delay; `elapsed` are the
+        times since the start of the run, s."""
         exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
         reading = exact
-        for number, one in self.errors:
-            if name in one.series:
+        for number, error in self.errors:
+            if name in error.series:
                 value = self.scales[number].value(coordinates[number])
-                reading = reading + one.error(value, exact, since_start)
+                reading = reading + error.error(value, exact, since_start)
         return reading
 
 
@@ -73,13 +64,10 @@ def with_sensor_errors(
     elapsed: Row,
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), by name.
-
-    **Arguments:** `values`: quantities (T,) by name; `derivatives`: theirs by the coordinates,
-    (T, p); `elapsed`: (T,) s, times since the start of the run; `coordinates`: (p,).
-    """
+    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), from the
+    quantities and their derivatives by the coordinates."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
-    for name in {name: None for _, one in sensors.errors for name in one.series}:
+    for name in {name: None for _, error in sensors.errors for name in error.series}:
 
         def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
@@ -102,16 +90,12 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each, by name.
+    """Return the readings of all sensors in n runs, (n, T) each."""
 
-    **Arguments:** `values`: quantities (n, T) by name; `elapsed`: (T,) s, times since the start of
-    the runs; `coordinates`: (n, p).
-    """
-
-    def of_one(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
+    def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
 
-    return jax.vmap(of_one)(values, coordinates)
+    return jax.vmap(of_run)(values, coordinates)
 
 
 def sensor_errors(
@@ -128,8 +112,8 @@ def sensor_errors(
         if isinstance(error, AbstractSeriesVariation):
             for name in error.series:
                 argument, noun = f"parameters[{label!r}]", error.noun
-                known = f"a {noun} of measured series: {', '.join(outputs)}"
-                require(name in outputs, argument, name, known, "correct the name of the series")
+                expected = f"a {noun} of measured series: {', '.join(outputs)}"
+                require(name in outputs, argument, name, expected, "correct the name of the series")
                 once, remedy = (
                     f"the only {noun} of its series",
                     f"remove the series from one {noun}",
@@ -137,27 +121,25 @@ def sensor_errors(
                 require((type(error), name) not in taken, argument, name, once, remedy)
                 taken.add((type(error), name))
             errors.append((number, error))
-    scales = tuple(one.scale for one in parameters.values())
+    scales = tuple(parameter.scale for parameter in parameters.values())
     return SensorErrors(tuple(errors), scales) if errors else NO_ERRORS
 
 
 def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters by name, with errors of sensors as parameters that change nothing."""
+    """Return the parameters, with errors of sensors as parameters that change nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
-        name: Parameter(still, one.scale, value=one.value)
-        if isinstance(one.variation, AbstractSeriesVariation)
-        else one
-        for name, one in parameters.items()
+        name: Parameter(still, parameter.scale, value=parameter.value)
+        if isinstance(parameter.variation, AbstractSeriesVariation)
+        else parameter
+        for name, parameter in parameters.items()
     }
 
 
 def units_of(
     parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the unit of each parameter's value by name.
-
-    **Arguments:** `series`: unit of each measured series by name.
+    """Return the unit of each parameter's value; `series` has those of the measured series.
 
     **Raises:** `ValueError` for an error of the sensors of series with different units.
     """
@@ -165,11 +147,12 @@ def units_of(
     for name, parameter in parameters.items():
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
-            several = {error.unit_of(series[one]): None for one in error.series}
+            units_of_value = {error.unit_of(series[of]): None for of in error.series}
             expected = "an error of series with the same unit"
             remedy = f"pass a {error.noun} for each unit"
-            require(len(several) == 1, f"parameters[{name!r}]", [*several], expected, remedy)
-            units[name] = next(iter(several))
+            argument = f"parameters[{name!r}]"
+            require(len(units_of_value) == 1, argument, [*units_of_value], expected, remedy)
+            units[name] = next(iter(units_of_value))
         else:
             units[name] = error.unit_in(scene, state)
     return units

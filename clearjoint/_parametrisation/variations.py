@@ -1,9 +1,4 @@
-"""Variations: the different ways in which a value of a sweep's axis or of a fit's parameter enters
-a run.
-
-The value may be a number of the scene, a number of the initial state, the argument of a function
-that makes both, or an error of the sensors of measured series, such as a delay.
-"""
+"""Ways in which a value of a sweep's axis or of a fit's parameter enters a run."""
 
 import abc
 from collections.abc import Callable
@@ -12,6 +7,7 @@ from typing import ClassVar, NoReturn
 
 import jax
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._fields.checks import as_number, require
 from .._math.vectors import Scalar
@@ -20,45 +16,30 @@ from .._model.scene import Scene
 from .paths import Number, NumberPath, numbers_at, require_fits, set_values, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
-"""Function that receives a scene, its initial state and a value, and returns the pair (scene,
-state) with that value."""
+"""Function ``change(scene, state, value)`` that returns the pair (scene, state) with the value."""
 
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way in which a value changes a scene and its initial state.
-
-    An axis of a sweep, and a parameter of a fit, has one.
-    """
+    """A way in which a value changes a scene and its initial state."""
 
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The function that says what varies: a path, which selects a number of a scene or state,
-        or a function that makes scene and state from a value.
-
-        For an error of sensors, which changes neither, it returns scene and state unchanged. The
-        notes of a sweep's results contain a description of this function.
-        """
+        """The function that says what varies; a sweep's results contain a description of it."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the value as text.
-
-        **Arguments:** `scene`, `state`: before the change.
-
-        **Raises:** `ValueError` if the unit is that of a number of the scene or state, and the path
-        leads to no number.
-        """
+        """Return the unit of the value in an unchanged scene and state."""
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
         """Return a function of a scene, a state and a value that returns scene and state with the
         value.
 
-        It accepts scenes and states of the same structure as `scene` and `state`, and values of the
-        shape of `example`. Equal variations return equal functions for equal structures, so that
-        JAX reuses compiled programs.
+        It accepts scenes, states and values of the structure of `scene`, `state` and `example`.
+        Equal variations return equal functions for equal structures, so that JAX reuses compiled
+        programs.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
         `example`, and for an error of sensors, which changes no scene.
@@ -69,11 +50,7 @@ class AbstractVariation(abc.ABC):
 class AbstractNumber(AbstractVariation):
     """A number, or several tied numbers, that a path selects in the scene or the initial state.
 
-    - `path`: function of the scene or state that returns the number.
-    - `unit`: text that labels the value; ``None`` for the number's SI unit.
-    - `example`: Python source of a typical path, for error messages; each subclass has one.
-
-    **Raises:** `ValueError` for a path that is not a function.
+    `example` is the source of a typical path, for error messages.
     """
 
     path: NumberPath
@@ -89,26 +66,16 @@ class AbstractNumber(AbstractVariation):
         """Return the argument of `path`: the scene or the state."""
 
     @property
+    @override
     def function(self) -> NumberPath:
-        """The user's path of the number."""
         return self.path
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return `unit`, or the SI unit of the number if `unit` is ``None``.
-
-        **Raises:** `ValueError` for a path without numbers, if `unit` is ``None``.
-        """
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
 
+    @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return a `NumberSetter` that sets values at the path.
-
-        The values have the shape of the argument `example`, a number or an array; it is not the
-        class's text of the same name.
-
-        **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
-        `example`.
-        """
         tree = self.tree(scene, state)
         numbers = numbers_at(tree, self.path)
         require_fits(jax.tree.leaves(tree), numbers, as_number(example))
@@ -122,8 +89,8 @@ class SceneNumber(AbstractNumber):
     example: ClassVar[str] = 'lambda scene: scene.joints["pin"].clearance'
 
     @staticmethod
+    @override
     def tree(scene: Scene, state: State) -> Scene:
-        """Return the scene."""
         return scene
 
 
@@ -134,22 +101,17 @@ class StateNumber(AbstractNumber):
     example: ClassVar[str] = 'lambda state: state.bodies["arm"].spin[2]'
 
     @staticmethod
+    @override
     def tree(scene: Scene, state: State) -> State:
-        """Return the initial state."""
         return state
 
 
 @dataclass(frozen=True)
 class MadeByFunction(AbstractVariation):
-    """A value from which a function of the user makes the scene and its initial state, so that
-    several of their numbers can depend on it.
+    """A value from which a user's function ``make(scene, state, value)`` makes the scene and its
+    initial state, so that several of their numbers can depend on it.
 
-    - `make`: function ``make(scene, state, value)`` of the unchanged scene and initial state and of
-      the value, which returns the changed pair (scene, state). Two variations are equal only if
-      they have the same function object.
-    - `unit`: text that labels the value.
-
-    **Raises:** `ValueError` for a `make` that is not a function.
+    Two variations are equal only if they have the same function object.
     """
 
     make: Change
@@ -160,16 +122,16 @@ class MadeByFunction(AbstractVariation):
         require(callable(self.make), "make", self.make, "a function", remedy)
 
     @property
+    @override
     def function(self) -> Change:
-        """The user's `make(scene, state, value)`."""
         return self.make
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return `unit`."""
         return self.unit
 
+    @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return `make`. No argument is needed, because the user's function accepts every scene."""
         del scene, state, example
         return self.make
 
@@ -178,11 +140,10 @@ class MadeByFunction(AbstractVariation):
 class AbstractSeriesVariation(AbstractVariation):
     """An error of the sensors of measured series, with an unknown value.
 
-    It changes no scene: fits, which have measurements, compare the samples with the reading of the
-    sensor, which is the quantity plus its errors.
+    It changes no scene: fits compare the samples with the reading of the sensor, which is the
+    quantity plus its errors.
 
-    - `series`: names of the series in `Measurements`, the measured data of a fit, or of the outputs
-      or sensors of a prediction.
+    - `series`: names of the series, or of the outputs or sensors of a prediction.
     - `neutral`: value of an ideal sensor.
     - `noun`: name of the kind of error, also of the function of `Parameter` that makes one.
     """
@@ -193,30 +154,26 @@ class AbstractSeriesVariation(AbstractVariation):
 
     @abc.abstractmethod
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return what the error adds to the reading of the sensor, in the quantity's unit.
-
-        **Arguments:** `value`: of the parameter; `quantity`: measured quantity; `elapsed`: time
-        since the start of the run, s.
-        """
+        """Return what the error adds to the reading of the sensor, in the quantity's unit;
+        `elapsed` is the time since the start of the run, s."""
 
     @abc.abstractmethod
     def unit_of(self, unit: str) -> str:
         """Return the unit of the value for series in a given unit."""
 
     @property
+    @override
     def function(self) -> Callable[..., PyTree]:
-        """Function that returns scene and state unchanged."""
         return unchanged
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
         """Raise a `ValueError`, because the unit depends on the series, not on the scene."""
         self._refuse()
 
+    @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Raise a `ValueError`, because a scene has no such number.
-
-        Calls that support errors of sensors don't call it (`clearjoint._parametrisation.readings`).
-        """
+        """Raise a `ValueError`, because a scene has no such number."""
         self._refuse()
 
     def _refuse(self) -> NoReturn:
@@ -234,25 +191,22 @@ class AbstractSeriesVariation(AbstractVariation):
 
 @dataclass(frozen=True)
 class SeriesDelay(AbstractSeriesVariation):
-    """Delay, s, of the time stamps of measured series.
-
-    Fits evaluate the outputs at the samples' times less the delay.
-    """
+    """Delay, s, of the time stamps of measured series."""
 
     noun: ClassVar[str] = "delay"
     users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return 0: a delay changes the time at which the quantity is evaluated."""
         del value, quantity, elapsed
         return 0.0
 
+    @override
     def unit_of(self, unit: str) -> str:
-        """Return "s"."""
         return "s"
 
+    @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return "s"."""
         return "s"
 
 
@@ -262,12 +216,12 @@ class SeriesBias(AbstractSeriesVariation):
 
     noun: ClassVar[str] = "bias"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return the bias."""
         return value
 
+    @override
     def unit_of(self, unit: str) -> str:
-        """Return the unit of the series."""
         return unit
 
 
@@ -278,12 +232,12 @@ class SeriesGain(AbstractSeriesVariation):
     neutral: ClassVar[float] = 1.0
     noun: ClassVar[str] = "gain"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return (gain - 1) times the quantity."""
         return (value - 1.0) * quantity
 
+    @override
     def unit_of(self, unit: str) -> str:
-        """Return "1"."""
         return "1"
 
 
@@ -293,28 +247,24 @@ class SeriesDrift(AbstractSeriesVariation):
 
     noun: ClassVar[str] = "drift"
 
+    @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        """Return the drift times the time since the start of the run."""
         return value * elapsed
 
+    @override
     def unit_of(self, unit: str) -> str:
-        """Return the unit of the series per second, such as "rad/s"."""
         return f"{unit}/s"
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    """Return the pair (scene, state) unchanged; `value` has no effect."""
+    """Return the pair (scene, state) unchanged."""
     del value
     return scene, state
 
 
 @dataclass(frozen=True)
 class NumberSetter:
-    """A `Change` that sets the value at given locations in the scene or in the state.
-
-    - `numbers`: the locations.
-    - `in_scene`: whether the locations are in the scene; otherwise they are in the state.
-    """
+    """A `Change` that sets the value at given locations in the scene or in the state."""
 
     numbers: tuple[Number, ...]
     in_scene: bool

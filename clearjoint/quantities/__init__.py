@@ -20,6 +20,21 @@ compiled again for an equal quantity.
 | torque sensor | `ReactionMoment` |
 | proximity probe on the bearing | `JournalOffset`, `Eccentricity`, `Penetration` |
 | other | a function of an `Instant`, with an explicit unit |
+
+Their arguments have the same meaning everywhere:
+
+- `body`, `joint`: names in the scene; `body` may be "ground", except for accelerations.
+- `point`: (3,) m from the body's centre of mass, in body axes.
+- `component`: "x", "y" or "z", or ``None``, where it is the default, for the magnitude of the
+  vector; in global axes, or in those that `axes` names, "global" or "body".
+- `contact`: label of a contact of the joint. Those of a revolute joint with clearance are "V" and
+  "W", at the two ends (bases) of the journal, with `line_points` also "point 2" and so on between
+  them, and with shoulders "lower shoulder" and "upper shoulder". Other joints have other labels,
+  such as "lower wall" for a slot.
+- `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
+
+**Raises:** `ValueError` for a value that is not allowed and, when a run begins, for a name that the
+scene does not have.
 """
 
 from .._fields.objects import without_modules as _without_modules

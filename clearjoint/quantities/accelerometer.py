@@ -1,13 +1,12 @@
-"""An accelerometer with limited bandwidth: a seismic mass on a spring and a damper.
-
-It is added to a scene as a further body, joint and force.
-"""
+"""An accelerometer with limited bandwidth: a seismic mass on a spring and a damper."""
 
 import math
+from dataclasses import replace
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import numpy as np
+from typing_extensions import override
 
 from .._fields.cautions import quiet
 from .._fields.checks import (
@@ -42,9 +41,11 @@ SPRING = " spring"
 
 
 class AccelerometerReading(AbstractQuantity):
-    """Signal of an accelerometer that `clearjoint.accelerometer` has added to a scene, m/s^2.
+    """Signal of an accelerometer that `clearjoint.accelerometer` has added to a scene, m/s^2: the
+    force of its spring on the seismic mass along its axis, without that of the damper, divided by
+    this mass.
 
-    **Arguments:** `sensor`: name of the sensor, which is that of its body and joint in the scene.
+    `sensor` is the name of its body and joint in the scene.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
@@ -56,17 +57,13 @@ class AccelerometerReading(AbstractQuantity):
     sensor: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "m/s^2"
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the sensor.
-
-        **Raises:** `ValueError` with the names of the scene's sensors.
-        """
         springs = {name.removesuffix(SPRING) for name in scene.forces if name.endswith(SPRING)}
         require_known("sensor", self.sensor, springs & set(scene.bodies) & set(scene.joints))
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the force of the spring on the seismic mass along the sensor's axis, without that
-        of the damper, divided by this mass, m/s^2."""
         scene, motions = now.scene, now.motions
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
@@ -76,18 +73,12 @@ class AccelerometerReading(AbstractQuantity):
 
 
 class Accelerometer(NamedTuple):
-    """Result of `accelerometer`: a scene and a state with a sensor, and its signal as a quantity.
-
-    - `scene`: the mechanism with the sensor's body, joint and spring.
-    - `state`: the state with the sensor's body.
-    - `reading`: the sensor's signal, m/s^2.
+    """Scene and state with a sensor, and the quantity `reading`, its signal in m/s^2.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
-    >>> spring = sensor.scene.forces["arm 2 accelerometer spring"]
-    >>> speed = np.sqrt(spring.stiffness / sensor.scene.bodies["arm 2 accelerometer"].mass)
-    >>> round(float(speed / (2 * np.pi)), 6)  # Hz
-    2000.0
+    >>> list(sensor.scene.bodies)
+    ['arm 2', 'arm 3', 'arm 2 accelerometer']
     """
 
     scene: Scene
@@ -110,10 +101,10 @@ def accelerometer(
     """Attach an accelerometer to a body: a mass that slides along an axis on a spring and a damper.
 
     It measures the specific force along its axis, acceleration minus gravity, with a second-order
-    low-pass 1 / (1 + 2 z s/w + s^2/w^2), where s is the variable of the Laplace transform,
-    w = 2 pi `frequency`, and z is the damping ratio. The default z = sqrt(1/2) is a Butterworth
-    filter. Impacts that last microseconds thus become signals as long as the sensor's response,
-    which can be sampled and fitted.
+    low-pass 1 / (1 + 2 z s/w + s^2/w^2), where s is the variable of the Laplace transform, w = 2 pi
+    `frequency`, and z is the damping ratio. The default z = sqrt(1/2) is a Butterworth filter.
+    Impacts that last microseconds thus become signals as long as the sensor's response, which can
+    be sampled and fitted.
 
     The sensor is part of the mechanism, so that derivatives of its signal by parameters are exact.
     Its frequency and damping can be estimated, as the ``stiffness`` and ``damping`` of its spring.
@@ -133,8 +124,6 @@ def accelerometer(
 
     **Arguments:**
 
-    - `scene`, `state`: of the mechanism without the sensor.
-    - `body`: name of the body.
     - `point`: position of the sensor, (3,) m in body axes; by default the centre of mass.
     - `axis`: direction of measurement, (3,) in body axes, any length.
     - `frequency`: natural frequency of the mass on its spring without damping, Hz. With the default
@@ -142,11 +131,8 @@ def accelerometer(
     - `damping_ratio`: damping ratio z of the mass on its spring and damper, positive.
     - `mass`: of the sensor, kg; by default a millionth of the body's mass, which hardly affects the
       motion.
-    - `name`: of the sensor's body and of its joint; by default the body's name followed by
-      " accelerometer". The spring's name is this name followed by " spring".
-
-    **Returns:** `Accelerometer`, a tuple of the scene and the state with the sensor, and the
-    quantity of its signal.
+    - `name`: of the sensor's body and of its joint; by default the body's name followed by "
+      accelerometer". The spring's name is this name followed by " spring".
 
     **Raises:** `ValueError` if a value is outside its range, the scene or the state lacks the body,
     or the sensor's or its spring's name is in use.
@@ -177,28 +163,18 @@ def accelerometer(
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():
-        with_sensor = Scene(
-            {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
-            {**scene.joints, name: slide},
-            {**scene.forces, name + SPRING: spring},
-            scene.gravity,
+        with_sensor = replace(
+            scene,
+            bodies={**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
+            joints={**scene.joints, name: slide},
+            forces={**scene.forces, name + SPRING: spring},
         )
-    host = state.bodies[body]
-    bodies = {
-        **state.bodies,
-        name: _state_at_rest(host, scene, position, direction, angular_frequency),
-    }
-    start = State(bodies, state.entry_speeds, state.work, state.bristles)
+    at_rest = _state_at_rest(state.bodies[body], scene, position, direction, angular_frequency)
+    start = replace(state, bodies={**state.bodies, name: at_rest})
     return Accelerometer(with_sensor, start, AccelerometerReading(name))
 
 
 def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
-    """Check that scene and state have the body, and that the sensor's names are not in use.
-
-    **Arguments:** `body`: name of the body that carries the sensor; `name`: that of the sensor.
-
-    **Raises:** `ValueError` if the scene or the state lacks the body, or a name is in use.
-    """
     remedy = nearest(body, scene.bodies, "pass one of these")
     require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
     require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
@@ -213,16 +189,7 @@ def _state_at_rest(
     direction: np.ndarray,
     angular_frequency: float,
 ) -> BodyState:
-    """Return the state of the seismic mass, at rest on its body with its deflection by gravity.
-
-    **Arguments:**
-
-    - `body`: state of the body that carries the sensor.
-    - `scene`: gives the gravity.
-    - `position`: of the sensor, (3,) m in the body's axes.
-    - `direction`: of the sensor, a unit vector (3,) in the body's axes.
-    - `angular_frequency`: of the mass on its spring, rad/s.
-    """
+    """Return the state of the seismic mass, at rest on its body with its deflection by gravity."""
     # The rotation q v q* of a vector v by the body's Euler parameters q, as two cross products.
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)

@@ -1,7 +1,4 @@
-"""Base class of the quantities, and the instant of a run at which they are evaluated.
-
-A quantity is a scalar function of an instant of a run, such as the signal of a sensor.
-"""
+"""Base class of the quantities, and the instant of a run at which they are evaluated."""
 
 import abc
 from collections.abc import Callable, Collection
@@ -13,6 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._dynamics.absolute_coordinates import AbsoluteCoordinates
 from .._dynamics.contact_events import ContactGaps, contact_gaps
@@ -33,29 +31,17 @@ class Instant:
     """A scene and its motion at one time of a run: the argument of quantities.
 
     Vectors are not arrays but have the scalar fields `x`, `y` and `z`. Properties are computed on
-    first use.
+    first use. Values of contacts are by name of joint and label of contact, such as
+    ``contacts["pin"]["V"]``.
 
-    - `time`: s.
+    - `time`: the scene's time, s.
     - `work[name]`: energies since the start, J: dissipated by "normal damping", "friction", "film"
       and "stabilisation", or "supplied" by drives and loads; "friction" includes the energy in
       bristles. Empty unless the run keeps this ledger.
 
     Runs create instants. The example makes one from a `System`, which evaluates the equations of
-    motion, and its variables, which are the coordinates and velocities. An instant is a PyTree;
-    flattening drops the function that gives the instants `inside` its step.
-
-    **Arguments:**
-
-    - `system`: the equations of motion of the scene.
-    - `own_time`: time since the system's `origin`, s. The origin is the scene's time at which
-      `own_time` is zero, near the start of the run; for the origin ``None``, `own_time` is the
-      scene's time. The attribute `time` is always the scene's time.
-    - `variables`: coordinates and velocities, as `system.encode` returns them.
-    - `entry_speeds`, `bristles`: entry speeds, m/s, and bristle deflections, m, by joint and
-      contact; empty if no law uses them.
-    - `work`: see above.
-    - `inside`: function that returns the instant at a fraction, 0 to 1, of the step that ends at
-      this instant; ``None``, the default, if no step ends here.
+    motion, the time since the system's `origin`, s, and the variables of `system.encode`. An
+    instant is a PyTree; flattening drops the function that gives the instants `inside` its step.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -98,9 +84,8 @@ class Instant:
         self._parts = system, own_time, variables, entry_speeds, work, bristles
 
     def inside(self, fraction: Scalar) -> "Instant":
-        """Return an earlier instant of the step that ends here, from the solver's dense output.
-
-        **Arguments:** `fraction`: of the step's duration, between 0 at its start and 1 at its end.
+        """Return the instant at a fraction, 0 to 1, of the step that ends here, from the solver's
+        dense output.
 
         **Raises:** `ValueError` if this instant isn't the end of a step.
         """
@@ -110,35 +95,28 @@ class Instant:
 
     @cached_property
     def middle(self) -> "Instant":
-        """The instant halfway through the step that ends here; see `inside`."""
+        """The instant halfway through the step that ends here."""
         return self.inside(0.5)
 
     @cached_property
     def motions(self) -> Motions:
-        """Motion of each body and of "ground" by name.
-
-        Each motion has the `position` and the `velocity` of the centre of mass, m and m/s in global
-        axes, the `rotation` matrix from body axes to global axes, and the angular velocity `spin`,
-        rad/s in body axes.
-        """
+        """Motion of each body and of "ground" by name: `position` and `velocity` of the centre of
+        mass, m and m/s in global axes, the `rotation` matrix from body axes to global axes, and the
+        angular velocity `spin`, rad/s in body axes."""
         return self._system.motions(self._variables)
 
     @cached_property
     def bodies(self) -> dict[str, BodyState]:
-        """State of each body by name, with the units and axes of `motions`.
-
-        Its `orientation` has Euler parameters, scalar first, instead of the rotation matrix.
-        """
+        """State of each body by name, with Euler parameters, scalar first, as `orientation`."""
         return self._system.decode(self._variables)
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry and forces of all contacts, ``contacts[joint][contact]``.
+        """Geometry and forces of all contacts.
 
         Each has its geometry in `contact`, such as the penetration ``contact.gap.depth``, m; the
-        `normal_force`, N; and the `friction` on the joint's second body, a vector, N in global
-        axes, or ``None`` without friction. Open contacts, whose force has not begun, are included
-        with forces of zero.
+        `normal_force`, N; and the `friction` on the joint's second body, N in global axes, or
+        ``None`` without friction. Open contacts, whose force has not begun, have forces of zero.
         """
         return self._system.contact_forces(self._variables, self.entry_speeds, self.bristles)
 
@@ -151,12 +129,8 @@ class Instant:
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Penetration of each contact, `depth` in m, and its `rate`, m/s, as
-        ``contact_gaps[joint][contact]``.
-
-        The penetration is measured from the onset of the contact's force, and is negative while the
-        contact is open.
-        """
+        """Penetration of each contact, `depth` in m, and its `rate`, m/s, measured from the onset
+        of the contact's force; negative while the contact is open."""
         return contact_gaps(self.scene, self.motions)
 
     @cached_property
@@ -249,45 +223,29 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the elements that the quantity names.
-
-        Runs, sweeps and fits call this before they start.
+        """Check that the scene has the elements that the quantity names, before a run, sweep or
+        fit.
 
         **Raises:** `ValueError` with a list of the scene's names.
         """
 
 
 def check_quantity(argument: str, function: object, scene: Scene) -> None:
-    """Check that a scene has the elements that a quantity names.
-
-    `function` may be any function of an instant; only an `AbstractQuantity` is checked.
-
-    **Raises:** `ValueError` that begins with `argument`, the name under which the user passed the
-    quantity, and lists the available names.
-    """
+    """Check that a scene has the elements that an `AbstractQuantity` names."""
     if isinstance(function, AbstractQuantity):
         with errors_about(argument):
             function.check(scene)
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check that a value is callable, as a quantity or a function is.
-
-    A class is refused, such as ``Position`` without its arguments.
-
-    **Raises:** `ValueError` about the user's argument `argument`.
-    """
+    """Check that a value is callable, as a quantity or a function is, and no class."""
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
     require(is_function, argument, function, "a scalar function of an Instant", remedy)
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is among the scene's names `known`.
-
-    **Raises:** `ValueError` about the user's argument `argument`, which lists the known names and
-    suggests the most similar one, if any is similar.
-    """
+    """Check that a name is among the scene's names; the error suggests the most similar one."""
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"
         remedy = nearest(name, known, "correct the name, or add it to the scene")
@@ -295,8 +253,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
-    """Return a converter for a field: a function that returns an allowed value unchanged, and
-    raises a ``ValueError`` with the name `argument` for any other."""
+    """Return a field's converter that raises a `ValueError` for a value that is not allowed."""
 
     def checked(value: T) -> T:
         require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
@@ -315,23 +272,19 @@ Numbers = tuple[float, ...]
 
 
 def numbers(values: ArrayLike) -> Numbers:
-    """Return numbers, (N,), as a tuple; a single number gives a tuple of one.
-
-    **Raises:** `ValueError` if the values are not numbers.
-    """
+    """Return numbers, (N,), as a tuple; a single number gives a tuple of one."""
     return tuple(np.atleast_1d(as_number(values)).tolist())
 
 
 def optional_numbers(values: ArrayLike | None) -> Numbers | None:
-    """Return numbers, (N,), as a tuple as `numbers` does, or ``None`` unchanged."""
+    """Return numbers as `numbers` does, or ``None`` unchanged."""
     return None if values is None else numbers(values)
 
 
 class AbstractVectorQuantity(AbstractQuantity):
     """Base class of quantities that are a component of a vector, or with ``None`` its magnitude.
 
-    It precedes the other base class of a quantity, so that `component` follows the fields of that
-    class.
+    It precedes the other base class of a quantity, so that `component` follows its fields.
     """
 
     component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
@@ -340,8 +293,8 @@ class AbstractVectorQuantity(AbstractQuantity):
     def vector(self, now: Instant) -> Vector:
         """Return the vector at an instant, in the unit of the quantity."""
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the component or the magnitude of the vector."""
         vector = self.vector(now)
         if self.component is None:
             return norm_and_direction(vector)[0]

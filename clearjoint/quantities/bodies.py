@@ -6,6 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from .._fields.checks import require, require_axis, require_point
 from .._math.rotations import transverse_axes, unit
@@ -29,31 +30,19 @@ from .base import (
 
 
 class AbstractBodyQuantity(AbstractQuantity):
-    """Base class of quantities of one body, whose name is `body`.
-
-    `applies_to_ground` states whether `body` may be the ground.
-    """
+    """Base class of quantities of a body, which may be the ground if `applies_to_ground`."""
 
     body: str = eqx.field(static=True)
     applies_to_ground: ClassVar[bool] = True
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a body of this name.
-
-        The ground is accepted too if `applies_to_ground` is true.
-
-        **Raises:** `ValueError` with the names of the bodies.
-        """
         bodies = [GROUND, *scene.bodies] if self.applies_to_ground else scene.bodies
         require_known("body", self.body, bodies)
 
 
 class Position(AbstractBodyQuantity):
     """Global coordinate of a body's centre of mass, m.
-
-    **Arguments:** `body`: its name. `component`: "x", "y" or "z".
-
-    **Raises:** `ValueError` for another component.
 
     >>> cj.quantities.Position("arm 3", "z").unit
     'm'
@@ -62,18 +51,13 @@ class Position(AbstractBodyQuantity):
     component: Component = eqx.field(static=True, converter=as_component)
     unit: ClassVar[str | None] = "m"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the global coordinate of the centre of mass, m."""
         return getattr(now.motions[self.body].position, self.component)
 
 
 class Velocity(AbstractVectorQuantity, AbstractBodyQuantity):
     """Velocity of a body's centre of mass, m/s: its magnitude or a global component.
-
-    **Arguments:** `body`: its name. `component`: "x", "y", "z", or ``None``, the default, for the
-    magnitude.
-
-    **Raises:** `ValueError` for another component.
 
     >>> cj.quantities.Velocity("arm 3", "y").unit
     'm/s'
@@ -81,18 +65,13 @@ class Velocity(AbstractVectorQuantity, AbstractBodyQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the velocity of the centre of mass, m/s."""
         return now.motions[self.body].velocity
 
 
 class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     """Acceleration of a body's centre of mass, m/s^2: its magnitude or a global component.
-
-    **Arguments:** `body`: its name, which can't be the ground. `component`: "x", "y", "z", or
-    ``None``, the default, for the magnitude.
-
-    **Raises:** `ValueError` for another component.
 
     >>> cj.quantities.Acceleration("arm 3", "y").unit
     'm/s^2'
@@ -101,14 +80,13 @@ class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the acceleration of the centre of mass, m/s^2."""
         return now.dynamics.accelerations[self.body].linear
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
-    """Base class of quantities of a point of a body. `point` is the vector from the centre of mass
-    to the point, (3,) m in body axes."""
+    """Base class of quantities of a point of a body."""
 
     point: Numbers = eqx.field(static=True, converter=numbers)
 
@@ -119,14 +97,6 @@ class AbstractPointQuantity(AbstractBodyQuantity):
 class PointPosition(AbstractPointQuantity):
     """Global coordinate of a point of a body, m.
 
-    **Arguments:**
-
-    - `body`: its name.
-    - `point`: (3,) m from the centre of mass, in body axes.
-    - `component`: "x", "y" or "z".
-
-    **Raises:** `ValueError` for an invalid point or another component.
-
     >>> cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y").unit
     'm'
     """
@@ -134,21 +104,13 @@ class PointPosition(AbstractPointQuantity):
     component: Component = eqx.field(static=True, converter=as_component)
     unit: ClassVar[str | None] = "m"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the global coordinate of the point, m."""
         return getattr(now.motions[self.body].point(Vector(*self.point)), self.component)
 
 
 class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
     """Velocity of a point of a body, m/s: its magnitude or a global component.
-
-    **Arguments:**
-
-    - `body`: its name.
-    - `point`: (3,) m from the centre of mass, in body axes.
-    - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
-
-    **Raises:** `ValueError` for an invalid point or another component.
 
     >>> cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y").unit
     'm/s'
@@ -156,26 +118,16 @@ class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the velocity of the point, m/s."""
         return now.motions[self.body].velocity_at(Vector(*self.point))
 
 
 class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     """Acceleration of a point of a body, m/s^2: its magnitude or a component.
 
-    An accelerometer on the body measures the specific force, which is the acceleration minus
-    gravity. This is `PointAcceleration(body, point, component, axes="body", gravity=True)`.
-
-    **Arguments:**
-
-    - `body`: its name, which can't be the ground.
-    - `point`: (3,) m from the centre of mass, in body axes.
-    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
-    - `axes`: "global", the default, or "body", in which the component is taken.
-    - `gravity`: whether the scene's gravity is subtracted from the acceleration; by default not.
-
-    **Raises:** `ValueError` for an invalid point, or other components or axes.
+    With `gravity`, the scene's gravity is subtracted. An accelerometer on the body measures this
+    specific force in body axes.
 
     >>> point = (0.06, 0, 0)
     >>> cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True).unit
@@ -187,8 +139,8 @@ class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the acceleration of the point, m/s^2."""
         motion, acceleration = now.motions[self.body], now.dynamics.accelerations[self.body]
         # Acceleration of the point relative to the centre of mass, in body axes.
         local, spin, linear = Vector(*self.point), motion.spin, acceleration.linear
@@ -201,17 +153,8 @@ class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
 
 
 class AngularVelocity(AbstractVectorQuantity, AbstractBodyQuantity):
-    """Angular velocity of a body, rad/s: its magnitude or a component.
-
-    The signal of a gyroscope is `AngularVelocity(body, component, axes="body")`.
-
-    **Arguments:**
-
-    - `body`: name of the body.
-    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
-    - `axes`: "global", the default, or "body", in which the component is taken.
-
-    **Raises:** `ValueError` for other components or axes.
+    """Angular velocity of a body, rad/s: its magnitude or a component, as of a gyroscope in body
+    axes.
 
     >>> spin = cj.quantities.AngularVelocity("arm 2", "z")
     >>> outputs = {"fastest": cj.Peak(spin, "rad/s")}
@@ -220,22 +163,14 @@ class AngularVelocity(AbstractVectorQuantity, AbstractBodyQuantity):
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "rad/s"
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the angular velocity, rad/s."""
         motion = now.motions[self.body]
         return motion.spin if self.axes == "body" else motion.direction(motion.spin)
 
 
 class AngularAcceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     """Angular acceleration of a body, rad/s^2: its magnitude or a component.
-
-    **Arguments:**
-
-    - `body`: name of the body, which can't be the ground.
-    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
-    - `axes`: "global", the default, or "body", in which the component is taken.
-
-    **Raises:** `ValueError` for other components or axes.
 
     >>> jolt = cj.quantities.AngularAcceleration("arm 2", "z")
     """
@@ -244,8 +179,8 @@ class AngularAcceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     unit: ClassVar[str | None] = "rad/s^2"
     applies_to_ground: ClassVar[bool] = False
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the angular acceleration, rad/s^2."""
         angular = now.dynamics.accelerations[self.body].angular
         if self.axes == "global":
             angular = now.motions[self.body].direction(angular)
@@ -255,12 +190,12 @@ class AngularAcceleration(AbstractVectorQuantity, AbstractBodyQuantity):
 class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
-    The body's direction is projected on the plane perpendicular to the fixed axis, and the angle
-    is measured in this plane from a fixed direction of zero angle.
+    The body's direction is projected on the plane perpendicular to the fixed axis, and the angle is
+    measured in this plane from a fixed direction of zero angle. The angle is undefined while the
+    body's direction is parallel to `about`, and changes abruptly as the direction passes there.
 
     **Arguments:**
 
-    - `body`: its name.
     - `about`: the fixed axis, (3,) in global axes, any length.
     - `reference`: the fixed direction of zero angle, (3,) in global axes; by default its components
       are those of `axis`. With this default, the angle of a body whose orientation is a rotation of
@@ -268,9 +203,6 @@ class Angle(AbstractBodyQuantity):
     - `axis`: the body's direction, (3,) in body axes; by default its components are those of a
       vector perpendicular to `about`, which is (1, 0, 0) for the z axis. Pass it if you pass
       `reference`.
-
-    The angle is undefined while the body's direction is parallel to `about`, and changes abruptly
-    as the direction passes there.
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
     and for a `reference`, or an `axis` without a `reference`, whose components are proportional to
@@ -302,8 +234,8 @@ class Angle(AbstractBodyQuantity):
             expected = f"a direction that is not parallel to `about` = {self.about}"
             require(bool(sine > 1e-9 * lengths), name, zero, expected, "choose another")
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the angle, rad within (-pi, pi]."""
         about = unit(Vector(*self.about))
         start, _ = transverse_axes(about)
         axis = start if self.axis is None else Vector(*self.axis)
@@ -318,18 +250,9 @@ class Distance(AbstractQuantity):
     """Distance between a point of one body and a point of another, m: the signal of a displacement
     sensor.
 
-    With `along` it is the signed distance along an axis of the first body, such as the stroke of a
-    slider in its guide.
-
-    **Arguments:**
-
-    - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: (3,) m from the bodies' centres of mass, in body axes.
-    - `along`: direction of the signed distance, (3,) in the first body's axes, any length. The
-      signed distance is positive if the second point is ahead of the first in this direction.
-      ``None``, the default, for the straight distance.
-
-    **Raises:** `ValueError` if a point or `along` is invalid.
+    With `along`, a direction in the first body's axes of any length, it is the signed distance
+    along it, such as the stroke of a slider in its guide: positive if the second point is ahead of
+    the first.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))
@@ -348,16 +271,13 @@ class Distance(AbstractQuantity):
         if self.along is not None:
             require_axis("along", self.along)
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has both bodies.
-
-        **Raises:** `ValueError` with the names of the bodies.
-        """
         for argument in ("first", "second"):
             require_known(argument, getattr(self, argument), [GROUND, *scene.bodies])
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the distance, m; with `along` it has a sign."""
         first, second = now.motions[self.first], now.motions[self.second]
         start = first.point(Vector(*self.point_first))
         apart = second.point_from(start, Vector(*self.point_second))

@@ -1,13 +1,4 @@
-"""Quantities of joints: contacts, the journal in its bearing, reactions, films and angles.
-
-A quantity is an object that is called with an `Instant`, which is the scene with its motion at one
-time, and returns a number in the quantity's unit.
-
-A contact has a label. The contacts of a revolute joint with clearance are "V" and "W", at the two
-ends of the journal. If contact is also computed at points between the ends, there are "point 2",
-"point 3" and so on, and if the bearing has shoulders, "lower shoulder" and "upper shoulder". Other
-joints have other labels, such as "lower wall" for a slot.
-"""
+"""Quantities of joints: contacts, the journal in its bearing, reactions, films and angles."""
 
 import math
 from collections.abc import Callable, Collection
@@ -15,6 +6,7 @@ from functools import reduce
 from typing import ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
+from typing_extensions import override
 
 from .._dynamics.equations_of_motion import Dynamics
 from .._dynamics.multipliers import row_rate
@@ -39,15 +31,12 @@ from .base import (
 
 
 class AbstractJointQuantity(AbstractQuantity):
-    """Base class of quantities of a joint, whose name in the scene is `joint`."""
+    """Base class of quantities of a joint."""
 
     joint: str = eqx.field(static=True)
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has a joint of this name to which the quantity applies.
-
-        **Raises:** `ValueError` with the names of the joints to which it applies, if there is none.
-        """
         require_known("joint", self.joint, self.joints(scene))
 
     def joints(self, scene: Scene) -> Collection[str]:
@@ -56,19 +45,16 @@ class AbstractJointQuantity(AbstractQuantity):
 
 
 class AbstractContactQuantity(AbstractJointQuantity):
-    """Base class of quantities of a contact of a joint; `contact` is its label, such as "V"."""
+    """Base class of quantities of a contact of a joint."""
 
     contact: str = eqx.field(static=True)
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints with contacts."""
         return scene.contact_joints()
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint has the contact.
-
-        **Raises:** `ValueError` with the available names.
-        """
         super().check(scene)
         require_known("contact", self.contact, scene.laws()[self.joint])
 
@@ -81,9 +67,6 @@ class ContactForce(AbstractContactQuantity):
     opposite walls carries the difference. Name a contact for the load on one base, which is what
     the tables of impacts list, and about half of the joint's force in a parallel impact.
 
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V"; for
-    ``None``, the default, all contacts of the joint.
-
     >>> of_joint = cj.quantities.ContactForce("shoulder")
     >>> of_base = cj.quantities.ContactForce("shoulder", "V")
     """
@@ -91,18 +74,15 @@ class ContactForce(AbstractContactQuantity):
     contact: str | None = eqx.field(default=None, static=True)
     unit: ClassVar[str | None] = "N"
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint has the contact, if one is given.
-
-        **Raises:** `ValueError` with the available names.
-        """
         if self.contact is not None:
             super().check(scene)
         else:  # all contacts of the joint
             require_known("joint", self.joint, self.joints(scene))
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the normal force, N."""
         contacts = now.contacts[self.joint]
         if self.contact is not None or len(contacts) == 1:
             (label,) = contacts if self.contact is None else [self.contact]
@@ -116,16 +96,14 @@ class FrictionForce(AbstractContactQuantity):
 
     The moment of friction between two flat faces that rotate on each other is not part of it.
 
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
-
     >>> cj.quantities.FrictionForce("shoulder", "V").unit
     'N'
     """
 
     unit: ClassVar[str | None] = "N"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the magnitude of the friction force, N."""
         friction = now.contacts[self.joint][self.contact].friction
         return 0.0 if friction is None else norm_and_direction(friction)[0]
 
@@ -133,23 +111,20 @@ class FrictionForce(AbstractContactQuantity):
 class Penetration(AbstractContactQuantity):
     """Penetration of a contact, m; negative while the surfaces are apart.
 
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
-
     >>> cj.quantities.Penetration("shoulder", "V").unit
     'm'
     """
 
     unit: ClassVar[str | None] = "m"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the penetration, m."""
         return now.contacts[self.joint][self.contact].contact.gap.depth
 
 
 class PenetrationRate(AbstractContactQuantity):
-    """Rate of a contact's penetration, m/s; at an onset it equals the entry speed.
-
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
+    """Rate of a contact's penetration, m/s, positive while the bodies approach; at an onset it
+    equals the entry speed.
 
     >>> cj.quantities.PenetrationRate("shoulder", "V").unit
     'm/s'
@@ -157,20 +132,18 @@ class PenetrationRate(AbstractContactQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the rate of the penetration, m/s; positive while the bodies approach."""
         return now.contacts[self.joint][self.contact].contact.gap.rate
 
 
 class EntrySpeed(AbstractContactQuantity):
-    """Entry speed of the current contact, m/s; zero while the surfaces are apart.
+    """Entry speed of the current contact, the rate of the penetration at its onset, m/s; zero while
+    the surfaces are apart.
 
-    It is the rate of the penetration at the onset of the contact. It exists only for contacts whose
-    law uses the entry speed. In a section at the onset or the end of a contact, it is that of the
-    contact. For a contact that had begun before the start of the run, the value is 1e9 m/s, unless
-    the initial state contains the entry speed.
-
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
+    It exists only for contacts whose law uses the entry speed. In a section at the onset or the end
+    of a contact, it is that of the contact. For a contact that had begun before the start of the
+    run, the value is 1e9 m/s, unless the initial state contains the entry speed.
 
     >>> cj.quantities.EntrySpeed("shoulder", "V").unit
     'm/s'
@@ -178,18 +151,15 @@ class EntrySpeed(AbstractContactQuantity):
 
     unit: ClassVar[str | None] = "m/s"
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the contact, and that its law uses the entry speed.
-
-        **Raises:** `ValueError` with the available names.
-        """
         super().check(scene)
         laws = scene.contact_joints()[self.joint].laws()
         with_speed = [label for label, law in laws.items() if law.uses_entry_speed]
         require_known("contact", self.contact, with_speed)
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the entry speed, m/s."""
         return now.entry_speeds[self.joint][self.contact]
 
 
@@ -199,28 +169,23 @@ class BristleDeflection(AbstractContactQuantity):
     It exists only for contacts with an `AbstractBristleFriction`, a friction law that models
     sticking by a deflection of the surfaces.
 
-    **Arguments:** `joint`: name of the joint. `contact`: label of the contact, such as "V".
-
     >>> deflection = cj.quantities.BristleDeflection("shoulder", "V")
     >>> deflection.check(cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1))[0])
     """
 
     unit: ClassVar[str | None] = "m"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints whose friction law has bristles."""
         return scene.bristle_laws()
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the contact's friction law has bristles.
-
-        **Raises:** `ValueError` with the available names.
-        """
         super().check(scene)
         require_known("contact", self.contact, scene.bristle_laws()[self.joint])
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the magnitude of the deflection, m."""
         return norm_and_direction(now.bristles[self.joint][self.contact])[0]
 
 
@@ -228,44 +193,30 @@ _base: Callable[[str | None], str | None] = one_of("base", *BASES, None)
 
 
 class AbstractJournalQuantity(AbstractJointQuantity):
-    """Base class of positions, m, of a journal or of one of its bases.
-
-    The bases "V" and "W" are the circles at the two ends of the journal.
-    """
+    """Base class of positions, m, of a journal or of the centre of one of its ends."""
 
     unit: ClassVar[str | None] = "m"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the revolute joints with clearance, which have a journal."""
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Return the vector from the bearing's centre to the centre of the journal or of a base, m.
-
-        Components are in the bearing's frame, whose z axis is the bearing's axis. `base` is "V" or
-        "W", or ``None`` for the journal's centre.
-        """
+        """Return the vector from the bearing's centre to the centre of the journal or of a base, in
+        the bearing's frame, whose z axis is the bearing's axis."""
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, HasJournal)
         return joint.journal_offset(now.motions, base)
 
 
 class JournalOffset(AbstractJournalQuantity):
-    """One component of the vector from the bearing's centre to the journal's centre, m.
+    """One component of the vector from the bearing's centre to the centre of the journal, or of one
+    of its ends, m: the signal of a proximity probe on the bearing.
 
-    If `base` is given, the vector ends at the centre of this end of the journal instead. The
-    component is the signal of a proximity probe on the bearing.
-
-    **Arguments:**
-
-    - `joint`: name of a revolute joint with clearance.
-    - `component`: "x", "y" or "z" of the bearing's frame, which moves with the bearing's body: z is
-      the bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are
-      the axes of the body. For any other bearing axis, x and y are two directions fixed in the
-      body, by the formula of T. Duff et al. (Building an orthonormal basis, revisited, 2017).
-    - `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
-
-    **Raises:** `ValueError` for another component or base.
+    The component is one of the bearing's frame, which moves with the bearing's body: z is the
+    bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are the
+    axes of the body. For any other bearing axis, x and y are two directions fixed in the body, by
+    the formula of T. Duff et al. (Building an orthonormal basis, revisited, 2017).
 
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
     >>> probes["x"].unit
@@ -275,18 +226,13 @@ class JournalOffset(AbstractJournalQuantity):
     component: Component = eqx.field(static=True, converter=as_component)
     base: str | None = eqx.field(default=None, static=True, converter=_base)
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the component of the offset, m."""
         return getattr(self.offset(now, self.base), self.component)
 
 
 class Eccentricity(AbstractJournalQuantity):
     """Distance of the centre of a journal, or of one of its ends, from the bearing's axis, m.
-
-    **Arguments:** `joint`: name of a revolute joint with clearance. `base`: "V" or "W", one end of
-    the journal, or ``None``, the default, for its centre.
-
-    **Raises:** `ValueError` for another base.
 
     >>> eccentricity = cj.quantities.Eccentricity("shoulder", base="V")
     >>> eccentricity.check(cj.mechanisms.double_pendulum()[0])  # does the scene have this joint?
@@ -294,8 +240,8 @@ class Eccentricity(AbstractJournalQuantity):
 
     base: str | None = eqx.field(default=None, static=True, converter=_base)
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the distance from the bearing's axis, m."""
         offset = self.offset(now, self.base)
         return norm_and_direction(Vector(offset.x, offset.y, 0.0))[0]
 
@@ -312,11 +258,11 @@ class Multiplier(AbstractJointQuantity):
     moments by the sine of the angle of their axes; and among redundant constraints, multipliers are
     those of least norm, so that they are not unique.
 
-    **Arguments:** `joint`: name of the joint. `row`: name of its constraint row, a key of the
-    dictionary that the joint's method `rows` returns.
+    `row` is the name of the constraint row, a key of the dictionary that the joint's method `rows`
+    returns.
 
     **Raises:** `ValueError` when the quantity is evaluated, if the row is unknown or has no
-    multiplier; `check` tests only the name of the joint.
+    multiplier.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the scene have this joint?
@@ -324,8 +270,8 @@ class Multiplier(AbstractJointQuantity):
 
     row: str = eqx.field(static=True)
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the multiplier of the row, N or N m."""
         multipliers = now.dynamics.multipliers.get(self.joint, {})
         expected = f"one of {sorted(multipliers)}, the rows of {self.joint!r} with a multiplier"
         remedy = "take Reaction if the joint coordinates satisfy the joint by themselves"
@@ -334,11 +280,8 @@ class Multiplier(AbstractJointQuantity):
 
 
 def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
-    """Return the wrenches of a joint's constraints on its bodies, by name.
-
-    Each is the sum of the Jacobians of the constraint rows times their Lagrange multipliers: a
-    force, N in global axes, and a moment about the centre of mass, N m in body axes.
-    """
+    """Return the wrenches of a joint's constraints on its bodies: the sums of the Jacobians of the
+    constraint rows times their Lagrange multipliers."""
     wrenches: dict[str, Wrench] = {}
     for label, row in dynamics.rows[joint].items():
         multiplier = dynamics.multipliers[joint][label]
@@ -349,23 +292,17 @@ def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
 
 
 class AbstractReaction(AbstractJointQuantity):
-    """Base class of reactions of a joint on one of its bodies.
-
-    `body` is the name of the body on which the reaction acts, which may be the ground.
-    """
+    """Base class of reactions of a joint on one of its bodies, `body`, which may be the ground."""
 
     body: str = eqx.field(static=True)
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the joint, and that the joint acts on the body.
-
-        **Raises:** `ValueError` with the available names.
-        """
         super().check(scene)
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the part of the joint's constraints in the reaction, as `constraint_wrenches`."""
+        """Return the part of the joint's constraints in the reaction."""
         # In joint coordinates, rows of joints that the coordinates satisfy have no multipliers.
         return constraint_wrenches(now.absolute_dynamics, self.joint).get(self.body, NO_WRENCH)
 
@@ -378,22 +315,14 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
     unique, and the multipliers of least norm are used. For a joint with clearance the force is the
     sum of normal forces, friction, film force and axial reaction.
 
-    **Arguments:**
-
-    - `joint`: name of the joint.
-    - `body`: name of the body on which the force acts, which may be the ground.
-    - `component`: "x", "y", "z" in global axes, or ``None``, the default, for the magnitude.
-
-    **Raises:** `ValueError` for another component.
-
     >>> cj.quantities.Reaction("elbow", "arm 3").unit
     'N'
     """
 
     unit: ClassVar[str | None] = "N"
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the force, N."""
         joint, force = now.scene.joints[self.joint], ZERO
         if isinstance(joint, AbstractContactJoint):
             force = self._contact_force(joint, now)
@@ -402,7 +331,7 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
         return force
 
     def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
-        """Return the force of the contacts and the film on the body, N in global axes."""
+        """Return the force of the contacts and the film on the body."""
         # First the force on the joint's second body; the reaction on the first is its opposite.
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
@@ -422,27 +351,18 @@ class ReactionMoment(AbstractVectorQuantity, AbstractReaction):
     driving moment. With redundant constraints the moment isn't unique, and the Lagrange multipliers
     of least norm are used.
 
-    **Arguments:**
-
-    - `joint`: name of the ideal joint or driver.
-    - `body`: name of the body on which the moment acts, which may be the ground.
-    - `component`: "x", "y", "z", or ``None``, the default, for the magnitude.
-    - `axes`: "global", the default, or "body", in which the component is taken.
-
-    **Raises:** `ValueError` for other components or axes.
-
     >>> bending = cj.quantities.ReactionMoment("elbow", "arm 3", "x", axes="body")
     """
 
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
     unit: ClassVar[str | None] = "N m"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the ideal joints and drivers."""
         return [name for name, j in scene.joints.items() if isinstance(j, AbstractConstraint)]
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the moment, N m."""
         wrench, motion = self.constraint_wrench(now), now.motions[self.body]
         # The wrench refers to the centre of mass: move its moment to the joint's point.
         moment = wrench.moment
@@ -456,13 +376,8 @@ class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
     It is the force that the joint's method `film_wrenches` returns for the second body, which has
-    the journal. It is zero if the method returns no force on this body.
-
-    **Arguments:** `joint`: name of a joint with a film: `LubricatedJoint`, or a user-defined joint
-    whose class overrides `film_wrenches`. `component`: "x", "y", "z" in global axes, or ``None``,
-    the default, for the magnitude.
-
-    **Raises:** `ValueError` for another component.
+    the journal, or zero if it returns none. The joint is a `LubricatedJoint`, or a user-defined
+    joint whose class overrides `film_wrenches`.
 
     >>> force = cj.quantities.FilmForce("bearing", "y")
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
@@ -470,15 +385,15 @@ class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
 
     unit: ClassVar[str | None] = "N"
 
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the joints whose class overrides `film_wrenches`."""
         # The default returns no wrench: joints of the other classes have no film.
         kinds = {name: type(joint) for name, joint in scene.contact_joints().items()}
         default = AbstractContactJoint.film_wrenches
         return [name for name, kind in kinds.items() if kind.film_wrenches is not default]
 
+    @override
     def vector(self, now: Instant) -> Vector:
-        """Return the force, N."""
         joint = now.scene.contact_joints()[self.joint]
         _, journal = joint.pair()
         return joint.film_wrenches(now.motions).get(journal, NO_WRENCH).force
@@ -493,25 +408,20 @@ class HasRelativeAngle(Protocol):
 
         The `value` of the row is the angle, rad. Its `jacobian` has the derivatives of the angle's
         rate by the bodies' velocities. Its `bias`, rad/s^2, is the second time derivative that the
-        angle would have if the accelerations of the bodies were zero. `motions` has positions and
-        velocities of the bodies by name.
+        angle would have if the accelerations of the bodies were zero.
         """
         ...
 
 
 class AbstractJointAngle(AbstractJointQuantity):
-    """Base class of the angle of a joint, driver or drive torque, and of its time derivatives.
+    """Base class of the angle of a joint, driver or drive torque, and of its time derivatives."""
 
-    `joint` is the name of the joint, driver or force.
-    """
-
+    @override
     def joints(self, scene: Scene) -> Collection[str]:
-        """Return the names of the scene's joints and forces that define an angle."""
         return elements_with_angle(scene)
 
     def angle(self, now: Instant) -> Row:
-        """Return the angle as a constraint row: its `value` is the angle, rad, and its `jacobian`
-        has the derivatives of the angle's rate by the bodies' velocities."""
+        """Return the angle as a constraint row, see `HasRelativeAngle`."""
         return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions)
 
 
@@ -531,8 +441,6 @@ class JointAngle(AbstractJointAngle):
     A state doesn't contain the number of revolutions. ``numpy.unwrap`` recovers it from a series
     with more than two samples per revolution.
 
-    **Arguments:** `joint`: name of the joint or force.
-
     >>> angle = cj.quantities.JointAngle("elbow")
     >>> angle.unit, angle.period == 2 * np.pi
     ('rad', True)
@@ -541,8 +449,8 @@ class JointAngle(AbstractJointAngle):
     unit: ClassVar[str | None] = "rad"
     period: ClassVar[float | None] = 2.0 * math.pi
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the angle, rad."""
         return self.angle(now).value
 
 
@@ -551,30 +459,26 @@ class JointAngularVelocity(AbstractJointAngle):
 
     If the axes of both bodies are parallel, it is their relative angular velocity about the axis.
 
-    **Arguments:** `joint`: name of a joint or force with an angle, as for `JointAngle`.
-
     >>> speed = cj.quantities.JointAngularVelocity("crank bearing")
     """
 
     unit: ClassVar[str | None] = "rad/s"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the rate of the angle, rad/s."""
         return row_rate(self.angle(now), now.motions)
 
 
 class JointAngularAcceleration(AbstractJointAngle):
     """Second time derivative of a `JointAngle`, rad/s^2.
 
-    **Arguments:** `joint`: name of a joint or force with an angle, as for `JointAngle`.
-
     >>> acceleration = cj.quantities.JointAngularAcceleration("crank pin")
     """
 
     unit: ClassVar[str | None] = "rad/s^2"
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the second time derivative of the angle, rad/s^2."""
         row = self.angle(now)
         # The second time derivative of a row's value is the row's bias, the part that does not
         # depend on accelerations, plus the Jacobian times the accelerations. The ground has no
@@ -589,7 +493,7 @@ class JointAngularAcceleration(AbstractJointAngle):
 
 
 def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:
-    """Return the scene's joints and forces with a method `relative_angle`, by name."""
+    """Return the scene's joints and forces with a method `relative_angle`."""
     elements = {**scene.joints, **scene.forces}
     return {
         name: element for name, element in elements.items() if isinstance(element, HasRelativeAngle)

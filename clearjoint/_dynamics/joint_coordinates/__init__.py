@@ -1,2 +1,1 @@
-"""Joint coordinates of trees of bodies; the composite rigid body algorithm gives the mass
-matrix."""
+"""Joint coordinates of trees of bodies."""

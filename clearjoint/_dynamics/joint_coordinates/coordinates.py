@@ -1,14 +1,9 @@
 """Joint coordinates, and the equations of motion in them by recursive algorithms.
 
-A clearance joint is a force element, so it does not close a loop, and in most mechanisms with
-clearances the bodies and ideal joints form trees. In joint coordinates, a tree has no multipliers,
-no drift and no redundant constraints, and few variables. Ideal joints that close a loop remain
-constraints.
-
 The algorithms are those of R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6 and 7, for
-other unknowns (see `.inertia`). Each joint connects a carried body to its carrier, the next body
-towards the root of the tree. The book solves for the rate u' of each joint's speed u, relative to
-the carrier. This module solves for
+other unknowns. Each joint connects a carried body to its carrier, the next body towards the root of
+the tree. The book solves for the rate u' of each joint's speed u, relative to the carrier. This
+module solves for
 
     r = u' + axis . (angular acceleration of the carrier due to all u'),
 
@@ -17,21 +12,15 @@ acceleration that remains if all u' are zero is left out, so that all r are zero
 a translation, r = u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
-enters the carrier's equations twice, with opposite signs, and the two terms cancel. With the
-unknowns r, it does not enter the carrier's equations at all. In the double pendulum of
-`clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge and arm 3, which it carries, has 2.3
-kg m^2. There the rounding errors of the cancelling terms cost two digits of the results for the
-last impacts of a run. If the joints' axes are coordinate axes, the entries of the equations from
-which this inertia has disappeared are exact zeros, which the compiled program omits.
+enters the carrier's equations twice, with opposite signs. With the unknowns r, it does not enter
+them at all. In the double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the
+hinge and arm 3, which it carries, has 2.3 kg m^2; the rounding errors of the cancelling terms cost
+two digits of the last impacts of a run. If the axes are coordinate axes, the entries from which
+this inertia has disappeared are exact zeros, which the compiled program omits.
 
-A branch is a body of a tree with its carrier and the joint between them, if there is one. A link is
-the body with its kinematics, in the axes of the tree's root body. A twist consists of the angular
-velocity of a body and the velocity of its reference point (see `.trees`). The columns of a link are
-the twists that a unit of each speed of its joint causes.
-
-Arguments and results of the type `Speeds` have one entry for each speed: those of the first tree
-from its root to its leaves, then those of the second, and so on. Rates, changes of speeds and
-displacements of this type have the form of r.
+Lists of the type `Speeds` have one entry for each speed: those of the first tree from its root to
+its leaves, then those of the second, and so on. Rates, changes of speeds and displacements of this
+type have the form of r.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -39,7 +28,9 @@ from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
 
-from ..._math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
+from typing_extensions import override
+
+from ..._math.vectors import ZERO, Matrix, Scalar, Vector, add
 from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ..._model.joints.base import Motions, Row
 from ..._model.joints.motion_subspaces import REST, AbstractMotionSubspace, JointState, Twist
@@ -65,7 +56,6 @@ from .inertia import (
 )
 from .trees import (
     UPRIGHT,
-    BodyPose,
     FreeBranch,
     JointedBranch,
     Link,
@@ -79,20 +69,11 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""Variables by name of body: a `JointState` (relative positions and speeds) if a joint carries the
-body, a `BodyState` (position, orientation, velocity and spin) if it is free."""
+"""Variables by name of body: a `JointState` if a joint carries it, a `BodyState` if it is free."""
 
 
 class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene.
-
-    Each tree is prepared once for all forces and constraints. The number of operations is
-    proportional to the number of bodies, apart from the mass matrices of small trees (see
-    `.inertia`).
-
-    **Arguments:** `scene`: with vectors as separate scalars (`Vector`); `variables`: joint
-    coordinates and speeds, by name of body.
-    """
+    """Equations of motion of all trees of a scene, prepared once for all forces and constraints."""
 
     def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
@@ -123,13 +104,14 @@ class JointMechanics(AbstractMechanics):
             for branch in tree:
                 parent = self._index.get(branch.parent)
                 carrier = None if parent is None else self._links[parent]
-                given = (
+                link, central = evaluate(
+                    _link,
                     branch.nameless(),
                     carrier,
                     variables[branch.body],
                     scene.bodies[branch.body],
+                    one_point,
                 )
-                link, central = evaluate(_link, *given, one_point)
                 self._links.append(link)
                 self._central.append(central)
         # Index of the first link of each tree, and of the first speed of each link, with the number
@@ -149,56 +131,49 @@ class JointMechanics(AbstractMechanics):
         return solvers
 
     def _by_link(self, numbers: Speeds) -> list[Speeds]:
-        """Return lists of numbers, one for each speed, as a list for each link."""
         return [numbers[i:j] for i, j in pairwise(self._firsts)]
 
+    @override
     def solved(self, forces: Speeds) -> Speeds:
-        """Return the rates r that generalised forces, one for each speed, cause."""
         return self._rates({}, self._by_link(forces))
 
     def _rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> Speeds:
-        """Return the rates r that loads on some links, by index of the link, and generalised forces
-        in the joint of each link cause."""
+        """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
             rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
         return list(chain(*rates))
 
+    @override
     def free_rates(self, wrenches: Wrenches) -> Speeds:
-        """Return the rates r that gravity and wrenches, by name of body, cause, without the
-        reactions of constraints."""
         loads = {}
         for k, branch in enumerate(self._branches):
-            given = wrenches.get(branch.body, NO_WRENCH), self._links[k], self._axes[k]
-            body = self._central[k], self._scene.bodies[branch.body].mass, self._weights[k]
-            loads[k] = self._evaluate[k](_effective_load, *given, *body)
+            loads[k] = self._evaluate[k](
+                _effective_load,
+                wrenches.get(branch.body, NO_WRENCH),
+                self._links[k],
+                self._axes[k],
+                self._central[k],
+                self._scene.bodies[branch.body].mass,
+                self._weights[k],
+            )
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
+    @override
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return the generalised forces, one for each speed, of wrenches by name of body."""
         loads = {k: self._links[k].load(*load) for k, load in self._loads(wrenches).items()}
         # A constraint's row acts on few bodies, so that only these and their carriers are visited.
         forces = along_columns(self._links, self._parents, loads, self._evaluate)
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return force, N, and moment about the centre of mass, N m, on the links of the bodies in
-        `wrenches`, in their trees' axes, by index of the link, from the roots to the leaves.
-
-        A constraint's row acts on few bodies, so that the work does not grow with their number.
-        """
+        """Return the loads on the links of bodies, from the roots to the leaves."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
 
+    @override
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the bodies' accelerations at constant speeds, where all
-        rates r are zero.
-
-        It is a part of the second time derivative of the constraint row's value. The part that
-        remains without accelerations of the bodies is the row's own `bias`, and is not included. In
-        a free tree, whose rates are relative to free fall, the accelerations include gravity.
-        """
         # The terms of each tree are added up first, so that rounding errors of a tree's sum do not
         # depend on other trees.
         sums: dict[int, Scalar] = {}
@@ -210,13 +185,8 @@ class JointMechanics(AbstractMechanics):
         return reduce(add, sums.values(), 0.0)
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """Yield for each link, from the root to the leaves, its acceleration and its rates u'.
-
-        The acceleration is a twist: the angular acceleration of the link, rad/s^2, and the
-        acceleration of its reference point, m/s^2, as far as the rates cause them; the parts at
-        constant speeds are left out. The rates u' are relative to the carrier: u' = r - axis .
-        (angular acceleration of the carrier).
-        """
+        """Yield for each link, from the root to the leaves, its acceleration without the part at
+        constant speeds, and its rates u' relative to its carrier."""
         twists: list[Twist] = []
         for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
             parent = self._parents[k]
@@ -227,8 +197,8 @@ class JointMechanics(AbstractMechanics):
             twists.append(twist)
             yield twist, relative
 
+    @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
-        """Return the accelerations of the bodies, m/s^2 and rad/s^2, by name, for given rates r."""
         return {
             self._branches[k].body: self._evaluate[k](
                 _body_acceleration, twist, self._links[k], self._axes[k], self._falls[k]
@@ -236,24 +206,22 @@ class JointMechanics(AbstractMechanics):
             for k, (twist, _) in enumerate(self._per_link(rates))
         }
 
+    @override
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        """Return the time derivatives of each body's variables, by name, for given rates r."""
         return {
             branch.body: branch.rates(state, part, axes, self._gravity)
             for branch, state, part, axes in self._per_branch(rates)
         }
 
+    @override
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        """Return each body's variables, by name, after a small displacement along each speed, m or
-        rad, in the form of r."""
         return {
             branch.body: branch.after_displacement(state, part, axes)
             for branch, state, part, axes in self._per_branch(changes)
         }
 
+    @override
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        """Return each body's variables, by name, after a sudden change of each speed, m/s or rad/s,
-        in the form of r."""
         return {
             branch.body: branch.after_speed_change(state, part, axes)
             for branch, state, part, axes in self._per_branch(changes)
@@ -262,8 +230,7 @@ class JointMechanics(AbstractMechanics):
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[TreeBranch, MotionVariables, Speeds, Matrix]]:
-        """Yield each branch with its variables, its rates u' relative to its carrier, and the axes
-        of its tree, for given rates r."""
+        """Yield each branch with its variables, its rates u', and the axes of its tree."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, part), axes in links:
             yield branch, self._variables[branch.body], part, axes
@@ -276,24 +243,18 @@ def _link(
     body: Body,
     one_point: bool,
 ) -> tuple[Link, Matrix]:
-    """Return the link of a branch, and the inertia of its body about the centre of mass, in the
-    tree's axes. The arguments are those of `link` of the branch."""
     link = branch.link(carrier, state, one_point)
     return link, central_inertia(body, link.rotation)
 
 
 def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
-    """Return the force and the moment of a wrench on a link in its tree's axes."""
     return axes.transposed_times(wrench.force), link.rotation @ wrench.moment
 
 
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return that part of the load on a link that changes its speeds, about the reference point.
-
-    The remainder of the load causes the accelerations at constant speeds.
-    """
+    """Return that part of the load on a link that changes its speeds."""
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass
@@ -301,7 +262,6 @@ def _effective_load(
 
 
 def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> BodyAcceleration:
-    """Return the acceleration of a link's body from the part due to the rates."""
     linear = twist.linear + twist.angular.cross(link.arm) + link.bias + fall
     angular = link.rotation.transposed_times(twist.angular + link.angular_bias)
     return BodyAcceleration(axes @ linear, angular)
@@ -310,149 +270,116 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 class JointCoordinates(AbstractCoordinates):
     """Relative positions and speeds in the ideal joints that carry the bodies.
 
-    A body that no joint carries has the same variables as in absolute coordinates: a `BodyState`.
-    Its position is the centre of mass or, for a body with an `Anchor` (a point of the body, and a
-    fixed point near it), the vector from the fixed point to the body's point, m.
+    A clearance joint is a force element, so in most mechanisms with clearances the bodies and ideal
+    joints form trees, which have no multipliers, no drift and no redundant constraints in these
+    coordinates. Ideal joints that close a loop remain constraints. A body that no joint carries has
+    the same variables as in absolute coordinates.
 
-    These coordinates are the default, because they are faster on every mechanism measured. The
-    table shows the time in µs of one evaluation of the equations of motion in native code. It is
-    that of a single run, and in a batch the time per run:
-
-    | mechanism | joint coordinates | absolute coordinates |
-    |---|---|---|
-    | double pendulum with clearance | 0.14 | 0.24 |
-    | the same, in a batch of 64 runs | 0.04 | 0.07 |
-    | ideal double pendulum | 0.03 | 0.38 |
-    | double four-bar | 0.25 | 50 |
-    | Bricard | 0.5 | 45 |
-    | chain of 4 bodies, changing axes | 0.2 | 34 |
-    | chain of 12 bodies, changing axes | 2.3 | 150 |
-
-    The large ratios arise because fewer constraints are left, and their equations need no LAPACK.
+    These coordinates are the default, because they are faster on every mechanism measured: one
+    evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
+    0.25 µs for a double four-bar, against 0.24 and 50 µs in absolute coordinates. The large ratio
+    arises because fewer constraints are left, and their equations need no LAPACK.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()
     """
 
+    @override
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that carry a body of a tree. Their coordinates are
-        the variables, so that they need no constraints."""
         places = topology(scene).places.values()
         return frozenset(place.joint for place in places if place.joint is not None)
 
+    @override
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
-        """Return the variables for given states of the bodies, by name.
-
-        If a state violates an ideal joint that carries a body, the violation is dropped: the
-        variables describe a motion that satisfies the joint.
-        """
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         variables = {}
-        for tree in forest(scene):
-            evaluate = evaluation(len(tree))
-            for branch in tree:
-                body = bodies[branch.body]
-                poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
-                given = branch.nameless(), poses[branch.parent], poses[branch.body]
-                variables[branch.body] = evaluate(_encoded, *given)
+        for branch, evaluate in _branches(forest(scene)):
+            body = bodies[branch.body]
+            poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
+            variables[branch.body] = evaluate(
+                type(branch).encode, branch.nameless(), poses[branch.parent], poses[branch.body]
+            )
         return variables
 
+    @override
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
-        """Return the states of the bodies, by name."""
         trees, orientations = forest(scene), {GROUND: UPRIGHT}
         motions = _motions(trees, variables)
-        for tree in trees:
-            evaluate = evaluation(len(tree))
-            for branch in tree:
-                given = branch.nameless(), orientations[branch.parent], variables[branch.body]
-                orientations[branch.body] = evaluate(_orientation, *given)
+        for branch, evaluate in _branches(trees):
+            orientations[branch.body] = evaluate(
+                type(branch).orientation,
+                branch.nameless(),
+                orientations[branch.parent],
+                variables[branch.body],
+            )
         bodies = {}
         for name in scene.bodies:
-            at, orientation = motions[name], orientations[name]
-            bodies[name] = BodyState(at.position, orientation, at.velocity, at.spin)
+            motion = motions[name]
+            bodies[name] = BodyState(
+                motion.position, orientations[name], motion.velocity, motion.spin
+            )
         return bodies
 
+    @override
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
-        """Return pose and velocities of each body and of "ground", by name, computed from the roots
-        to the leaves."""
         return _motions(forest(scene), variables)
 
+    @override
     def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
-        """Return the equations of motion of all trees."""
         return JointMechanics(scene, variables)
 
+    @override
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        """Return normalised variables of the same motion, by name of body: Euler parameters are
-        scaled to unit norm if their squared norm differs from one by more than 1e-6, and angles,
-        except those of screws, are moved to between -2 pi and 2 pi."""
         return {
-            branch.body: evaluate(_without_drift, branch.nameless(), variables[branch.body])
-            for branch, evaluate in _branches(scene)
+            branch.body: evaluate(
+                type(branch).without_drift, branch.nameless(), variables[branch.body]
+            )
+            for branch, evaluate in _branches(forest(scene))
         }
 
+    @override
     def with_speeds(
         self, scene: Scene, variables: TreeVariables, others: TreeVariables
     ) -> TreeVariables:
-        """Return variables with the positions of `variables` and the speeds of `others`, by name of
-        body."""
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
-            for branch, _ in _branches(scene)
+            for branch, _ in _branches(forest(scene))
         }
 
+    @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
-        """Return how fast bodies rotate in the joints that carry them, rad/s, by name; those in
-        spherical joints, whose Euler parameters have integration errors, are left out."""
+        """Return the rates in joints without Euler parameters, which have integration errors."""
         rates = {
             branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
-            for branch, evaluate in _branches(scene)
+            for branch, evaluate in _branches(forest(scene))
             if isinstance(branch, JointedBranch)
         }
         return {body: rate for body, rate in rates.items() if rate is not None}
 
+    @override
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
-        """Return the names of those bodies on the paths that connect `bodies` in the trees whose
-        joints change the poses of `bodies` relative to each other."""
         return topology(scene).between(bodies)
 
 
-def _branches(scene: Scene) -> Iterator[tuple[TreeBranch, Evaluate]]:
-    """Yield the branches of all trees of a scene, a parent before its children, each with how to
-    evaluate functions of it."""
-    for tree in forest(scene):
+def _branches(trees: Sequence[Sequence[TreeBranch]]) -> Iterator[tuple[TreeBranch, Evaluate]]:
+    """Yield the branches of all trees, each with how to evaluate functions of it."""
+    for tree in trees:
         evaluate = evaluation(len(tree))
         for branch in tree:
             yield branch, evaluate
 
 
 def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) -> Motions:
-    """Return pose and velocities of each body and of "ground", by name, from all trees."""
     motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
-    for tree in trees:
-        evaluate = evaluation(len(tree))
-        for branch in tree:
-            given = branch.nameless(), motions[branch.parent], variables[branch.body]
-            motions[branch.body] = evaluate(_motion, *given)
+    for branch, evaluate in _branches(trees):
+        motions[branch.body] = evaluate(
+            type(branch).motion,
+            branch.nameless(),
+            motions[branch.parent],
+            variables[branch.body],
+        )
     return motions
-
-
-def _motion(branch: TreeBranch, parent: Motion, state: MotionVariables) -> Motion:
-    return branch.motion(parent, state)
-
-
-def _without_drift(branch: TreeBranch, state: MotionVariables) -> MotionVariables:
-    return branch.without_drift(state)
 
 
 def _rotation_rate(subspace: AbstractMotionSubspace, state: JointState) -> Scalar | None:
     return subspace.rotation_rate(state)
-
-
-def _encoded(branch: TreeBranch, parent: BodyPose, body: BodyPose) -> MotionVariables:
-    return branch.encode(parent, body)
-
-
-def _orientation(
-    branch: TreeBranch, parent: EulerParameters, state: MotionVariables
-) -> EulerParameters:
-    return branch.orientation(parent, state)

@@ -1,12 +1,9 @@
 """Solutions of the equations of motion of a tree of bodies for its rates r (see `.coordinates`).
 
-There are two algorithms for the same equations. Both go from the leaves to the root. The composite
-rigid body algorithm (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6) fills the mass
-matrix, which is then factorised. For a chain, the number of operations grows with the cube of the
-number of bodies. The articulated body algorithm (ch. 7) eliminates the rates of each joint before
-it goes on to the carrier, so that the number of operations is proportional to that of bodies.
-
-In a small tree, the mass matrix takes fewer operations (`LARGEST_DENSE`).
+The composite rigid body algorithm (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6)
+fills the mass matrix, whose factorisation takes fewer operations in a small tree. The articulated
+body algorithm (ch. 7) eliminates the rates of each joint before it goes on to the carrier, so that
+the number of operations is proportional to that of bodies.
 """
 
 import abc
@@ -20,6 +17,7 @@ from typing import TypeAlias, TypeVar
 
 import jax
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._compilation import NotSharedError, traced_for_a_kind
 from ..._math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
@@ -64,27 +62,17 @@ class Inertia:
     def without(
         self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
     ) -> "Inertia":
-        """Return the part of this inertia that acts on the carrier (the parent) of a joint if all r
-        of the joint are zero, if this is the inertia of the bodies that the joint carries.
+        """Return the part of this inertia, that of the bodies which a joint carries, that acts on
+        the carrier (the parent) of the joint if all r of the joint are zero.
 
         In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
         angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
-        this axis does not act on the carrier.
-
-        Let M be the 6x6 matrix of this inertia, and let column be the twist for a unit of the
-        joint's speed, so that whole = M column. The matrix P = 1 - column axis^T removes the
-        rotation about the axis from a twist. The result is P^T M P = M - axis whole^T - rest
-        axis^T, in which `axis` has a linear part of zero. For a joint of several axes, the terms of
-        all axes are subtracted.
-
-        **Arguments:**
-
-        - `columns`: twists of the joint's free directions. The axis is the angular part, a unit
-          vector of the rotation, or zero for a translation.
-        - `wholes`: momentum of the carried bodies for a unit of each speed.
-        - `rests`: P^T whole, the part of each momentum that the joint transmits to its carrier. For
-          a joint of several axes, P is here the matrix that removes the rotations about all of
-          them.
+        this axis does not act on the carrier. Let M be the 6x6 matrix of this inertia, let column
+        be the twist for a unit of the joint's speed, and whole = M column. The matrix P = 1 -
+        column axis^T removes the rotation about the axis from a twist. The result is P^T M P = M -
+        axis whole^T - rest axis^T with rest = P^T whole, in which `axis`, the angular part of the
+        column, has a linear part of zero. For a joint of several axes, P removes the rotations
+        about all of them, and their terms are subtracted.
         """
         angular, coupling = self.angular, self.coupling
         for column, whole, rest in zip(columns, wholes, rests, strict=True):
@@ -95,8 +83,7 @@ class Inertia:
         return Inertia(self.mass, coupling, angular)
 
     def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
-        """Return this inertia minus the outer product of two momenta, which is symmetric, or is one
-        term of a symmetric sum of such products."""
+        """Return this inertia minus the outer product of two momenta, a term of a symmetric sum."""
         return Inertia(
             _minus_symmetric(self.mass, first.linear, second.linear),
             self.coupling.minus_outer(first.angular, second.linear),
@@ -104,10 +91,7 @@ class Inertia:
         )
 
     def shifted(self, offset: Vector) -> "Inertia":
-        """Return the same inertia about another point.
-
-        **Arguments:** `offset`: m, from the other point to the present one.
-        """
+        """Return this inertia about a point from which `offset` leads to the present one."""
         # The columns of the coupling change by the cross products of `offset` with the columns,
         # which are also the rows, of the mass.
         columns = zip(self.coupling.T.rows, self.mass.rows, strict=True)
@@ -120,29 +104,19 @@ class Inertia:
 
 
 def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
-    """Return a symmetric matrix, whose lower triangle is that of `matrix` minus an outer product.
-
-    The product itself need not be symmetric if it is one term of a symmetric sum.
-    """
+    """Return the symmetric matrix with the lower triangle of `matrix` minus an outer product."""
     own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
     return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass in the tree's axes, kg m^2.
-
-    **Arguments:** `rotation`: matrix that maps components in body axes to the tree's axes.
-    """
+    """Return a body's inertia about its centre of mass in the tree's axes."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
 
 def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about its reference point.
-
-    **Arguments:** `mass`: kg; `arm`: m, from the reference point to the centre of mass; `central`:
-    kg m^2, the inertia about the centre of mass, in the tree's axes.
-    """
+    """Return the spatial inertia of a body about its reference point."""
     # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = arm * mass, tuple(arm)
     first = tuple(h)
@@ -164,36 +138,22 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
-    """Return a symmetric matrix, whose lower triangle consists of the results of a function of the
-    row and column numbers, 0 to 2."""
     lower = {(i, j): entry(i, j) for i in range(3) for j in range(i + 1)}
     return Matrix(*(Vector(*(lower[max(i, j), min(i, j)] for j in range(3))) for i in range(3)))
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the dot product of the angular parts plus the dot product of the linear parts.
-
-    It is the power of a load (moment and force) with a twist, or the product of a momentum with a
-    column.
-    """
+    """Return the power of a load with a twist, or the product of a momentum with a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load or momentum about the parent's reference point.
-
-    **Arguments:** `load`: about the body's reference point; `offset`: m, from the parent's
-    reference point to the body's.
-    """
+    """Return a load about the parent's reference point, from which `offset` leads to its own."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
 def at_offset(twist: Twist, offset: Vector) -> Twist:
-    """Return the twist that a parent's motion gives to the reference point of a body.
-
-    **Arguments:** `twist`: of the parent at its own reference point; `offset`: m, from the parent's
-    reference point to the body's.
-    """
+    """Return a twist at another point, to which `offset` leads."""
     return Twist(twist.angular, twist.linear + twist.angular.cross(offset))
 
 
@@ -201,17 +161,14 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
     equations for the rates r, with the rates of the joint given.
 
-    It has no moments about the free axes of the joint, but all forces. (About the axis of a screw
-    it has the moment -pitch times the force along the axis, with the pitch in m/rad.) The reason is
-    the choice of unknowns. Suppose that the carrier's acceleration changes, but the r of the joint
-    does not. The carried bodies do not follow an angular acceleration of the carrier about a free
-    axis, so a moment on them about this axis does not act on the carrier. They do follow an
-    acceleration of the carrier along a free translation, where r is relative to the carrier.
+    If the carrier's acceleration changes, but the r of the joint does not, then the carried bodies
+    do not follow an angular acceleration of the carrier about a free axis, so a moment on them
+    about this axis does not act on the carrier. They do follow an acceleration of the carrier along
+    a free translation. The result therefore has all forces, but no moments about the free axes;
+    about the axis of a screw it has the moment -pitch times the force along the axis, with the
+    pitch in m/rad.
 
-    **Arguments:** `columns`: twists of the joint's free directions, whose angular part is zero for
-    a translation; `load`: its `angular` part is the moment, N m, or angular momentum about the
-    body's reference point, and its `linear` part the force, N, or momentum; `along`: products of
-    `load` with each of the columns, which for a rotation are the moments about the joint's axis.
+    `along` are the products of the load with each of the columns.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
@@ -220,8 +177,7 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
-    """Return the generalised forces of a load in a joint, and the part of the load that acts on the
-    carrier, about the carrier's reference point, in the equations for the rates r."""
+    """Return the generalised forces of a load in a joint, and the load that acts on the carrier."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 
@@ -230,7 +186,7 @@ def momenta(
     columns: Sequence[Twist], carried: Inertia
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
     """Return the momentum of carried bodies for a unit of each speed, its products with the
-    columns, and the part of it that the joint transmits to the carrier."""
+    columns, and the part of it that acts on the carrier."""
     wholes = [carried.momentum(column) for column in columns]
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
@@ -257,7 +213,6 @@ for _kind in (UnrolledFactorisation, OrderedFactorisation):
 class LoadedJoint:
     """A joint with the inertia of all bodies that it carries.
 
-    - `columns`, `offset`: as in the body's `Link`.
     - `factors`: of the inertia in the joint's free directions, D = columns^T M columns.
     - `rests`: momentum of the carried bodies for a unit of each speed, as far as it acts on the
       carrier; empty for a root.
@@ -275,17 +230,13 @@ class LoadedJoint:
     def of_root(columns: tuple[Twist, ...], carried: Inertia) -> "LoadedJoint":
         """Return the joint between the root of a tree and the ground, which does not accelerate."""
         _, block, _ = momenta(columns, carried)
-        return LoadedJoint(columns, ZERO, OrderedFactorisation(block), (), ())
+        return LoadedJoint(columns, ZERO, OrderedFactorisation(block), rests=(), gains=())
 
     @staticmethod
     def under(
         columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia of its carrier with the part that the joint transmits.
-
-        **Arguments:** `carried`: inertia of the joint's body and of all bodies that it carries, as
-        far as their joints transmit it; `carrier`: inertia of the carrier without this part.
-        """
+        """Return a joint, and the inertia of its carrier with the part that the joint transmits."""
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
@@ -301,12 +252,7 @@ def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
     """Return the rates r that a load causes if the carrier does not accelerate, and the load on the
-    carrier with the part that the joint transmits.
-
-    **Arguments:** `load`: on the body, and through it from all bodies that it carries, about the
-    body's reference point; `carrier`: load on the carrier without this part, about its reference
-    point; `forces`: generalised forces, one for each speed of the joint.
-    """
+    carrier with the part that the joint transmits."""
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)
@@ -316,11 +262,7 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates r of a joint, and the acceleration of its body due to all r.
-
-    **Arguments:** `alone`: rates r without an acceleration of the carrier; `carrier`: acceleration
-    of the carrier due to all r, at its reference point.
-    """
+    """Return the rates of a joint, and its body's acceleration, if the carrier accelerates."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -331,11 +273,7 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return the acceleration of a body due to all r, and the rates u' of its joint.
-
-    **Arguments:** `columns`, `offset`: as in a `Link`; `rates`: the rates r of the joint;
-    `carrier`: acceleration of the carrier at its reference point.
-    """
+    """Return the acceleration of a body due to all r, and the rates u' of its joint."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -351,16 +289,11 @@ def _components(twist: Twist) -> tuple[Scalar, ...]:
 LARGEST_DENSE = 4
 """Number of bodies up to which a tree gets a mass matrix.
 
-Of four bodies, the matrix takes 1.14 times as many operations as the recursion for a planar chain
-of hinges, but 0.9 times as many for a spatial one, and 0.8 times as many for Bricard's linkage,
-whose constraints need solutions for many forces. Of the two bodies of `clearjoint.mechanisms`, it
-takes 0.95 times as many. For eight bodies, it takes 1.5 times (planar hinges), 0.95 times (spatial
-hinges) and 1.8 times (spherical joints) as many.
-
-In random chains with masses and inertias of different magnitudes, the rounding errors of both are
-equal for two bodies. Those of the matrix are twice as large for four bodies, six times for ten and
-twenty times for thirty, where the recursion has 3e-15 of the largest acceleration. The matrix
-refers all inertias of a tree to one point, and those of distant bodies cancel in its factorisation.
+For four bodies, the matrix takes between 0.8 (Bricard's linkage) and 1.14 times (planar chain of
+hinges) as many operations as the recursion; for eight, between 0.95 and 1.8 times. Its rounding
+errors in random chains are equal for two bodies, and twice as large for four, six times for ten and
+twenty times for thirty, since it refers all inertias of a tree to one point, and those of distant
+bodies cancel in its factorisation.
 """
 
 
@@ -395,11 +328,7 @@ def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree.
-
-    **Arguments:** `links`: bodies of the tree, the root first and each parent before its children;
-    `parents`: index of the parent of each; `inertias`: inertia of each body alone.
-    """
+    """Solution of the equations of motion of one tree, from the inertia of each body alone."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
@@ -412,16 +341,13 @@ class AbstractTreeSolver(abc.ABC):
 
     @abc.abstractmethod
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint.
-
-        **Arguments:** `loads`: about the reference points of links, by index of the link; `forces`:
-        generalised forces in the joint of each link, one for each of its speeds.
-        """
+        """Return the rates r that loads on links, and generalised forces in all joints, cause."""
 
 
 class MassMatrix(AbstractTreeSolver):
     """Composite rigid body algorithm. The links must have one reference point in common."""
 
+    @override
     def _prepare(self, carried: list[Inertia]) -> None:
         links = self._links
         # Index of the first speed of each link, and the number of all speeds at the end.
@@ -440,13 +366,8 @@ class MassMatrix(AbstractTreeSolver):
         self._factors = OrderedFactorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed of the mass matrix, in place, with the products of a momentum
-        with the columns of link k and of all its carriers towards the root.
-
-        **Arguments:** `row`: the list of the row's entries; `k`: the carrier's index, ``None``
-        beyond the root; `momentum`: that of the carried bodies for a unit of the speed, as far as
-        it acts on link k (see `constrained`).
-        """
+        """Fill the row of one speed with the products of the carried bodies' momentum with the
+        columns of link k and of all its carriers."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -454,8 +375,8 @@ class MassMatrix(AbstractTreeSolver):
             momentum = constrained(columns, momentum, row[first : first + len(columns)])
             k = self._parents[k]
 
+    @override
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint."""
         evaluate = [self._evaluate] * len(self._links)
         along = along_columns(self._links, self._parents, loads, evaluate)
         pairs = zip(chain(*forces), chain(*along), strict=True)
@@ -466,6 +387,7 @@ class MassMatrix(AbstractTreeSolver):
 class ArticulatedBodies(AbstractTreeSolver):
     """Articulated body algorithm."""
 
+    @override
     def _prepare(self, carried: list[Inertia]) -> None:
         self._joints: list[LoadedJoint] = []
         for k in reversed(range(len(self._links))):
@@ -473,13 +395,14 @@ class ArticulatedBodies(AbstractTreeSolver):
             if parent is None:
                 self._joints.append(LoadedJoint.of_root(link.columns, carried[k]))
             else:
-                given = link.columns, link.offset, carried[k], carried[parent]
-                joint, carried[parent] = self._evaluate(LoadedJoint.under, *given)
+                joint, carried[parent] = self._evaluate(
+                    LoadedJoint.under, link.columns, link.offset, carried[k], carried[parent]
+                )
                 self._joints.append(joint)
         self._joints.reverse()
 
+    @override
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
-        """Return the rates r of each link's joint."""
         # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
         # leaves, the accelerations of the bodies and the rates with them.
         totals = [loads.get(k, REST) for k in range(len(self._links))]
@@ -504,10 +427,7 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree of this size.
-
-    **Arguments:** `central`: inertia of each body about its centre of mass, in the tree's axes.
-    """
+    """Return the solver for a tree of this size from the inertias about the centres of mass."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, own)
@@ -523,11 +443,7 @@ def along_columns(
     loads: Mapping[int, Twist],
     evaluate: Sequence[Evaluate],
 ) -> list[Speeds]:
-    """Return the generalised forces in the joint of each link of loads on some links, by index of
-    the link, summed from the leaves to the root.
-
-    **Arguments:** `evaluate`: how to evaluate functions of each link.
-    """
+    """Return the generalised forces in the joint of each link of loads on some links."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent.

@@ -1,19 +1,14 @@
 """Trees of bodies: their branches, and the kinematics and inertia of their bodies.
 
-A scene's bodies, and those ideal joints that close no loop, form trees. A branch is one body with
-its parent: the next body towards the root of the tree or, for the root, the ground. Each kind of
-branch has its own variables, and converts them to the body's motion and rates. The spin of a body
-is its angular velocity, rad/s: in body axes in states and motions, in the tree's axes in a `Link`.
-
-Kinematics and inertia are computed in the axes of the root body of each tree, and about one
-reference point for each body. In a small tree, this is one point for all bodies, namely the point
-on the ground of the root's joint or, for a free root, the root's centre of mass. So the inertia of
-the root is constant if the root is free or its joint only lets it rotate. Constant vectors keep
-their exact zeros, and for a free root the mass matrix contains the total mass times the identity.
-In a large tree, the reference point of a body is the point of the body at its joint's point on the
-parent, so that no lever arm grows with the tree. A twist is the angular velocity of a body with the
-velocity of the body's reference point. "At constant speeds" means: the part of an acceleration that
-remains if the time derivatives of all joint speeds are zero.
+A branch is one body with its parent: the next body towards the root of the tree or, for the root,
+the ground. A link is the body with its kinematics in the axes of the tree's root body, about one
+reference point. In a small tree, this is one point for all bodies, namely the point on the ground
+of the root's joint or, for a free root, the root's centre of mass. So the inertia of the root is
+constant if the root is free or its joint only lets it rotate, and constant vectors keep their exact
+zeros. In a large tree, it is the point of the body at its joint's point on the parent, so that no
+lever arm grows with the tree. A twist is the angular velocity of a body with the velocity of its
+reference point. "At constant speeds" means: the part of an acceleration that remains if the time
+derivatives of all joint speeds are zero.
 """
 
 import weakref
@@ -80,8 +75,7 @@ class Link:
     columns: tuple[Twist, ...]
 
     def load(self, force: Vector, moment: Vector) -> Twist:
-        """Return a force, N, and a moment about the centre of mass, N m, as a load about the
-        reference point."""
+        """Return a load about the reference point from force and moment at the centre of mass."""
         return Twist(moment + self.arm.cross(force), force)
 
 
@@ -104,7 +98,7 @@ def _gradient(spin: Vector, angular_bias: Vector) -> Matrix:
 UPRIGHT = EulerParameters(1.0, 0.0, 0.0, 0.0)
 """Euler parameters of a body whose axes are the global ones."""
 BodyPose: TypeAlias = tuple[EulerParameters, Motion]
-"""Orientation of a body, as Euler parameters, and the body's motion."""
+"""Orientation of a body, and the body's motion."""
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["anchor"], meta_fields=["body"])
@@ -113,15 +107,9 @@ class FreeBranch:
     """A free body, the root of a tree, whose variables are a `BodyState`, as in absolute
     coordinates.
 
-    The position is the centre of mass or, with an `anchor`, the vector in m from the anchor's
-    ground point to its body point. The anchor is the pair of these points: on the body, m in body
-    axes, and on the ground, m in global coordinates. The six speeds are velocity (m/s) and spin
-    (rad/s), both in body axes. Rates of the velocity are relative to free fall, since gravity
-    accelerates all bodies of a free tree alike.
-
-    The methods are those of `JointedBranch`. The parent is the ground, whose motion they ignore.
-    Their argument `axes` is the rotation matrix from body axes to global ones, since the body is
-    the root.
+    The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
+    relative to free fall, since gravity accelerates all bodies of a free tree alike. The methods
+    are those of `JointedBranch`; the parent is the ground, whose motion they ignore.
     """
 
     body: str
@@ -133,8 +121,7 @@ class FreeBranch:
         return replace(self, body="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
-        """Return the state of the body, whose position is the centre of mass or, with an anchor,
-        the vector from the anchor's ground point to its body point, m."""
+        """Return the state of the body as variables."""
         orientation, motion = body
         position = motion.position
         if self.anchor is not None:
@@ -147,66 +134,59 @@ class FreeBranch:
         return state.orientation
 
     def motion(self, parent: Motion, state: BodyState) -> Motion:
-        """Return the motion of the body, which does not depend on that of its parent, the
-        ground."""
+        """Return the motion of the body."""
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
-        """Return the body as the root link of its tree, with its centre of mass as reference point.
-        The arguments `parent` and `one_point` are ignored."""
+        """Return the body as the root link of its tree, about its centre of mass."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
         columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
         gradient = _gradient(state.spin, ZERO)
-        return Link(IDENTITY, ZERO, ZERO, state.spin, ZERO, ZERO, gradient, tuple(columns))
+        return Link(
+            rotation=IDENTITY,
+            offset=ZERO,
+            arm=ZERO,
+            spin=state.spin,
+            angular_bias=ZERO,
+            bias=ZERO,
+            gradient=gradient,
+            columns=tuple(columns),
+        )
 
     def rates(
         self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
     ) -> BodyState:
-        """Return the time derivatives of position (m/s), Euler parameters, velocity and spin.
-
-        **Arguments:** `speed_rates`: time derivatives of the six speeds in body axes, m/s^2
-        (relative to free fall) and rad/s^2; `gravity`: m/s^2, global.
-        """
+        """Return the time derivatives of the variables."""
         shift = self._shift(axes, state.velocity, state.spin)
         orientation = euler_parameter_rates(state.orientation, state.spin)
         acceleration = axes @ Vector(*speed_rates[:3]) + gravity
         return BodyState(shift, orientation, acceleration, Vector(*speed_rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
-        """Return the velocity of the point that the position variable describes, m/s, global.
-
-        **Arguments:** `velocity`: of the centre of mass, global; `spin`: in body axes. If a
-        displacement, m, and a rotation vector, rad, are given in place of velocity and spin, the
-        result is the displacement of the point, m.
-        """
+        """Return the velocity of the point that the position variable describes, or its
+        displacement for a displacement and a rotation vector in place of velocity and spin."""
         if self.anchor is None:
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state with position and orientation changed.
-
-        `changes` are the displacement of the centre of mass, m, and a rotation vector, rad, both in
-        body axes.
-        """
+        """Return the state after a displacement, m, and a rotation vector, rad, in body axes."""
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
         orientation = turned(state.orientation, rotation)
         return replace(state, position=state.position + shift, orientation=orientation)
 
     def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state with changes of velocity, m/s, and spin, rad/s, both in body axes."""
+        """Return the state with changes of velocity and spin, both in body axes."""
         velocity = state.velocity + axes @ Vector(*changes[:3])
         return replace(state, velocity=velocity, spin=state.spin + Vector(*changes[3:]))
 
     def without_drift(self, state: BodyState) -> BodyState:
-        """Return the state with Euler parameters scaled to unit norm if their squared norm differs
-        from one by more than 1e-6, and otherwise unchanged."""
+        """Return the state with Euler parameters of unit norm."""
         return replace(state, orientation=kept_unit(state.orientation))
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
-        """Return a state with position and orientation of `state`, and velocity and spin of
-        `other`."""
+        """Return a state with the pose of `state`, and velocity and spin of `other`."""
         return replace(state, velocity=other.velocity, spin=other.spin)
 
 
@@ -220,9 +200,6 @@ class JointedBranch:
     """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
     relative positions and speeds in this joint.
 
-    - `body`, `parent`, `joint`: names of the body, its parent and the joint.
-    - `motion_subspace`: the relative motions that the joint allows.
-
     In all methods, `state` is the variables of the body, and `axes` is the rotation matrix from the
     axes of the tree's root body to global ones. Lists of the type `Speeds` have one entry for each
     speed of the joint, relative to the parent.
@@ -234,12 +211,11 @@ class JointedBranch:
     motion_subspace: AbstractMotionSubspace
 
     def nameless(self) -> "JointedBranch":
-        """Return the branch without names, so that alike branches are traced together."""
+        """Return the branch without names."""
         return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the joint's coordinates and speeds. Relative motion that the joint forbids is
-        dropped."""
+        """Return the joint's state. Relative motion that the joint forbids is dropped."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (orientation_parent, first), (orientation_body, second) = parent, body
         displacement = second.components(second.point(on_child) - first.point(on_parent))
@@ -251,8 +227,7 @@ class JointedBranch:
         return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
 
     def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
-        """Return the parent's orientation composed with the rotation in the joint, with unit
-        norm."""
+        """Return the parent's orientation composed with the rotation in the joint."""
         return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
@@ -268,12 +243,10 @@ class JointedBranch:
         return Motion(position, rotation, velocity, spin)
 
     def link(self, parent: Link | None, state: JointState, one_point: bool) -> Link:
-        """Return the body as a link of its tree, whose vectors are in the axes of the tree's root
-        body.
+        """Return the body as a link of its tree; `parent` is ``None`` for a joint on the ground.
 
-        **Arguments:** `parent`: the link of the body's parent, ``None`` if that is the ground;
-        `one_point`: whether the reference point is that of the parent, and so one point for the
-        whole tree. Otherwise it is the joint's point on the parent.
+        With `one_point`, the reference point is that of the parent, and so one point for the whole
+        tree; otherwise it is the joint's point on the parent.
         """
         subspace = self.motion_subspace
         # Rotation from the body's axes to the tree's, the joint's point on the parent relative to
@@ -317,28 +290,21 @@ class JointedBranch:
     def rates(
         self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
     ) -> JointState:
-        """Return the time derivatives of the joint's position and of its speeds.
-
-        The argument `speed_rates` consists of the time derivatives of the speeds, m/s^2 or rad/s^2.
-        `axes` and `gravity` are ignored; only a `FreeBranch` needs them.
-        """
+        """Return the time derivatives of the joint's position and of its speeds."""
         return JointState(self.motion_subspace.rates(state), tuple(speed_rates))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with the position moved along the free directions of the joint, m or
-        rad."""
+        """Return the state with the position moved along the free directions of the joint."""
         position = self.motion_subspace.after_displacement(state.position, tuple(changes))
         return JointState(position, state.speeds)
 
     def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with the changes, m/s or rad/s, added to the speeds."""
+        """Return the state with changes added to the speeds."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
 
     def without_drift(self, state: JointState) -> JointState:
-        """Return the state with the position normalised: angles, except those of screws, are moved
-        to between -2 pi and 2 pi, so that they don't grow over a long run, and Euler parameters are
-        scaled to unit norm if their squared norm differs from one by more than 1e-6."""
+        """Return the state with a normalised position; see `AbstractCoordinates.without_drift`."""
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
@@ -350,8 +316,7 @@ TreeBranch: TypeAlias = FreeBranch | JointedBranch
 
 
 class Place(NamedTuple):
-    """Names of a body of a tree, of its parent, and of the joint that carries it, which is ``None``
-    for a free root."""
+    """Names of a body, of its parent, and of the joint between them, ``None`` for a free root."""
 
     body: str
     parent: str
@@ -359,11 +324,7 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """Names in the trees of a scene, see `topology`.
-
-    - `trees`: the places of each tree, the root first and each parent before its children.
-    - `places`: those of all trees, by name of body.
-    """
+    """Names in the trees of a scene, each with the root first and a parent before its children."""
 
     def __init__(self, trees: list[list[Place]]):
         self.trees = trees
@@ -371,8 +332,7 @@ class Topology:
         self._numbers = {body: number for number, body in enumerate((GROUND, *self.places))}
 
     def between(self, bodies: Collection[str]) -> frozenset[str]:
-        """Return the names of those bodies on the paths that connect `bodies` whose joints change
-        the poses of `bodies` relative to each other."""
+        """Return those bodies whose joints change the poses of `bodies` relative to each other."""
         # Each parent has a smaller number than its children, so the body of the largest number is
         # not on the path of another one to the root.
         ends, passed = set(bodies), set()
@@ -390,10 +350,7 @@ count as a change of the package's code: with a plain one, processes kept no pro
 
 
 def topology(scene: Scene) -> Topology:
-    """Return the names in the trees of a scene, which are found once for each scene object.
-
-    A program needs them at each evaluation of the scene, and for each contact joint.
-    """
+    """Return the names in the trees of a scene, which are found once for each scene object."""
     key = id(scene)
     if key not in _known or _known[key][0]() is not scene:
         trees = Topology(_grown_trees(scene))
@@ -402,15 +359,14 @@ def topology(scene: Scene) -> Topology:
 
 
 def forest(scene: Scene) -> list[list[TreeBranch]]:
-    """Return the trees of a scene, each as a list of branches.
+    """Return the trees of a scene, each as a list of branches with the root first, and each parent
+    before its children.
 
     Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
-    drivers, belong to no tree; they remain constraints. In each tree, a parent comes before its
-    children. The first branch is the root; only its parent is the ground. Trees with an ideal joint
-    to the ground come first. Bodies are visited breadth first, so that chains are short. Of
-    connected bodies without a joint to the ground, one becomes a free root. A body with an `Anchor`
-    is preferred as root, since the anchor preserves digits of its position. The trees depend on the
-    types and names of joints and bodies, but on no numbers.
+    drivers, belong to no tree. Bodies are visited breadth first, so that chains are short. Of
+    connected bodies without a joint to the ground, one becomes a free root; a body with an `Anchor`
+    is preferred, since the anchor preserves digits of its position. The trees depend on types and
+    names, but on no numbers.
     """
     points = anchors(scene)
     return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]
@@ -455,23 +411,16 @@ def _grown_trees(scene: Scene) -> list[list[Place]]:
 
 
 _Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
-"""By name of body, the ideal joints between it and one other body: name of the joint, the joint,
-and name of the other body."""
+"""By name of body, the ideal joints to other bodies: name, joint, and name of the other body."""
 
 
 def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
-    """Append all further places of a tree to it, breadth first, and add their bodies to
-    `placed`."""
     for place in tree:  # The loop also visits the places that it appends.
         tree += _children(joints, place.body, placed)
 
 
 def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
-    """Return a place for each ideal joint that carries another body on the body `parent`.
-
-    Bodies in `placed` are left out; the bodies of the places are added to it. Ideal joints
-    without a `motion_subspace` get no place and remain constraints.
-    """
+    """Return a place for each body outside of `placed` that an ideal joint carries on `parent`."""
     children = []
     for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for
