@@ -1,8 +1,4 @@
-"""Draw polar bars and curves around a bearing: directions of contact, and wear.
-
-Bars are in equal sectors of the angle about the bearing's axis. The bases V and W are the two end
-circles of the journal.
-"""
+"""Draw polar bars and curves around a bearing: directions of contact, and wear."""
 
 from itertools import count, takewhile
 from typing import Literal
@@ -27,7 +23,7 @@ BAR_STYLES = (
     {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
     {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},
 )
-"""Styles of base V and base W, which differ by grey value and hatching."""
+"""Styles of base V and base W."""
 
 
 def contact_rose(
@@ -41,28 +37,19 @@ def contact_rose(
 ) -> PolarAxes:
     """Draw in which directions, and how strongly, a journal touches its bearing, as polar bars.
 
-    The direction of a contact is that of the base's vector from `plot.eccentricity_vectors`: from
-    the bearing's axis to the centre of the base, if both surfaces are circles. The length of a bar
-    is the impulse or the largest force of the contacts with a direction in its sector.
+    The length of a bar is the impulse or the largest force of the contacts whose direction, see
+    `eccentricity_vectors`, is in its sector. Contacts at points between the bases and at shoulders
+    are left out.
 
     **Arguments:**
 
-    - `joint`: name of the clearance joint. Its contacts at points between the bases, and at
-      shoulders, which limit the axial motion, are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
-      on base V; or "force", the largest normal force of each base in each sector. If both bases
-      have equal values in all sectors, they share their bars, which show the sum of the two
-      impulses, or the force of one base.
+      on base V; or "force", the largest normal force of each base. If both bases have equal values
+      in all sectors, they share their bars, which show the sum of the two impulses, or the force of
+      one base.
     - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
-    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
-      label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
-      bearing's frame.
+    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
     - `axes`: polar ones.
-
-    **Returns:** the axes, which show impulses with a suitable prefix of N s, forces in N or kN.
-
-    **Raises:** `ValueError` for an unknown joint, a joint without a journal, an unknown weight, a
-    number of sectors below 1, and axes that are not polar.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -95,28 +82,16 @@ def contact_rose(
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
-    """Draw the volumes that one run of a sweep wears off a bearing's wall, as polar bars.
+    """Draw the volumes that one lane of a sweep wears off a bearing's wall, as polar bars over the
+    angle from the x axis of the bearing's frame. Bars of base W are stacked on those of base V.
 
-    Bars of base W are stacked on those of base V.
+    **Arguments:** `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`;
+    `axes`: polar ones.
 
-    **Arguments:**
-
-    - `lane`: data set of one lane, which is one run of a sweep, from `sweep` or `open_sweep`:
-      ``dataset.isel(clearance=3)``.
-    - `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`, which computes
-      the worn volume in each sector of the wall.
-    - `axes`: polar ones.
-
-    **Returns:** the axes, which show angle from the x axis of the bearing's frame, volumes in mm³,
-    µm³ or 10³ µm³.
-
-    **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
-
-    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4, 2e-4])
     >>> outputs = {"wear": cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)}
     >>> axes = {"clearance": clearance}
-    >>> found = cj.sweep(scene, state, 0.02, axes, outputs, progress=False)
+    >>> found = cj.sweep(pendulum, hanging, 0.02, axes, outputs, progress=False)
     >>> drawn = plot.wear(found.isel(clearance=1), "wear")
     """
     require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
@@ -138,8 +113,8 @@ def worn_profile(
     curves: int = 6,
     axes: Axes | None = None,
 ) -> PolarAxes:
-    """Draw the worn depth of a bearing or a journal over the angle around it, as a curve for each
-    of several numbers of cycles of the motion.
+    """Draw the worn depth of a bearing or a journal over the angle from the x axis of its frame, as
+    a curve for each of several numbers of cycles of the motion.
 
     **Arguments:**
 
@@ -149,17 +124,10 @@ def worn_profile(
       black.
     - `axes`: polar ones.
 
-    **Returns:** the axes, which show angle from the x axis of the part's frame, depth in a suitable
-    unit.
-
-    **Raises:** `ValueError` for unknown names, a number of curves below 1, and axes that are not
-    polar.
-
-    >>> found = xr.Dataset(
-    ...     {"bearing_depth": (("joint", "stage", "angle"), 1e-6 * np.ones((1, 2, 8)))},
-    ...     {"cycles": ("stage", [0.0, 10.0]), "joint": ["pin"], "angle": np.arange(8) * np.pi / 4},
-    ... )
-    >>> axes = plot.worn_profile(found, "pin")
+    >>> import xarray as xr
+    >>> depths = {"bearing_depth": (("joint", "stage", "angle"), np.full((1, 2, 8), 1e-6))}
+    >>> places = {"cycles": ("stage", [0, 10]), "joint": ["pin"], "angle": np.arange(8) * np.pi / 4}
+    >>> axes = plot.worn_profile(xr.Dataset(depths, places), "pin")
     """
     require_names(found, (f"{part}_depth", "cycles"))
     known = [str(name) for name in found["joint"].values]
@@ -190,12 +158,6 @@ def _bars(
     right: str = "x",
     up: str = "y",
 ) -> PolarAxes:
-    """Draw a bar for each sector and base, and their radial scale; return the axes.
-
-    **Arguments:** `weights`: lengths (sectors,) of the bars in the SI unit, by label of the base;
-    `quantity`: name and SI unit of these lengths; `stacked`: whether the bars of one base begin at
-    the ends of the other's; `right`, `up`: names of the directions 0° and 90°.
-    """
     tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
     sectors = len(tops)
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
@@ -221,11 +183,6 @@ def _dressed(
     right: str = "x",
     up: str = "y",
 ) -> PolarAxes:
-    """Add the legend and the texts to polar axes, and return the axes.
-
-    **Arguments:** `angles`, `heights`: (N,) rad and any unit, of the points or the outer ends of
-    the bars; `label`: text of the radial axis; `right`, `up`: names of the directions 0° and 90°.
-    """
     # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
     # they cover least of the bars.
     middles = 22.5 + 45.0 * np.arange(8)
@@ -244,8 +201,7 @@ def _dressed(
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
     """Return the factor from the SI unit to one that suits the largest of `values`, and its name.
 
-    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten: below 1e-3 mm³,
-    volumes are shown in µm³ or in a power of ten of µm³.
+    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten.
     """
     if unit != "m^3":
         return fitting_unit(values, unit)
