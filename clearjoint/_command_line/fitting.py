@@ -20,20 +20,14 @@ from .folders import remove_old, write_scene, write_summary, write_table
 from .study import FitPart, Study, find_path
 
 REPORT = "report.txt"
-"""File of the report."""
 SERIES = "series "
 """Prefix of the names of the tables of the fitted series."""
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
-    the fitted scene and series, a report and an HTML page.
-
-    After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
-
-    **Raises:** `ValueError` for a study without a section [fit], for wrong entries in this section,
-    and for a missing or invalid file of measurements.
-    """
+    the fitted scene and series, a report and an HTML page. After Ctrl-C, the best fit so far is
+    written; nothing is written if no run had ended."""
     part = study.parts.fit
     location = study.location.at("fit")
     if part is None:
@@ -90,7 +84,6 @@ def fit(study: Study, folder: Path) -> CommandResult:
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """Return the measurements in the CSV file that the study names, in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"

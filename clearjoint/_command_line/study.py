@@ -1,10 +1,8 @@
 """Study files and scene files: their sections, the numbers that they name, and how they are read.
 
-The fields of `StudyParts` are the keys of a study file besides "scene", and the fields of the
-dataclasses `RunPart`, `SweepPart` and so on are the keys of its tables. `Annotated[float, "s"]`
-declares the unit of a number, which may be written as a text with another unit, such as "2 ms". A
-path is a text such as "joints.pin.clearance" that names a number of the scene or, as in
-"state.bodies.crank.position[0]", of the initial state.
+The fields of the dataclasses are the keys of a file's tables. `Annotated[float, "s"]` declares the
+unit of a number. A path is a text such as "joints.pin.clearance" or
+"state.bodies.crank.position[0]" that names a number of the scene or of the initial state.
 """
 
 import inspect
@@ -58,7 +56,6 @@ from .._sweeps.outputs import ImpactTable
 from ..quantities.base import AbstractQuantity
 
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
-"""Names of the settings in `clearjoint.presets`."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +63,8 @@ class SectionPart:
     """A Poincaré section of a run.
 
     - `crossing`: quantity at whose upward zero crossings the channels are recorded.
-    - `channels`: recorded quantities, by name.
     - `count`: largest number of recorded crossings.
-    - `after`: time, s, before which crossings are not recorded; by default all are.
-
-    **Raises:** `ValueError` for a `count` that is not a positive integer.
+    - `after`: time, s, before which crossings are not recorded.
     """
 
     crossing: AbstractQuantity
@@ -90,11 +84,9 @@ class RunPart:
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
-    - `outputs`: quantities and reductions, by name. A quantity is evaluated at the saved states;
-      the extremes of forces and accelerations between saved states are found too. A reduction
-      gives numbers of the whole run: `Peak`, for instance, the largest value of a quantity and the
-      time of this value.
-    - `sections`: Poincaré sections, by name.
+    - `outputs`: quantities, evaluated at the saved states, and reductions such as `Peak`, which
+      give numbers of the whole run. The extremes of forces and accelerations between saved states
+      are found too.
     """
 
     end: Annotated[float | None, "s"] = None
@@ -110,14 +102,10 @@ class RunPart:
 class AxisPart:
     """The values that a number of the scene or of the initial state takes in a sweep.
 
-    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
-      same value.
+    - `path`: a path, or a list of paths, whose numbers all get the same value.
     - `values`: the list of values. Without it there are `count` values from `start` to `stop`, at
       equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
       units, or a text with a unit.
-
-    **Raises:** `ValueError` unless either `values` or both `start` and `stop` are given, for
-    `values` that are not a list or are empty, and for a `count` that is not a positive integer.
     """
 
     path: str | Sequence[str]
@@ -141,17 +129,13 @@ class AxisPart:
 
 @dataclass(frozen=True)
 class SweepPart:
-    """The section [sweep]: many runs (lanes), each with its own values of some numbers of the scene
-    or the initial state, and outputs of each run.
+    """The section [sweep]: runs with different numbers of the scene, and outputs of each.
 
     - `axes`: numbers that vary, with their values, by name.
-    - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
-      [run] are computed too.
-    - `end`: end of the runs, s; by default the `end` of [run]. The runs begin at the `start` of
-      [run].
-    - `preset`, `settings`: name of settings in `clearjoint.presets`, and entries that replace those
-      of the preset. If neither is given, both are taken from [run]; if only `settings` is given,
-      the preset is "default".
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The Poincaré sections of [run] are
+      computed too.
+    - `end`: end of the runs, s; by default the `end` of [run], at whose `start` they begin.
+    - `preset`, `settings`: as in [run], from which they are taken if neither is given.
     - `zipped`: whether lane k has the k-th value of every axis. By default there is a lane for each
       combination of values.
     - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
@@ -171,7 +155,6 @@ class SweepPart:
 class ColumnPart:
     """A measured series: a column of the file of measurements.
 
-    - `quantity`: the measured quantity.
     - `noise`: standard deviation of the measured values: a number in the column's unit, or a text
       with another unit.
     - `unit`: unit of the column, if its header does not give the unit.
@@ -186,11 +169,10 @@ class ColumnPart:
 class ParameterPart:
     """A number of the scene or of the initial state to estimate.
 
-    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
-      same value.
-    - `scale`: scale on which the parameter is estimated, such as `Log`; by default linear.
-    - `guess`: first guess, a number in SI units or a text with a unit; by default the number in
-      the scene or state.
+    - `path`: a path, or a list of paths, whose numbers all get the same value.
+    - `scale`: scale on which the parameter is estimated.
+    - `guess`: first guess, a number in SI units or a text with a unit; by default the number in the
+      scene or state.
     """
 
     path: str | Sequence[str]
@@ -207,12 +189,8 @@ class FitPart:
       lines begin; by default the file has none.
     - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
       that are not numbers, "refuse" makes them errors.
-    - `parameters`: numbers to estimate, by name.
-    - `grow`: times, s. The record is first fitted up to each of them, one after another, and then
-      as a whole. `max_iterations`: largest number of iterations; `starts`: further first guesses.
-      All three are arguments of `clearjoint.identify`.
-    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run], but the default
-      preset is "identification".
+    - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
     measurements: str
@@ -234,19 +212,8 @@ class FitPart:
 class WearPart:
     """The section [wear]: wear of joints over many cycles of a periodic motion.
 
-    - `rates`: wear rates of the joints that wear, by name of the joint.
-    - `cycle`: duration of a cycle, s.
-    - `cycles`: number of cycles to extrapolate to, infinite if it is not given; `depth`: worn
-      depth, m, at which the computation ends. At least one of them must be given.
-    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
-      that are measured, even; `tolerance`: largest accepted relative difference between the wear
-      in the first and in the second half of the measured cycles.
-    - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
-      penetration. A stage is a run whose wear is extrapolated over many cycles. `stages`: largest
-      number of stages; `samples`: number of angles around each bearing and journal.
-    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
-
-    **Raises:** `ValueError` if both `cycles` and `depth` are missing.
+    The keys are arguments of `clearjoint.wear`, except for `start`, the time at which runs begin,
+    s, and `preset` and `settings`, as in [run].
     """
 
     rates: Mapping[str, WearRates]
@@ -271,11 +238,7 @@ class WearPart:
 
 @dataclass(frozen=True)
 class StudyParts:
-    """The sections of a study file, and its title.
-
-    If the file has no section [run], `run` has default values. `sweep`, `fit` and `wear` are None
-    if the file lacks these sections.
-    """
+    """The sections of a study file, and its title."""
 
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
@@ -297,9 +260,8 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded),
 )
-"""Classes that a table of a study file may name under "kind": quantities, reductions, coordinates,
-stabilisations, solvers and scales. Classes that the annotation of a field names, such as
-`ImpactTable`, need not be listed here."""
+"""Classes that a table of a study file may name under "kind". Classes that the annotation of a
+field names, such as `ImpactTable`, need not be listed here."""
 
 
 def study_schema() -> Schema:
@@ -313,15 +275,12 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function that returns the numbers of a scene, or of a state, at given paths.
-
-    - `paths`: for each number, the keys of its path: names and indices that lead to it.
-    """
+    """Function that returns the number of a scene, or of a state, at the keys of a path, or a list
+    of numbers if there are several paths."""
 
     paths: tuple[Keys, ...]
 
     def __call__(self, tree: PyTree) -> PyTree:
-        """Return the number, or a list of numbers if there are several paths."""
         values = [reduce(_entry, keys, tree) for keys in self.paths]
         return values[0] if len(values) == 1 else values
 
@@ -331,8 +290,7 @@ class FoundPath:
     """A number that a path in a file names, or several numbers that get the same value.
 
     - `path`: function of the scene, or of the state, that returns the number or a list of numbers.
-    - `in_state`: whether the number belongs to the state instead of the scene.
-    - `unit`: SI unit of the number, or of all numbers if there are several.
+    - `unit`: SI unit of all numbers.
     """
 
     path: WrittenPath
@@ -354,10 +312,9 @@ def find_path(
     """Find which number of the scene or of its initial state a path names. Several paths name
     several numbers, to which the caller later gives one common value.
 
-    **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
-    does not exist (the message lists the existing names), for a path that leads to several numbers,
-    such as all components of a vector, for a mixture of paths in the scene and in the state, and
-    for numbers of different units.
+    **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
+    existing names), for a mixture of paths in the scene and in the state, and for numbers of
+    different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -401,19 +358,15 @@ def _entry(tree: PyTree, key: str | int) -> PyTree:
 
 
 Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
-"""Parts of a study that name bodies, joints or forces of the scene."""
 SCENE = "scene"
 """Key of the scene in a study file: its path, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
-"""Keys that a study file may have besides that of the scene: its title and its sections."""
 
 
 @dataclass(frozen=True)
 class Study:
     """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
 
-    - `scene`, `state`: the mechanism and its initial state.
-    - `parts`: the sections of the study file.
     - `location`: the file, for messages.
     - `document`: tables of the file, as parsed, without the scene, and with the changes that the
       command line has made.
@@ -458,11 +411,8 @@ class Study:
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the time at which runs end, s: `section_end`, or if it is None the end in [run].
-
-        **Raises:** `ValueError` if both are None, and for an end that is not after the start of
-        [run].
-        """
+        """Return the time at which runs end, s: `section_end`, or if it is None the end in
+        [run]."""
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
             remedy = 'write end = "1 s", or pass --end 1'
@@ -472,8 +422,7 @@ class Study:
         return float(end)
 
     def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
-        """Check that the scene has the elements that outputs, Poincaré sections or quantities name,
-        which are at `keys` in the file."""
+        """Check that the scene has the elements that the entries at `keys` of the file name."""
         for name, one in named.items():
             with self.location.at(*keys, name).in_errors():
                 one.check(self.scene)
@@ -492,31 +441,11 @@ class Study:
 
 
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
-    """Read a study file, or a scene file, which may have the sections of a study too.
-
-    ```toml
-    scene = "four_bar.toml"
-
-    [run]
-    end = "2 s"
-    preset = "accurate"
-    outputs.rocker = { kind = "Angle", body = "rocker", about = [0, 0, 1] }
-
-    [sweep]
-    outputs.peak = { kind = "Peak", quantity = { kind = "ContactForce", joint = "crank pin" } }
-
-    [sweep.axes.clearance]
-    path = "joints.crank pin.clearance"
-    start = "0.05 mm"
-    stop = "0.5 mm"
-    count = 20
-    ```
-
-    **Arguments:** `changes`: changes of numbers or tables, such as "joints.pin.clearance=0.2mm" in
-    the scene or "run.end=2" in the study.
+    """Read a study file, or a scene file, which may have the sections of a study too, and make
+    changes such as "joints.pin.clearance=0.2mm" in the scene or "run.end=2" in the study.
 
     **Raises:** `ValueError` for a file or a change that is not valid; the message names the
-    location, the value, the expected values and a remedy. `OSError` for a file that can't be read.
+    location, the value, the expected values and a remedy.
     """
     document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
@@ -545,8 +474,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change such as "run.end=2" in the tables of a study or of a scene; return whether the
-    study was changed instead of the scene, and the keys of the value."""
+    """Make a change in the tables of a study or of a scene; return whether the study was changed
+    instead of the scene, and the keys of the value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

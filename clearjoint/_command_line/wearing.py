@@ -1,9 +1,4 @@
-"""`clearjoint wear`: compute how joints wear over many cycles of a periodic motion.
-
-The computation advances in stages of many cycles each. After each stage, the results are written to
-a Zarr store in the folder of the results. If the computation is interrupted, the same command
-continues it after the last finished stage.
-"""
+"""`clearjoint wear`: compute how joints wear over many cycles of a periodic motion."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,13 +22,7 @@ WORN_SCENE = "worn.toml"
 def wear(study: Study, folder: Path) -> CommandResult:
     """Compute the wear that a study's section [wear] describes, and write its store, tables,
     figures, the worn scene and an HTML page. If the folder contains a store of this computation
-    already, the computation is continued from there.
-
-    After Ctrl-C, results so far are written. The text of the result has the table of stages.
-
-    **Raises:** `ValueError` for a study without a section [wear], and for wrong entries in it.
-    `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.
-    """
+    already, it is continued from there. After Ctrl-C, results so far are written."""
     part = study.parts.wear
     if part is None:
         remedy = "add [wear.rates.<joint>]"
@@ -74,7 +63,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
 
 def check_wear_section(study: Study, part: WearPart) -> None:
-    """Check the entries of a study's section [wear], without any run, for `clearjoint check`."""
+    """Check the entries of a study's section [wear] without any run."""
     with study.location.at("wear").in_errors():
         check_wear(study.scene, **_arguments(part))
 
@@ -86,11 +75,6 @@ def _arguments(part: WearPart) -> dict[str, PyTree]:
 
 
 def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
-    """Return the entries of the summary, and the result as one line of text.
-
-    Both have the depth of each bearing and journal that has worn and, if the section [wear] has a
-    `depth`, the number of cycles after which the part reached it.
-    """
     from .reports import worn_parts
 
     stages, cycles = found.sizes["stage"], float(found["cycles"][-1])
