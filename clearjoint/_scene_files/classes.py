@@ -1,8 +1,7 @@
 """Classes that a file may name, and the values that the arguments of their constructors may have.
 
 A file may name classes of this package and those that the caller passes to `load`; no module is
-imported because a file names it. The values that an argument may have are derived from its
-annotation and from the unit of the field with the same name.
+imported because a file names it.
 """
 
 import inspect
@@ -25,39 +24,29 @@ from ..quantities.base import AbstractQuantity, Quantity
 from .documents import FileLocation, listed
 
 REQUIRED = inspect.Parameter.empty
-"""Default of an argument that has no default."""
 Classes: TypeAlias = Collection[type]
 """User-defined classes that a file may name."""
 Maker: TypeAlias = Callable[..., PyTree]
-"""A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
-file contains the arguments of a maker."""
+"""A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""Functions that check the arguments of a class and make its object, by class. They are used
-instead of constructors that do not check their arguments."""
+"""Functions that check the arguments of a class and make its object, instead of constructors that
+do not check their arguments."""
 
 
 @dataclass(frozen=True)
 class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
-    They are derived from the annotation of the argument, and from the unit and shape of the field
-    with the same name. No attribute tells whether numbers are allowed: the reader refuses a number
-    only if there are `options` but neither `shapes` nor `classes`. In all other cases the
-    constructor checks the number. NaN, and whole numbers too large for a float, are always refused.
+    No attribute tells whether numbers are allowed: the reader refuses a number only if there are
+    `options` but neither `shapes` nor `classes`. In all other cases the constructor checks it.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: for an argument with a fixed set of texts, the value of each text; else None.
-    - `is_text`: whether any text is allowed.
-    - `is_flag`: whether true and false are allowed.
-    - `allows_none`: whether the annotation of the argument names None.
-    - `allows_anything`: whether any value is allowed, because the argument has no annotation.
-    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`; None
-      if the argument is no such table.
-    - `item`: expectation for the entries of a list; None unless the annotation is a sequence.
-    - `default`: default value of the argument, or `REQUIRED`.
+    - `options`: for an argument with a fixed set of texts, the value of each text.
+    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
+    - `item`: expectation for the entries of a list.
     """
 
     unit: str | None = None
@@ -75,7 +64,6 @@ class Expectation:
 
 
 ANYTHING = Expectation(is_text=True, is_flag=True, allows_anything=True)
-"""Expectation of an argument without annotation."""
 
 
 def class_name(kind: type) -> str:
@@ -84,7 +72,7 @@ def class_name(kind: type) -> str:
 
 
 def is_from_package(kind: type) -> bool:
-    """Return whether a class belongs to this package, rather than to a user."""
+    """Return whether a class belongs to this package."""
     return kind.__module__.split(".")[0] == __name__.split(".")[0]
 
 
@@ -95,16 +83,13 @@ def is_abstract(kind: type) -> bool:
 
 def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
     """Return the makers that a file may name as `kind`, by their names, such as "Body" and
-    "Body.rod".
+    "Body.rod": the following classes that derive from one of the `families` (from any class if
+    there are none), and those of their static methods that return an object of the class.
 
-    They are the following classes, and those of their static methods that return an object of the
-    class. Abstract and private classes are left out.
-
-    - Classes of this package that derive from one of the `families` (from any class if there are
-      none) and from `AbstractReadable`, the base class of laws, joints, bodies and others.
-    - The `families` themselves, if they belong to this package.
-    - User-defined classes, `given`, that derive from one of the `families`. Each has two names,
-      with and without its module; the short one is omitted if a class of this package has it.
+    - Classes of this package that derive from `AbstractReadable`, the base class of laws, joints,
+      bodies and others, or are one of the `families`.
+    - User-defined classes, `given`. Each has two names, with and without its module; the short one
+      is omitted if a class of this package has it.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(given, Collection) and not isinstance(given, type)
@@ -131,8 +116,6 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
-    """Return the public static methods whose annotation says that they return an object of their
-    class."""
     return {
         name: member.__func__
         for name, member in vars(kind).items()
@@ -150,14 +133,11 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], given: Classes, location: FileLocation
 ) -> Maker:
-    """Return the class or static method of the `families`, or among the user-defined classes
-    `given`, that a file names.
+    """Return the maker of the `families`, or among the user-defined classes `given`, that a file
+    names.
 
     A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `given` is
     found, whatever its module, unless this package has a class of that name.
-
-    **Raises:** `ValueError` for a name that is unknown or not a text, for a class that has none of
-    the base classes, and for a user-defined class that the caller has not passed.
     """
     known = makers(families, given)
     expected = f"one of {listed(known)}"
@@ -208,11 +188,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the values that the annotation of an argument allows, with the SI unit of its numbers.
-
-    Examples are ``float``, an array of jaxtyping, ``Body | None``, ``Literal["a", "b"]`` and
-    ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
-    """
+    """Return the values that an annotation allows; ``Annotated[float, "s"]`` declares the unit
+    s."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         return expectation(inner[0], next((n for n in inner[1:] if isinstance(n, str)), unit))

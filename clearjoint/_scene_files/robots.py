@@ -1,13 +1,13 @@
 """Robots as trees of links and joints, whatever the format of their files, and their scenes.
 
-A link has a frame. A joint gives the frame of its child link relative to the frame of its parent
-link while the joint is at zero. Links that are fixed to each other form one body, named after the
-first of them, the carrier.
+A joint gives the frame of its child link relative to the frame of its parent link while the joint
+is at zero. Links that are fixed to each other form one body, named after the first of them, the
+carrier.
 
 The frames of all bodies are parallel to the root link's frame while all joints are at zero. The
 components of a joint's axis are then the same in both bodies, and the angle of a joint, of a
-backlash and of a drive without `orientation` is zero where the file's is. With body frames
-parallel to those of the links, a joint's frame that is turned about its axis would shift the zero.
+backlash and of a drive without `orientation` is zero where the file's is. With body frames parallel
+to those of the links, a joint's frame that is turned about its axis would shift the zero.
 """
 
 import math
@@ -46,7 +46,6 @@ HINGES = "revolute", "continuous"
 FLOATING = "floating"
 """Type of joints that leave the child free; the scene has no joint for them."""
 FIXED = "fixed"
-"""Type of joints that hold the child on the parent."""
 IDEAL = {
     **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
     "prismatic": (PrismaticJoint, 1),
@@ -56,17 +55,15 @@ IDEAL = {
 }
 """Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
 TYPES = *IDEAL, FLOATING
-"""Types of joints that a scene can represent."""
 BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, in the arguments of a joint's play. The class `Backlash` has
-the name `play` for this angle."""
+"""Key of the angle of a backlash, rad, in the arguments of a joint's play, for which the class
+`Backlash` has the name `play`."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
     *("first", "second", "axis_first", "axis_second", "play", "play_length"),
 }
-"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass, since they follow from the
-file or, for the angle of a backlash, have the name `BACKLASH`."""
+"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass."""
 ROUNDING = 0.5e-9
 """Relative error of moments of inertia that is allowed for the rounding of written numbers, less
 than that which `Body` allows."""
@@ -111,12 +108,8 @@ class LinkPose:
 
 
 class Inertial(NamedTuple):
-    """Mass of a link and its distribution.
-
-    - `mass`: kg, not negative.
-    - `centre`: (3,) m, the centre of mass in the link's frame.
-    - `tensor`: (3, 3) kg m^2, about the centre of mass in the link's axes; None if unknown.
-    """
+    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the inertia tensor (3, 3),
+    kg m^2, about the centre in the link's axes; None if unknown."""
 
     mass: float
     centre: np.ndarray
@@ -133,12 +126,8 @@ class RobotLink(NamedTuple):
 class RobotJoint(NamedTuple):
     """A joint of the tree.
 
-    - `name`: of the joint.
-    - `kind`: type of the joint, such as those of `TYPES`.
-    - `parent`, `child`: names of the links.
     - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
     - `axis`: (3,) in the child's axes, any length.
-    - `limits`: None if the file gives none.
     """
 
     name: str
@@ -152,13 +141,7 @@ class RobotJoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the user for the bodies of a robot.
-
-    - `merge_fixed`: whether links with mass that are fixed to their parents are parts of them.
-    - `free_root`: whether the root is a free body; else it is the ground.
-    - `balance_inertia`: whether impossible inertias are replaced, as by MuJoCo's `balanceinertia`.
-    - `bound_mass`, `bound_inertia`: least mass, kg, and principal moment, kg m^2, of a body.
-    """
+    """Choices of the user for the bodies of a robot, see `load_urdf`."""
 
     merge_fixed: bool = True
     free_root: bool = False
@@ -171,10 +154,8 @@ class Options:
 class Carrier:
     """Links that form one body, or belong to the ground.
 
-    - `body`: name of the body.
     - `pose`: (4, 4) m, from the frame of the first link to that of the root if all joints are at
       zero.
-    - `links`: names of the links, the first one first.
     - `centre`: (3,) m, the body's centre of mass in the frame of the first link; the origin of that
       frame for the ground.
     """
@@ -188,13 +169,9 @@ class Carrier:
 class Robot:
     """A tree of links, with the body to which each link belongs.
 
-    - `links`, `joints`: by name.
     - `root`: the only link that is no joint's child.
     - `carriers`: the body of each link, by the link's name; links of one body share the object.
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
-
-    **Arguments:** `links`, `joints`: in the order of the file; `location`: the file, for messages;
-    `options`: choices of the user.
 
     **Raises:** `ValueError` for repeated names, and for joints that don't form a tree.
     """
@@ -254,14 +231,11 @@ class Robot:
         return of_child
 
     def _is_part(self, joint: RobotJoint) -> bool:
-        """Return whether the child of a joint is a part of its parent's body."""
         inertial = self.links[joint.child].inertial
         has_mass = inertial is not None and inertial.mass > 0.0
         return joint.kind == FIXED and (self.options.merge_fixed or not has_mass)
 
     def _body_name(self, link: str) -> str:
-        """Return the name of the body that a link begins. "ground" is the name of the fixed body;
-        a moving link of that name is the body "ground link"."""
         name = f"{GROUND} link" if link == GROUND else link
         if link == GROUND and name in self.links:
             remedy = "rename one of the links"
@@ -279,10 +253,8 @@ class Robot:
         return {name: one for name, one in inertials.items() if one is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return the centre of mass of a carrier, (3,) m in the frame of its first link.
-
-        Without mass it is the centre of its first link that has an <inertial>, or the origin.
-        """
+        """Return the centre of mass of a carrier, (3,) m in the frame of its first link. Without
+        mass it is the centre of its first link that has an <inertial>, or the origin."""
         inertials = self.massive(carrier)
         centres = [_moved(self.poses[name], one.centre) for name, one in inertials.items()]
         masses = np.array([one.mass for one in inertials.values()])
@@ -342,7 +314,6 @@ def scene_of(
 
 
 def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
-    """Return the bodies of a robot, by name, as `load_urdf` describes."""
     options, bodies = robot.options, {}
     balanced: list[str] = []
     bounded: list[str] = []
@@ -401,7 +372,6 @@ def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -
 
 
 def _is_possible(tensor: np.ndarray) -> bool:
-    """Return whether a rigid body can have an inertia tensor (3, 3), apart from rounding."""
     least, middle, largest = np.linalg.eigvalsh(tensor)
     excess = largest - least - middle
     return least >= -ROUNDING * abs(largest) and excess <= ROUNDING * largest
@@ -417,7 +387,6 @@ def _balanced(inertial: Inertial) -> Inertial:
 
 
 def _bounded(tensor: np.ndarray, least: float) -> np.ndarray:
-    """Return a tensor (3, 3) whose principal moments are at least `least`, kg m^2."""
     moments, axes = np.linalg.eigh(tensor)
     return axes @ np.diag(np.maximum(moments, least)) @ axes.T
 
@@ -425,8 +394,7 @@ def _bounded(tensor: np.ndarray, least: float) -> np.ndarray:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Check the inertia of a body, (3, 3) kg m^2, so that the message names the links with mass and
-    the options."""
+    """Check the inertia of a body so that the message names the links with mass and the options."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     whole = f" of links {', '.join(names)} together" if len(names) > 1 else ""
@@ -449,8 +417,6 @@ def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
 
 
 def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """Return the arguments of the play of the joint `name`, one of `hinges`, with texts such as
-    "0.1 deg" converted to numbers in SI units."""
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")
         location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
@@ -479,11 +445,6 @@ def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) 
 def _backlash(
     joint: RobotJoint, hinge: RevoluteJoint, given: Play, location: FileLocation
 ) -> Backlash:
-    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis.
-
-    If neither a law nor a stiffness is given, the stiffness follows from the joint's effort limit,
-    as `load_urdf` describes.
-    """
     options = {key: value for key, value in given.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
@@ -504,9 +465,6 @@ def _backlash(
 def _joint(
     joint: RobotJoint, robot: Robot, play: Play | None
 ) -> AbstractConstraint | AbstractContactJoint | None:
-    """Return the joint of the scene for a joint of a robot: a `ClearanceJoint` with the arguments
-    `play`, or an ideal joint; ``None`` for a floating joint, and if both links belong to one body.
-    """
     parent, child = robot.carriers[joint.parent], robot.carriers[joint.child]
     location = robot.location.at(joint.name)
     if joint.kind not in TYPES:
@@ -535,15 +493,12 @@ def _joint(
 
 
 def _moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return a point (3,), m, after the transformation with a homogeneous matrix (4, 4)."""
     return _rounded(pose[:3, :3]) @ point + pose[:3, 3]
 
 
 def _rounded(numbers: np.ndarray) -> np.ndarray:
-    """Return numbers, such as those of a rotation matrix, with at most 15 decimals.
-
-    Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
-    """
+    """Return numbers with at most 15 decimals: rounding restores the exact zeros of a quarter turn,
+    which make the compiled program smaller."""
     return np.round(numbers, 15) + 0.0  # no negative zeros
 
 

@@ -1,8 +1,6 @@
 """Make the JSON Schema of scene files, with which editors complete and check them.
 
-A table of a file contains the arguments of a class, so that the schema follows from the classes.
-Each class has a definition, its part of the schema, to which the schemas of arguments refer by the
-name of the class.
+Each class has a definition, its part of the schema, to which the schemas of arguments refer.
 """
 
 from dataclasses import dataclass, field
@@ -15,24 +13,19 @@ from .documents import SCHEMA
 from .reading import ABSENT, EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
-"""A JSON Schema, or a part of one, as a dictionary."""
 NUMBER: Schema = {"type": ["number", "string"]}
 """Schema of a number, which may be a text with a unit."""
 ROWS = "numbers"
-"""Name of the definition, in the schema, of a number or of nested lists of numbers."""
+"""Name of the definition of a number or of nested lists of numbers."""
 
 
 def scene_schema(classes: Classes = ()) -> Schema:
-    """Return the JSON Schema (2020-12) of scene files, made from the classes' arguments and units.
+    """Return the JSON Schema (2020-12) of scene files, as a dictionary for `json.dump`.
 
     With it, editors complete and check TOML and JSON files. `save(..., schema=True)` writes the
     schema to the folder of a scene file, and a reference to it into the scene file.
 
     **Arguments:** `classes`: user-defined classes that files may name.
-
-    **Returns:** a dictionary for `json.dump`.
-
-    **Raises:** `ValueError` unless `classes` is a collection of classes.
 
     >>> schema = cj.scene_schema()
     >>> schema["$schema"]
@@ -55,10 +48,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 class Catalogue:
     """Collects the schemas of all classes to which the schema of a file refers.
 
-    - `classes`: user-defined classes that files may name, besides those of the package.
-    - `definitions`: schemas of classes and of static methods that return objects, by their names in
-      files; also that of numbers, under `ROWS`. The schema of a class is added when another schema
-      first refers to it.
+    `definitions` has the schemas of makers, by their names in files, and that of numbers, under
+    `ROWS`. The schema of a class is added when another schema first refers to it.
     """
 
     classes: Classes
@@ -73,8 +64,8 @@ class Catalogue:
         return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
-        """Return the schemas of the arguments of a class or of a static method, by name, with their
-        units as descriptions."""
+        """Return the schemas of the arguments of a maker, by name, with their units as
+        descriptions."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
@@ -82,7 +73,6 @@ class Catalogue:
         }
 
     def _value(self, expected: Expectation) -> Schema:
-        """Return the schema of the values that an argument may have according to `expected`."""
         if expected.allows_anything:
             return {}
         ways: list[Schema] = []
@@ -104,8 +94,8 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all classes and static methods whose objects have
-        one of the given base classes. Definitions that are missing are added."""
+        """Return references to the definitions of all makers whose objects have one of the given
+        base classes. Definitions that are missing are added."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -135,7 +125,6 @@ class Catalogue:
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    """Return the schema of a table with the keys of `properties` and no others."""
     return {
         "type": "object",
         "properties": properties,
