@@ -198,12 +198,12 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
         return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
     chosen = {}
     for name in ("coordinates", "stabilisation"):
-        known = {describe(one): one for one in EARLIER[name]}
+        choices = {describe(choice): choice for choice in EARLIER[name]}
         text = str(notes[f"setting_{name}"])
-        if text not in known:
+        if text not in choices:
             remedy = "run `clearjoint run` again"
-            location.at(f"setting_{name}").refuse(text, f"one of {listed(known)}", remedy)
-        chosen[name] = known[text]
+            location.at(f"setting_{name}").refuse(text, f"one of {listed(choices)}", remedy)
+        chosen[name] = choices[text]
     redundant, ledger = notes["redundant_constraints"] != "none", notes["setting_ledger"] == "True"
     return Formulation(**chosen, redundant=redundant, ledger=ledger)
 

@@ -282,8 +282,10 @@ def _read_study(
     _prepare()
     from .study import read_study
 
-    given = [f"{section}.{name}={value}" for name, value in options.items() if value is not None]
-    return read_study(file, (*changes, *given))
+    assignments = [
+        f"{section}.{name}={value}" for name, value in options.items() if value is not None
+    ]
+    return read_study(file, (*changes, *assignments))
 
 
 def _compute(

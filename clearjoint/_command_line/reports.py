@@ -65,13 +65,13 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     plot.report(scene, solution, folder / PDF, title=title)
 
 
-def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
+def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
     """Return the parts that have worn, each as the name of its joint and "bearing" or "journal"."""
     return [
         (str(joint), part)
-        for joint in found["joint"].values
+        for joint in dataset["joint"].values
         for part in PARTS
-        if (found[f"{part}_depth"].sel(joint=joint) > 0.0).any()
+        if (dataset[f"{part}_depth"].sel(joint=joint) > 0.0).any()
     ]
 
 
@@ -206,28 +206,28 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
-def write_fit_report(folder: Path, found: Fit) -> None:
+def write_fit_report(folder: Path, fit: Fit) -> None:
     """Draw the fitted series and the correlations of a fit, and write its page."""
-    _save(folder, "fitted", plot.fitted(found)[0, 0])
-    if len(found.parameters) > 1:
-        _save(folder, "correlations", plot.correlations(found))
+    _save(folder, "fitted", plot.fitted(fit)[0, 0])
+    if len(fit.parameters) > 1:
+        _save(folder, "correlations", plot.correlations(fit))
     write_page(folder)
 
 
-def write_wear_report(folder: Path, found: xr.Dataset) -> None:
+def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
     """Write the figures and the page of a result of `clearjoint.wear`, and CSV tables of its stages
     and of the worn profiles."""
-    frame = stage_table(found)
+    frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
-    profiles, depths, volumes = {"angle [rad]": found["angle"].values}, {}, {}
-    for joint, part in worn_parts(found):
+    profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
+    for joint, part in worn_parts(dataset):
         name = f"{part} of {joint}"
-        profiles[f"{name} [m]"] = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
+        profiles[f"{name} [m]"] = dataset[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
         depths[name] = frame[f"{name}, largest [m]"]
         volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]  # in mm^3
-        _save(folder, name, plot.worn_profile(found, joint, part))
+        _save(folder, name, plot.worn_profile(dataset, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in dataset["joint"].values}
     figures = (
         ("depths", "largest depth", "m", depths),
         ("volumes", "worn volume", "mm^3", volumes),
@@ -250,18 +250,18 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
     write_page(folder, _table("Stages", frame, len(frame)))
 
 
-def stage_table(found: xr.Dataset) -> pd.DataFrame:
+def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
     before the stage, and the largest forces during the stage's run. The last row is the worn state
     at the end; no run follows, so its forces are NaN."""
-    columns = {"cycles": found["cycles"].values}
-    for joint in found["joint"].values:
-        columns[f"force in {joint} [N]"] = found["force"].sel(joint=joint).values
-    for joint, part in worn_parts(found):
-        depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
+    columns = {"cycles": dataset["cycles"].values}
+    for joint in dataset["joint"].values:
+        columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
+    for joint, part in worn_parts(dataset):
+        depths = dataset[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        volumes = found[f"{part}_volume"].sel(joint=joint).values
+        volumes = dataset[f"{part}_volume"].sel(joint=joint).values
         columns[f"{part} of {joint}, volume [m^3]"] = volumes
     return pd.DataFrame(columns)
 

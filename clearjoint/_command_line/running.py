@@ -139,7 +139,9 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
 
     The latter need the solver's dense output; without, they are left out, and a warning is printed.
     """
-    chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
+    chosen = {
+        n: output for n, output in part.outputs.items() if isinstance(output, AbstractReduction)
+    }
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -189,11 +191,11 @@ def write_results(
     tables = {folders.MOTION: motion, folders.OBSERVED: observed.to_xarray()}
     if solution.impacts is not None:
         tables[folders.IMPACTS] = solution.impacts.to_xarray()
-    tables |= {f"{folders.SECTION}{n}": one.to_xarray() for n, one in solution.sections.items()}
+    tables |= {f"{folders.SECTION}{n}": item.to_xarray() for n, item in solution.sections.items()}
     for name, table in tables.items():
         folders.write_table(folder, name, table)
     quantities = {
-        n: one for n, one in study.parts.run.outputs.items() if isinstance(one, AbstractQuantity)
+        n: item for n, item in study.parts.run.outputs.items() if isinstance(item, AbstractQuantity)
     }
     if quantities:
         folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
@@ -208,19 +210,19 @@ def _outputs(
     """Return the values of quantities at the saved states, with the extremes that reductions have
     found as attributes. A note is printed if the saved values fall short of an extreme by more than
     2 % of the difference between the extremes."""
-    saved, rows, found = solution.saved, ("time",), solution.outputs
+    saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
-        if name + LARGEST in found:
+        if name + LARGEST in numbers:
             # A reduction of the quantity `Negative` gives the negative of the smallest value.
-            largest, smallest = found[name + LARGEST], -found[name + SMALLEST]
+            largest, smallest = numbers[name + LARGEST], -numbers[name + SMALLEST]
             extremes = {
                 "largest": largest,
-                "largest_time": found[f"{name}{LARGEST}_time"],
+                "largest_time": numbers[f"{name}{LARGEST}_time"],
                 "smallest": smallest,
-                "smallest_time": found[f"{name}{SMALLEST}_time"],
+                "smallest_time": numbers[f"{name}{SMALLEST}_time"],
             }
             low, high = values.min(), values.max()
             # The user should know if an extreme lies far outside the saved samples.

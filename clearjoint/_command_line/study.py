@@ -118,10 +118,10 @@ class AxisPart:
     def __post_init__(self) -> None:
         require_count("count", self.count, "give a number of values")
         ends = [end for end in (self.start, self.stop) if end is not None]
-        given = {"values": self.values, "start": self.start, "stop": self.stop}
+        entries = {"values": self.values, "start": self.start, "stop": self.stop}
         expected = "either `values`, or `start` and `stop`"
-        fine = len(ends) == (2 if self.values is None else 0)
-        require(fine, "values", given, expected, "give one")
+        is_complete = len(ends) == (2 if self.values is None else 0)
+        require(is_complete, "values", entries, expected, "give one")
         if self.values is not None:
             is_row = isinstance(self.values, tuple | list) and len(self.values) > 0
             require(is_row, "values", self.values, "a list of values", "write [0.1, 0.2], say")
@@ -231,9 +231,9 @@ class WearPart:
     settings: Settings | None = None
 
     def __post_init__(self) -> None:
-        given = self.cycles < np.inf or self.depth is not None
+        has_end = self.cycles < np.inf or self.depth is not None
         remedy = 'write cycles = 1e6 or depth = "20 um"'
-        require(given, "cycles", self.cycles, "a number, unless `depth` is given", remedy)
+        require(has_end, "cycles", self.cycles, "a number, unless `depth` is given", remedy)
 
 
 @dataclass(frozen=True)
@@ -335,12 +335,12 @@ def find_path(
             # The message lists the names at the first unknown key or, if all keys are known, those
             # that follow, since the path then leads to several numbers.
             depth = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
-            known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
-            names, parent = listed({*known}), written(keys[:depth]) or "the top"
+            options = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
+            names, parent = listed({*options}), written(keys[:depth]) or "the top"
             if depth == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
             remedy = nearest(
-                keys[depth], known, "`clearjoint check FILE --paths` lists all numbers"
+                keys[depth], options, "`clearjoint check FILE --paths` lists all numbers"
             )
             location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
     # All numbers get the same value, which would be ambiguous if their units differed.
@@ -402,9 +402,9 @@ class Study:
         # `part.settings` has defaults for all settings that the section does not name; only those
         # that it names replace settings of the preset.
         table = self.document.get(section)
-        given = table.get("settings", {}) if isinstance(table, dict) else {}
+        entries = table.get("settings", {}) if isinstance(table, dict) else {}
         # The key `kind` names the class of a table; None stands for no settings.
-        named = [] if part.settings is None else [key for key in given if key != KIND]
+        named = [] if part.settings is None else [key for key in entries if key != KIND]
         changes = {key: getattr(part.settings, key) for key in named}
         if needs_ledger:
             changes["ledger"] = True
@@ -423,9 +423,9 @@ class Study:
 
     def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
         """Check that the scene has the elements that the entries at `keys` of the file name."""
-        for name, one in named.items():
+        for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
-                one.check(self.scene)
+                entry.check(self.scene)
 
     def sections(self) -> dict[str, Section]:
         """Return the Poincaré sections in the section [run], by name, for `Saving`."""
@@ -490,17 +490,19 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
     # The keys before the last one must exist and lead to the table or list that is changed. The
-    # last key may be new in a table, but not in a list. `found` are the leading keys that exist,
+    # last key may be new in a table, but not in a list. `steps` are the leading keys that exist,
     # with indices of lists as integers, and `table` is where those before the last one lead.
     tables = study if is_in_study else scene
-    found, last = existing(tables, keys), len(keys) - 1
-    table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore
-    if len(found) == last and isinstance(table, dict):
-        found = (*found, keys[last])
-    if len(found) < len(keys):
-        key, parent = keys[len(found)], written(found) or "the top"
-        known = list(table) if isinstance(table, dict) else []
+    steps, last = existing(tables, keys), len(keys) - 1
+    table: PyTree = reduce(getitem, steps[:last], tables)  # pyright: ignore
+    if len(steps) == last and isinstance(table, dict):
+        steps = (*steps, keys[last])
+    if len(steps) < len(keys):
+        key, parent = keys[len(steps)], written(steps) or "the top"
+        siblings = list(table) if isinstance(table, dict) else []
         otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
-        location.refuse(key, f"one of {listed(known)} at {parent}", nearest(key, known, otherwise))
-    table[found[last]] = value
-    return is_in_study, found
+        location.refuse(
+            key, f"one of {listed(siblings)} at {parent}", nearest(key, siblings, otherwise)
+        )
+    table[steps[last]] = value
+    return is_in_study, steps

@@ -82,9 +82,9 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     axes = {}
     for name, axis in part.axes.items():
         axis_location = location.at("axes", name)
-        found = find_path(axis.path, study.scene, study.state, axis_location.at("path"))
-        make = Axis.initial if found.in_state else Axis
-        axes[name] = make(found.path, _values(axis, found, axis_location))
+        target = find_path(axis.path, study.scene, study.state, axis_location.at("path"))
+        make = Axis.initial if target.in_state else Axis
+        axes[name] = make(target.path, _values(axis, target, axis_location))
     if not axes:
         location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
     sizes = [axis.values.size for axis in axes.values()]
@@ -107,12 +107,12 @@ def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
     return sizes[:1] if part.zipped else sizes
 
 
-def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndarray:
+def _values(part: AxisPart, target: FoundPath, location: FileLocation) -> np.ndarray:
     if part.values is not None:
-        values = [found.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
+        values = [target.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
         return np.array(values)
-    start = found.number(part.start, location.at("start"))
-    stop = found.number(part.stop, location.at("stop"))
+    start = target.number(part.start, location.at("start"))
+    stop = target.number(part.stop, location.at("stop"))
     if part.spacing == "linear":
         return np.linspace(start, stop, part.count)
     if min(start, stop) <= 0.0:

@@ -81,31 +81,31 @@ def is_abstract(kind: type) -> bool:
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
-def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
+def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
     """Return the makers that a file may name as `kind`, by their names, such as "Body" and
     "Body.rod": the following classes that derive from one of the `families` (from any class if
     there are none), and those of their static methods that return an object of the class.
 
     - Classes of this package that derive from `AbstractReadable`, the base class of laws, joints,
       bodies and others, or are one of the `families`.
-    - User-defined classes, `given`. Each has two names, with and without its module; the short one
+    - User-defined `classes`. Each has two names, with and without its module; the short one
       is omitted if a class of this package has it.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
-    is_collection = isinstance(given, Collection) and not isinstance(given, type)
-    is_valid = is_collection and all(isinstance(one, type) for one in given)
+    is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
+    is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
     remedy = "pass for example classes=[MyLaw]"
-    require(is_valid, "classes", given, "a list of classes", remedy)
+    require(is_valid, "classes", classes, "a list of classes", remedy)
     included = filter(is_from_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
-    named = {kind.__name__: kind for kind in (*given, *included)}
-    named |= {class_name(kind): kind for kind in given}
-    found: dict[str, Maker] = {}
+    named = {kind.__name__: kind for kind in (*classes, *included)}
+    named |= {class_name(kind): kind for kind in classes}
+    by_name: dict[str, Maker] = {}
     for name, kind in named.items():
         if issubclass(kind, families or (object,)) and not is_abstract(kind):
-            found[name] = kind
-            found |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
-    return found
+            by_name[name] = kind
+            by_name |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
+    return by_name
 
 
 def _subclasses(kind: type) -> Iterator[type]:
@@ -131,31 +131,31 @@ def family_names(families: tuple[type, ...]) -> str:
 
 
 def find_maker(
-    name: object, families: tuple[type, ...], given: Classes, location: FileLocation
+    name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the maker of the `families`, or among the user-defined classes `given`, that a file
+    """Return the maker of the `families`, or among the user-defined `classes`, that a file
     names.
 
-    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `given` is
-    found, whatever its module, unless this package has a class of that name.
+    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `classes`
+    is found, whatever its module, unless this package has a class of that name.
     """
-    known = makers(families, given)
-    expected = f"one of {listed(known)}"
+    allowed = makers(families, classes)
+    expected = f"one of {listed(allowed)}"
     # The errors below distinguish the mistakes, since each has a different remedy.
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
     module, _, short = name.rpartition(":")
-    found = known.get(short if module == "__main__" else name)
-    if found is not None:
-        return found
-    if name in makers((), given):
+    make = allowed.get(short if module == "__main__" else name)
+    if make is not None:
+        return make
+    if name in makers((), classes):
         location.refuse(name, expected, f"take a subclass of {family_names(families)}")
     if module:
-        expected = f"one of the classes passed to the call, {listed(map(class_name, given))}"
+        expected = f"one of the classes passed to the call, {listed(map(class_name, classes))}"
         remedy = f"import it and pass classes=[{short.split('.')[-1]}]; a file imports nothing"
         location.refuse(name, expected, remedy)
     otherwise = "write module:Class for a user-defined class, and pass the class"
-    return location.refuse(name, expected, nearest(name, known, otherwise))
+    return location.refuse(name, expected, nearest(name, allowed, otherwise))
 
 
 @cache
@@ -166,7 +166,7 @@ def arguments(make: Maker) -> dict[str, Expectation]:
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
-    found = {}
+    expectations = {}
     for name, parameter in inspect.signature(make).parameters.items():
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             # Fields that are made by `quantity` declare the unit and the shape of their values.
@@ -174,8 +174,8 @@ def arguments(make: Maker) -> dict[str, Expectation]:
             expected = expectation(hints.get(name, Any), metadata.get("unit"))
             shape = getattr(metadata.get("declared"), "shape", None)
             shapes = expected.shapes if shape is None else (shape,)
-            found[name] = replace(expected, shapes=shapes, default=parameter.default)
-    return found
+            expectations[name] = replace(expected, shapes=shapes, default=parameter.default)
+    return expectations
 
 
 def _hints(owner: object) -> dict[str, Any]:
@@ -205,9 +205,9 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
         # part.
         merged: dict[str, Any] = {}
         for entry in fields(Expectation):
-            given = [value for part in parts if (value := getattr(part, entry.name))]
+            values = [value for part in parts if (value := getattr(part, entry.name))]
             is_tuple = isinstance(entry.default, tuple)
-            merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
+            merged[entry.name] = sum(values, ()) if is_tuple else next(iter(values), entry.default)
         merged["allows_none"] = NoneType in inner
         return Expectation(**merged)
     if origin is Literal:
@@ -226,11 +226,11 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
     # known for a number, and for an array whose annotation fixes all sizes. Without `dims`, the
     # size None stands for an unknown shape.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
-    known = tuple(size for size in sizes if isinstance(size, int))
-    has_shape = annotation in (int, float) or len(known) == len(sizes)
+    fixed = tuple(size for size in sizes if isinstance(size, int))
+    has_shape = annotation in (int, float) or len(fixed) == len(sizes)
     return Expectation(
         unit,
-        shapes=(known,) if has_shape else (),
+        shapes=(fixed,) if has_shape else (),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,
         is_flag=annotation is bool,

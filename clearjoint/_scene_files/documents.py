@@ -75,7 +75,7 @@ def written(keys: Keys) -> str:
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
     """Return the beginning of a path that exists in nested tables and lists, with indices as
     integers."""
-    found: list[str | int] = []
+    steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
             content = content[key]
@@ -84,8 +84,8 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
             content = content[key]
         else:
             break
-        found.append(key)
-    return tuple(found)
+        steps.append(key)
+    return tuple(steps)
 
 
 class Source:

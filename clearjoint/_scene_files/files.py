@@ -95,7 +95,7 @@ class Writer:
             for key in value:
                 if not isinstance(key, str):
                     location.refuse(key, "a name", "use text for the keys of dictionaries")
-            return {key: self._value(one, inner, location.at(key)) for key, one in value.items()}
+            return {key: self._value(item, inner, location.at(key)) for key, item in value.items()}
         if isinstance(value, tuple | list):
             # Rows of an array have the unit of the whole array.
             inner = expected.item or expected
@@ -168,8 +168,10 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     # than its fields, and its objects would then not be restored.
     with quiet():
         read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
-    for one, other, at in zip((scene, state), read, (location, location.at(STATE)), strict=True):
-        difference = first_difference(one, other, at)
+    for saved, restored, at in zip(
+        (scene, state), read, (location, location.at(STATE)), strict=True
+    ):
+        difference = first_difference(saved, restored, at)
         if difference is not None:
             difference.refuse(
                 "a value that its class does not restore from arguments",
@@ -252,7 +254,7 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     return scene_of_document(document, classes, location)
 
 
-def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
+def first_difference(first: object, second: object, location: FileLocation) -> FileLocation | None:
     """Return the location of the first difference of two objects, ``None`` if they are equal.
 
     Floats are equal if their bits are equal, arrays of NumPy and JAX if their shapes, dtypes and
@@ -260,19 +262,19 @@ def first_difference(one: object, other: object, location: FileLocation) -> File
     """
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
-    are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
-    are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
-    if not (are_arrays or are_tables or type(one) is type(other)):
+    are_arrays = isinstance(first, ARRAYS) and isinstance(second, ARRAYS)
+    are_tables = isinstance(first, Mapping) and isinstance(second, Mapping)
+    if not (are_arrays or are_tables or type(first) is type(second)):
         return location
-    entries, others = _entries(one), _entries(other)
+    entries, others = _entries(first), _entries(second)
     if not (entries or others):  # two values without parts, or two empty containers
-        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (one, other))]
-        by_bits = are_arrays or isinstance(one, float)
-        return None if (bits[0] == bits[1] if by_bits else one == other) else location
+        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (first, second))]
+        by_bits = are_arrays or isinstance(first, float)
+        return None if (bits[0] == bits[1] if by_bits else first == second) else location
     if set(entries) != set(others):
         return location
     pairs = ((entries[key], others[key], location.at(key)) for key in entries)
-    return next((found for pair in pairs if (found := first_difference(*pair))), None)
+    return next((difference for pair in pairs if (difference := first_difference(*pair))), None)
 
 
 def _entries(node: object) -> dict:
@@ -299,17 +301,17 @@ def scene_of_document(
     reader = Reader(classes)
     # All other keys of the file are arguments of `Scene`.
     sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
-    given, state_location = document.get(STATE, {}), location.at(STATE)
-    if not isinstance(given, dict):
-        state_location.refuse(given, "a table", "write [state.bodies.<name>] for each body")
+    state_table, state_location = document.get(STATE, {}), location.at(STATE)
+    if not isinstance(state_table, dict):
+        state_location.refuse(state_table, "a table", "write [state.bodies.<name>] for each body")
     # A file may omit the state of any body, and the whole section: `_completed` finds them.
     scene = reader.instance(Scene, sections, location, other_keys=(VERSION, STATE))
-    state = reader.instance(State, {"bodies": {}} | given, state_location)
-    known = list(scene.bodies)
+    state = reader.instance(State, {"bodies": {}} | state_table, state_location)
+    bodies = list(scene.bodies)
     for name in state.bodies:
-        if name not in known:
-            remedy = nearest(name, known, "add the body, or leave its state out")
-            expected = f"one of the scene's {listed(known)}"
+        if name not in bodies:
+            remedy = nearest(name, bodies, "add the body, or leave its state out")
+            expected = f"one of the scene's {listed(bodies)}"
             state_location.at("bodies").refuse(name, expected, remedy)
     return scene, _completed(scene, state, state_location)
 

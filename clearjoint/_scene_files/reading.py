@@ -132,33 +132,33 @@ class Reader:
         **Raises:** `ValueError` for unknown and missing arguments, and for values that are not as
         expected or that the class refuses.
         """
-        known = arguments(make)
-        given = {}  # arguments as Python values
+        signature = arguments(make)
+        values = {}  # arguments as Python values
         for name, item in content.items():
             if name == KIND:
                 continue
-            if name not in known:
-                keys = [KIND, *known, *other_keys]
+            if name not in signature:
+                keys = [KIND, *signature, *other_keys]
                 remedy = nearest(name, keys, "leave it out")
                 location.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
-            given[name] = self.value(item, known[name], location.at(name))
+            values[name] = self.value(item, signature[name], location.at(name))
         # Classes with the arguments `quantity` and `unit` are reductions: results that are updated
         # at every step, such as the peak of a quantity. The unit may be omitted: it is then that of
         # the quantity.
-        unit = getattr(given.get("quantity"), "unit", None)
-        is_required = "unit" in known and known["unit"].default is REQUIRED
-        if is_required and "unit" not in given and unit is not None:
-            given["unit"] = unit
+        unit = getattr(values.get("quantity"), "unit", None)
+        is_required = "unit" in signature and signature["unit"].default is REQUIRED
+        if is_required and "unit" not in values and unit is not None:
+            values["unit"] = unit
         missing = [
-            f"{name} ({one.unit})" if one.unit else name
-            for name, one in known.items()
-            if one.default is REQUIRED and name not in given
+            f"{name} ({expectation.unit})" if expectation.unit else name
+            for name, expectation in signature.items()
+            if expectation.default is REQUIRED and name not in values
         ]
         if missing:
             names = ", ".join(missing)
             raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
         try:
-            made = CHECKED.get(make, make)(**given)
+            made = CHECKED.get(make, make)(**values)
         except (ValueError, TypeError) as error:
             # The message names an argument as "Argument `joints['pin'].first` must be ...". These
             # keys lead from the table to the location of the wrong value.
@@ -167,8 +167,8 @@ class Reader:
             raise ValueError(f"{location.at(*keys)}: {error}") from error
         # Not every constructor checks the classes of its arguments. Where objects are allowed,
         # ``None``, numbers or options may be allowed too; these are no objects of the classes.
-        for name, item in given.items():
-            allowed, stored = known[name], getattr(made, name, None)
+        for name, item in values.items():
+            allowed, stored = signature[name], getattr(made, name, None)
             is_other = (
                 stored is None
                 or isinstance(item, Mapping)

@@ -250,14 +250,16 @@ class Robot:
     def massive(self, carrier: Carrier) -> dict[str, Inertial]:
         """Return the inertias of the links of a carrier that have any, by the links' names."""
         inertials = {name: self.links[name].inertial for name in carrier.links}
-        return {name: one for name, one in inertials.items() if one is not None}
+        return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
         """Return the centre of mass of a carrier, (3,) m in the frame of its first link. Without
         mass it is the centre of its first link that has an <inertial>, or the origin."""
         inertials = self.massive(carrier)
-        centres = [_moved(self.poses[name], one.centre) for name, one in inertials.items()]
-        masses = np.array([one.mass for one in inertials.values()])
+        centres = [
+            _moved(self.poses[name], inertial.centre) for name, inertial in inertials.items()
+        ]
+        masses = np.array([inertial.mass for inertial in inertials.values()])
         if not centres:
             return np.zeros(3)
         # Relative to the first centre, so that a single link's centre is not rounded.
@@ -284,7 +286,7 @@ def scene_of(
     """Return the scene of a robot, and its state at rest with all joints at zero."""
     location = robot.location
     hinges = [joint.name for joint in robot.joints.values() if joint.kind in HINGES]
-    play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
+    play = {name: _checked(name, settings, hinges, location) for name, settings in play.items()}
     carriers = robot.moving()
     if not carriers:
         remedy = "pass free_root=True, which makes the root a body, or correct the joints"
@@ -292,19 +294,19 @@ def scene_of(
     bodies = _bodies(robot, carriers)
     joints = {}
     for joint in robot.joints.values():
-        given = play.get(joint.name)
+        settings = play.get(joint.name)
         # A clearance replaces the ideal joint, a backlash is added to it.
-        has_backlash = given is not None and BACKLASH in given
-        scene_joint = _joint(joint, robot, None if has_backlash else given)
+        has_backlash = settings is not None and BACKLASH in settings
+        scene_joint = _joint(joint, robot, None if has_backlash else settings)
         if scene_joint is not None:  # floating joints and joints within a body have none
             joints[joint.name] = scene_joint
         # Only hinges pass `_checked`, and without a clearance they are always revolute joints.
-        if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
+        if settings is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
             name, at = f"{joint.name} {BACKLASH}", location.at(joint.name)
             if name in robot.joints:
                 expected = f"no joint {name!r}, which is the name of the backlash"
                 at.refuse(name, expected, "rename that joint")
-            joints[name] = _backlash(joint, scene_joint, given, at)
+            joints[name] = _backlash(joint, scene_joint, settings, at)
     state = {
         carrier.body: body_state(tuple(_moved(carrier.pose, carrier.centre)))
         for carrier in carriers
@@ -321,10 +323,12 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
         location = robot.location.at(carrier.links[0])
         inertials = robot.massive(carrier)
         if options.balance_inertia:
-            possible = {name: _balanced(one) for name, one in inertials.items()}
-            balanced += [name for name, one in possible.items() if one is not inertials[name]]
+            possible = {name: _balanced(inertial) for name, inertial in inertials.items()}
+            balanced += [
+                name for name, inertial in possible.items() if inertial is not inertials[name]
+            ]
             inertials = possible
-        mass = sum(one.mass for one in inertials.values())
+        mass = sum(inertial.mass for inertial in inertials.values())
         tensor = _tensor(robot, carrier, inertials)
         if mass < options.bound_mass or np.linalg.eigvalsh(tensor)[0] < options.bound_inertia:
             bounded.append(carrier.body)
@@ -398,14 +402,14 @@ def _require_possible(
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     whole = f" of links {', '.join(names)} together" if len(names) > 1 else ""
-    found = f"principal moments {', '.join(f'{x:.4g}' for x in moments)} kg m^2"
+    actual = f"principal moments {', '.join(f'{x:.4g}' for x in moments)} kg m^2"
     if not _is_possible(tensor):
         expected = f"an inertia{whole} such that no principal moment exceeds the sum of the others"
         remedy = "correct it, or pass balance_inertia=True to replace impossible inertias"
-        at.refuse(found, expected, remedy)
+        at.refuse(actual, expected, remedy)
     if not moments[0] > ZERO * moments[-1]:
         expected = f"an inertia{whole} with positive moments about all axes"
-        at.refuse(found, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
+        at.refuse(actual, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
 
 
 def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
@@ -416,36 +420,36 @@ def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
     return {element.name: element for element in elements}
 
 
-def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
+def _checked(name: str, settings: Play, hinges: list[str], location: FileLocation) -> Play:
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")
         location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
-    if not isinstance(given, Mapping):
+    if not isinstance(settings, Mapping):
         remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
-        location.at(name).refuse(given, "arguments by name", remedy)
-    kind = Backlash if BACKLASH in given else ClearanceJoint
+        location.at(name).refuse(settings, "arguments by name", remedy)
+    kind = Backlash if BACKLASH in settings else ClearanceJoint
     expected = arguments(kind)
-    known = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
+    allowed = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
     if kind is Backlash:
-        known[BACKLASH] = expected["play"]
-    for argument in given:
-        if argument not in known:
+        allowed[BACKLASH] = expected["play"]
+    for argument in settings:
+        if argument not in allowed:
             # The message lists the backlash too, because it may have been meant.
-            known |= {BACKLASH: Expectation()}
-            remedy = nearest(argument, known, "leave it out")
-            location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
+            allowed |= {BACKLASH: Expectation()}
+            remedy = nearest(argument, allowed, "leave it out")
+            location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
     # Only texts are converted here. The constructors check all other values.
     reader, at = Reader(()), location.at(name)
     return {
-        key: reader.value(value, known[key], at.at(key)) if isinstance(value, str) else value
-        for key, value in given.items()
+        key: reader.value(value, allowed[key], at.at(key)) if isinstance(value, str) else value
+        for key, value in settings.items()
     }
 
 
 def _backlash(
-    joint: RobotJoint, hinge: RevoluteJoint, given: Play, location: FileLocation
+    joint: RobotJoint, hinge: RevoluteJoint, settings: Play, location: FileLocation
 ) -> Backlash:
-    options = {key: value for key, value in given.items() if key != BACKLASH}
+    options = {key: value for key, value in settings.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
         effort = math.inf if joint.limits is None else joint.limits.effort
@@ -453,13 +457,13 @@ def _backlash(
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
         with location.in_errors():  # before the division by the angle
-            angle = as_number(given[BACKLASH], BACKLASH, "rad")
+            angle = as_number(settings[BACKLASH], BACKLASH, "rad")
             require_positive(BACKLASH, angle, "give an angle in rad")
         # The limit turns the joint past the end of the play by a tenth of it: the elastic
         # deflection of the surfaces in contact (flanks) is small compared with the play.
         options["torsional_stiffness"] = effort / (0.1 * float(angle))
     with location.in_errors():
-        return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
+        return Backlash(hinge.first, hinge.second, play=settings[BACKLASH], **axes, **options)
 
 
 def _joint(

@@ -100,27 +100,30 @@ class Catalogue:
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
             names.setdefault(make, []).append(name)
-        for make, known in names.items():
-            if known[-1] not in self.definitions:
-                self.definitions[known[-1]] = {}  # the definition may refer to itself
-                properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
+        for make, aliases in names.items():
+            if aliases[-1] not in self.definitions:
+                self.definitions[aliases[-1]] = {}  # the definition may refer to itself
+                properties = {KIND: {"enum": sorted(aliases)}} | self.properties(make)
                 # Classes with the arguments `quantity` and `unit` are reductions: results that are
                 # updated at every step, such as the peak of a quantity. The unit may be omitted,
                 # since the reader then takes that of the quantity.
                 omitted = "unit" if "quantity" in properties else None
-                given = {name: one for name, one in arguments(make).items() if name != omitted}
-                needed = [name for name, one in given.items() if one.default is REQUIRED]
+                needed = [
+                    name
+                    for name, argument in arguments(make).items()
+                    if argument.default is REQUIRED and name != omitted
+                ]
                 summary = (make.__doc__ or "").strip().split("\n")[0]
                 definition = _table(properties, needed) | {"description": summary}
-                self.definitions[known[-1]] = definition
+                self.definitions[aliases[-1]] = definition
         # The class that a table has if it does not name one. Another argument may allow further
         # classes, so that the definition itself doesn't require the name.
         implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
-        references = {make: _reference(known[-1]) for make, known in names.items()}
+        references = {make: _reference(aliases[-1]) for make, aliases in names.items()}
         # Editors that follow older drafts ignore what stands beside "$ref", but not beside "allOf".
         return [
-            one if make is implied else {"allOf": [one], "required": [KIND]}
-            for make, one in references.items()
+            reference if make is implied else {"allOf": [reference], "required": [KIND]}
+            for make, reference in references.items()
         ]
 
 

@@ -170,7 +170,8 @@ def load_urdf(
 
 def _not_carried_over(robot: Robot, omitted: Mapping[str, list[str]]) -> str:
     grounded = [name for name, carrier in robot.carriers.items() if carrier.body == GROUND]
-    massive = [name for name in grounded if (one := robot.links[name].inertial) and one.mass > 0.0]
+    inertials = {name: robot.links[name].inertial for name in grounded}
+    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
     listed_parts = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
     named = [f"{title} of {', '.join(names)}" for title, names in listed_parts.items() if names]
     return "; ".join([*named, *sorted(title for title, names in listed_parts.items() if not names)])

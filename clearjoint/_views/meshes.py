@@ -192,7 +192,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(*needed("trimesh").util.append_faces(vertices, faces))
 
 
-def given_mesh(argument: str, value: MeshLike) -> Mesh:
+def as_mesh(argument: str, value: MeshLike) -> Mesh:
     """Check a mesh that a user passes as the given argument, and return it as a `Mesh`.
 
     **Raises:** `ValueError` for a missing file, for an object that is not a `MeshLike`, and for

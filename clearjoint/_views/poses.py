@@ -85,9 +85,9 @@ def require_bodies(
 ) -> None:
     """Check that a state has exactly the bodies of a scene and one position of each body for each
     time, which a trajectory that a user made may lack."""
-    found, known = sorted(states.bodies), sorted(bodies)
+    in_motion, in_scene = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
-    require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)
+    require(in_motion == in_scene, "motion", in_motion, f"of the scene's bodies {in_scene}", remedy)
     if times is not None:
         expected = f"of shape ({len(times)}, 3), one row for each time"
         remedy = "pass a State, or a trajectory whose arrays have the times as first axis"

@@ -362,7 +362,7 @@ class SketchingPen(AbstractPen):
         """Draw a black ball at a body's centre of mass."""
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
-    def given(self, name: str, mesh: Mesh) -> None:
+    def shape(self, name: str, mesh: Mesh) -> None:
         """Draw a mesh that the user passes, in body axes, as the shape of a body."""
         self._add(name, mesh)
         self._shaped.add(name)
@@ -457,23 +457,23 @@ def sketch(
     scene: Scene,
     poses: BodyPoses,
     proportions: Proportions,
-    given: Mapping[str, Mesh],
+    shapes: Mapping[str, Mesh],
     *,
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows, and return the pen. `given`: meshes that replace the
-    drawn bodies; `centres`, `solids`: whether to add centres of mass and equivalent solids."""
+    """Draw all parts of a scene except arrows, and return the pen. `shapes`: meshes that replace
+    the drawn bodies; `centres`, `solids`: whether to add centres of mass and equivalent solids."""
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
-    for name, mesh in given.items():
-        pen.given(name, mesh)
+    for name, mesh in shapes.items():
+        pen.shape(name, mesh)
     for family in (scene.joints, scene.forces):
         for name, element in family.items():
             pen.element = name
             element.draw(pen)
     # Bodies last: their hulls contain the points of all elements.
     for name, body in scene.bodies.items():
-        if name not in given:
+        if name not in shapes:
             pen.body(name, body)
         if centres:
             pen.centre_of_mass(name)

@@ -19,7 +19,7 @@ from .._simulation.results.nonsmooth_solution import NonsmoothSolution
 from .._simulation.results.observe import Observation, observe
 from .._simulation.results.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, arrows, coloured_by_mode, newtons
-from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, given_mesh
+from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, as_mesh
 from .page import Legend, page
 from .poses import BodyPoses, body_poses, initial_state, instants_to_show, require_bodies
 from .proportions import Camera, Proportions, camera, proportions
@@ -183,8 +183,8 @@ def view(
     poses, observed, notes = _poses(scene, motion, observation, forces, frames)
     noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
-    given = _given(scene, meshes, sizes)
-    pen = sketch(scene, poses, sizes, given, centres=centres_of_mass, solids=inertias)
+    shapes = _shapes(scene, meshes, sizes)
+    pen = sketch(scene, poses, sizes, shapes, centres=centres_of_mass, solids=inertias)
     # Rigid contacts have impulses, so the contact forces in their observation are meaningless.
     pushing = None if isinstance(motion, NonsmoothSolution) else observed
     force_arrows = arrows(pen, pushing, sizes, force_scale)
@@ -218,8 +218,8 @@ def _poses(
     or None, and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
-        given, expected = type(observation).__name__, "None for a single state"
-        require(observation is None, "observation", given, expected, remedy)
+        kind, expected = type(observation).__name__, "None for a single state"
+        require(observation is None, "observation", kind, expected, remedy)
     if motion is None:
         state, fits = initial_state(scene)
         text = "state found from the joints" if fits else "joints are not closed"
@@ -238,11 +238,11 @@ def _poses(
     chosen = instants_to_show(times, frames)
     shown = _at(trajectory, chosen)
     if observation is not None:
-        given = np.asarray(observation.times)
-        fits = given.shape == times.shape and np.allclose(given, times, rtol=1e-9, atol=0.0)
+        observed = np.asarray(observation.times)
+        fits = observed.shape == times.shape and np.allclose(observed, times, rtol=1e-9, atol=0.0)
         expected = f"of the motion's {len(times)} instants"
         remedy = "pass the result of observe(scene, solution), or nothing"
-        require(fits, "observation", f"of {given.size} instants", expected, remedy)
+        require(fits, "observation", f"of {observed.size} instants", expected, remedy)
         observation = _at(observation, chosen)
     elif forces and not isinstance(motion, Trajectory) and scene.contact_joints():
         observation = observe(scene, motion, shown)
@@ -272,14 +272,14 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     )
 
 
-def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
+def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
     """Return the meshes of bodies that the user of `view` passes. A mesh whose size differs from
     that of the mechanism by more than a factor of 50, as for a mesh in mm, is refused."""
     checked = {}
     for name, value in meshes.items():
-        known = sorted(scene.bodies)
-        require(name in scene.bodies, "meshes", name, f"by names of bodies {known}", "rename it")
-        mesh = given_mesh(f"meshes[{name!r}]", value)
+        bodies = sorted(scene.bodies)
+        require(name in scene.bodies, "meshes", name, f"by names of bodies {bodies}", "rename it")
+        mesh = as_mesh(f"meshes[{name!r}]", value)
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))  # diagonal of its box, m
         is_usual = sizes.size / 50.0 <= size <= sizes.size * 50.0
         expected = f"about as large as the mechanism, {sizes.size:.3g} m"

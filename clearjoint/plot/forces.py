@@ -86,7 +86,7 @@ def contact_forces(
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     contacts = observed.contacts(observation, joint)
-    forces = {_label(name): np.asarray(one.normal_force) for name, one in contacts.items()}
+    forces = {_label(name): np.asarray(contact.normal_force) for name, contact in contacts.items()}
     return _over_time(observation.times, forces, window, logarithmic, axes)
 
 

@@ -99,9 +99,10 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     for base in BASES:
         names = takewhile(lane.__contains__, (f"{output}_{base} {k}" for k in count(1)))
         sectors = [lane[name] for name in names]
-        is_single, remedy = all(one.ndim == 0 for one in sectors), "select one: dataset.isel(...)"
+        is_single = all(volume.ndim == 0 for volume in sectors)
+        remedy = "select one: dataset.isel(...)"
         require(is_single, "lane", sectors[0].dims, "a single lane", remedy)
-        volumes[f"base {base}"] = np.array([float(one) for one in sectors])
+        volumes[f"base {base}"] = np.array([float(volume) for volume in sectors])
     return _bars(volumes, ("worn volume", "m^3"), True, polar_or_new(axes))
 
 
@@ -130,8 +131,8 @@ def worn_profile(
     >>> axes = plot.worn_profile(xr.Dataset(depths, places), "pin")
     """
     require_names(found, (f"{part}_depth", "cycles"))
-    known = [str(name) for name in found["joint"].values]
-    require(joint in known, "joint", joint, f"one of {known}", "name a joint that wears")
+    joints = [str(name) for name in found["joint"].values]
+    require(joint in joints, "joint", joint, f"one of {joints}", "name a joint that wears")
     require_count("curves", curves, "give a number of curves")
     axes = polar_or_new(axes)
     depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values

@@ -139,8 +139,8 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     ]
 
 
-def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
-    return f"{number} {name}{one if number == 1 else many}"
+def _counted(number: int, name: str, singular: str = "", plural: str = "s") -> str:
+    return f"{number} {name}{singular if number == 1 else plural}"
 
 
 def _tolerances(solution: Solution) -> list[str]:

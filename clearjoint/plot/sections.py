@@ -91,11 +91,11 @@ def poincare_section(
     >>> axes.get_xlabel()
     'x, µm'
     """
-    known = list(section.channels)
-    chosen = tuple(known[:2]) if channels is None else tuple(channels)
-    is_valid = len(chosen) == 2 and set(chosen) <= set(known)
+    recorded = list(section.channels)
+    chosen = tuple(recorded[:2]) if channels is None else tuple(channels)
+    is_valid = len(chosen) == 2 and set(chosen) <= set(recorded)
     remedy = "record two channels and name them"
-    require(is_valid, "channels", chosen, f"two of those of the section, {known}", remedy)
+    require(is_valid, "channels", chosen, f"two of those of the section, {recorded}", remedy)
     drawn = [(name, crossings.values[name], section.channels[name][1]) for name in chosen]
     return section_points(crossings.times, drawn, after, clearance, axes)
 

@@ -36,10 +36,10 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
     require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
-    found, expected = dataset[variable].dims, f"a number for each value of {along}"
-    is_valid = sorted(map(str, found)) == sorted(map(str, dims))
+    actual, expected = dataset[variable].dims, f"a number for each value of {along}"
+    is_valid = sorted(map(str, actual)) == sorted(map(str, dims))
     remedy = "select along the other dimensions first: dataset.sel(...)"
-    require(is_valid, "variable", f"{variable} along {found}", expected, remedy)
+    require(is_valid, "variable", f"{variable} along {actual}", expected, remedy)
     return dataset[variable].where(is_successful(dataset)).transpose(*dims)
 
 
@@ -48,9 +48,9 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
     if axis is not None:
         require_names(dataset, (axis,))
         return axis
-    dims, known = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
+    dims, swept = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
     is_only = len(dims) == 1 and dims[0] in dataset.coords
-    require(is_only, "axis", axis, f"one of {known}", "name it")
+    require(is_only, "axis", axis, f"one of {swept}", "name it")
     return str(dims[0])
 
 
@@ -153,13 +153,13 @@ def running_median(
     >>> medians
     array([2., 3., 3.])
     """
-    known = np.isfinite(values)
-    count = int(known.sum())
+    finite = np.isfinite(values)
+    count = int(finite.sum())
     require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")
-    order = np.argsort(positions[known], kind="stable")
+    order = np.argsort(positions[finite], kind="stable")
     # The view has the shape (n - width + 1, width): a row for each group.
     x, y = (
-        np.median(np.lib.stride_tricks.sliding_window_view(column[known][order], width), axis=1)
+        np.median(np.lib.stride_tricks.sliding_window_view(column[finite][order], width), axis=1)
         for column in (positions, values)
     )
     return x, y
