@@ -31,7 +31,8 @@ from .style import (
 
 
 class FittedModel(Protocol):
-    """The properties of `clearjoint.results.Fit` that figures show."""
+    """The properties of `clearjoint.results.Fit` that figures show: a protocol, so that figures do
+    not import the identification of parameters."""
 
     @property
     def measurements(self) -> Measurements:
@@ -71,10 +72,10 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
     >>> axes = plot.fitted(fit)
     """
-    known = list(fit.measurements.series)
-    names = known if series is None else list(series)
-    is_valid = bool(names) and set(names) <= set(known)
-    require(is_valid, "series", names, "names of series", f"choose from {', '.join(known)}")
+    measured = list(fit.measurements.series)
+    names = measured if series is None else list(series)
+    is_valid = bool(names) and set(names) <= set(measured)
+    require(is_valid, "series", names, "names of series", f"choose from {', '.join(measured)}")
     columns = min(2, len(names))
     blocks = -(-len(names) // columns)  # rows of series, rounded up
     figure, grid = plt.subplots(
