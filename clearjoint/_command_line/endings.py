@@ -13,8 +13,7 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class CommandResult(NamedTuple):
-    """Result of a command: exit code, the result in one line, which may follow the lines of a
-    table, and whether results were written."""
+    """Exit code of a command, its result in one line, and whether results were written."""
 
     code: int
     line: str

@@ -101,11 +101,9 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name of the file, without suffix, for a table or figure.
-
-    Slashes are replaced, and long names shortened, because file systems allow names of at most 255
-    bytes. A name that was changed gets a checksum, so that different names give different files.
-    """
+    """Return the name of the file, without suffix, for a table or figure: slashes are replaced, and
+    long names shortened to what file systems allow. A name that was changed gets a checksum, so
+    that different names give different files."""
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -187,12 +185,9 @@ def formulation_text(formulation: Formulation) -> str:
 
 
 def read_formulation(notes: Mapping[str, object], location: FileLocation) -> Formulation:
-    """Return the formulation of a run from the attributes of its table at `location`.
-
-    Tables of earlier versions lack the attribute `FORMULATION`. Their formulation is found only if
-    its coordinates and stabilisation have no numbers, or the default ones; otherwise a `ValueError`
-    is raised.
-    """
+    """Return the formulation of a run from the attributes of its table at `location`. That of a
+    table of an earlier version, which lacks `FORMULATION`, is found only if its coordinates and
+    stabilisation have no numbers, or the default ones."""
     if FORMULATION in notes:
         table = json.loads(str(notes[FORMULATION]))
         return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))

@@ -277,8 +277,8 @@ def _read_study(
     section: str = "",
     options: Mapping[str, str | None] = MappingProxyType({}),
 ) -> "Study":
-    """Read a study file or a scene file, with the changes of the options --set and those of other
-    options by the names of the entries in `section` that they replace."""
+    """Read a study file or a scene file, with the changes of --set and the other options, which
+    replace entries of `section`."""
     _prepare()
     from .study import read_study
 

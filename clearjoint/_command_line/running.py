@@ -135,10 +135,8 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
     """Return the reductions that a run computes, by name: those among its outputs and, for each
-    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states.
-
-    The latter need the solver's dense output; without, they are left out, and a warning is printed.
-    """
+    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states, if the
+    solver has dense output."""
     chosen = {
         n: output for n, output in part.outputs.items() if isinstance(output, AbstractReduction)
     }
@@ -162,8 +160,7 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """Return the times (N,), s, at which a run's states are saved. If the duration is not a
-    multiple of `save_every`, the last time is before the end."""
+    """Return the times (N,), s, at which states are saved, the last one before or at the end."""
     every = part.save_every
     if every is None:
         return np.linspace(part.start, end, FRAMES + 1)
@@ -207,9 +204,8 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> xr.Dataset:
-    """Return the values of quantities at the saved states, with the extremes that reductions have
-    found as attributes. A note is printed if the saved values fall short of an extreme by more than
-    2 % of the difference between the extremes."""
+    """Return the values of quantities at the saved states, with their extremes as attributes. A
+    note is printed if the saved values fall short of an extreme by more than 2 % of the range."""
     saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}

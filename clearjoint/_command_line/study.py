@@ -60,12 +60,8 @@ Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "
 
 @dataclass(frozen=True)
 class SectionPart:
-    """A Poincaré section of a run.
-
-    - `crossing`: quantity at whose upward zero crossings the channels are recorded.
-    - `count`: largest number of recorded crossings.
-    - `after`: time, s, before which crossings are not recorded.
-    """
+    """A Poincaré section of a run, from the time `after`, s, on; `count`: largest number of
+    crossings."""
 
     crossing: AbstractQuantity
     channels: Mapping[str, AbstractQuantity]
@@ -153,12 +149,9 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured series: a column of the file of measurements.
-
-    - `noise`: standard deviation of the measured values: a number in the column's unit, or a text
-      with another unit.
-    - `unit`: unit of the column, if its header does not give the unit.
-    """
+    """A measured series: a column of the file of measurements. `noise`: standard deviation, a
+    number in the column's unit, or a text with another unit; `unit`: if the header does not give
+    it."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -167,13 +160,8 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene or of the initial state to estimate.
-
-    - `path`: a path, or a list of paths, whose numbers all get the same value.
-    - `scale`: scale on which the parameter is estimated.
-    - `guess`: first guess, a number in SI units or a text with a unit; by default the number in the
-      scene or state.
-    """
+    """A number of the scene or of the initial state to estimate. `path`: one path, or several,
+    whose numbers all get the same value; `guess`: a number in SI units or a text with a unit."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -276,7 +264,7 @@ def study_schema() -> Schema:
 @dataclass(frozen=True)
 class WrittenPath:
     """Function that returns the number of a scene, or of a state, at the keys of a path, or a list
-    of numbers if there are several paths."""
+    of numbers for several paths."""
 
     paths: tuple[Keys, ...]
 
@@ -287,11 +275,8 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """A number that a path in a file names, or several numbers that get the same value.
-
-    - `path`: function of the scene, or of the state, that returns the number or a list of numbers.
-    - `unit`: SI unit of all numbers.
-    """
+    """A number that a path in a file names, or several numbers that get the same value, of one
+    unit."""
 
     path: WrittenPath
     in_state: bool
@@ -309,12 +294,11 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find which number of the scene or of its initial state a path names. Several paths name
-    several numbers, to which the caller later gives one common value.
+    """Find which number of the scene or of its initial state a path names, or which several
+    numbers, to which the caller later gives one common value.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
-    existing names), for a mixture of paths in the scene and in the state, and for numbers of
-    different units.
+    existing names), for a mixture of paths in the scene and in the state, and for different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -386,12 +370,9 @@ class Study:
         return Path(self.location.file)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings in a section: those of its preset, except for the entries that its
-        `settings` replace.
-
-        A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
-        ledger is switched on if an output of the section needs it.
-        """
+        """Return the settings in a section: those of its preset, with the entries of its
+        `settings`. A section [sweep] without either has those of [run]. The energy ledger is
+        switched on if an output of the section needs it."""
         part = getattr(self.parts, section)
         needs_ledger = any(
             getattr(output, "needs_ledger", False)
@@ -411,8 +392,7 @@ class Study:
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the time at which runs end, s: `section_end`, or if it is None the end in
-        [run]."""
+        """Return the end of runs, s: `section_end`, or if it is None that in [run]."""
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
             remedy = 'write end = "1 s", or pass --end 1'

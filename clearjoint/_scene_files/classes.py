@@ -29,8 +29,7 @@ Classes: TypeAlias = Collection[type]
 Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""Functions that check the arguments of a class and make its object, instead of constructors that
-do not check their arguments."""
+"""Functions that make objects of classes whose constructors do not check their arguments."""
 
 
 @dataclass(frozen=True)
@@ -82,14 +81,13 @@ def is_abstract(kind: type) -> bool:
 
 
 def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
-    """Return the makers that a file may name as `kind`, by their names, such as "Body" and
-    "Body.rod": the following classes that derive from one of the `families` (from any class if
-    there are none), and those of their static methods that return an object of the class.
+    """Return the makers that a file may name as `kind`, by their names: classes that derive from
+    one of the `families` (from any class if there are none), and those of their static methods that
+    return an object of the class, such as "Body.rod".
 
-    - Classes of this package that derive from `AbstractReadable`, the base class of laws, joints,
-      bodies and others, or are one of the `families`.
-    - User-defined `classes`. Each has two names, with and without its module; the short one
-      is omitted if a class of this package has it.
+    The classes of this package must also derive from `AbstractReadable`, or be one of the
+    `families`. The user-defined `classes` have two names, with and without their module; the short
+    one is omitted if a class of this package has it.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
@@ -133,8 +131,7 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the maker of the `families`, or among the user-defined `classes`, that a file
-    names.
+    """Return the maker that a file names.
 
     A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `classes`
     is found, whatever its module, unless this package has a class of that name.
@@ -188,8 +185,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the values that an annotation allows; ``Annotated[float, "s"]`` declares the unit
-    s."""
+    """Return the values that an annotation allows, whose unit may be in ``Annotated[float,
+    "s"]``."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         return expectation(inner[0], next((n for n in inner[1:] if isinstance(n, str)), unit))

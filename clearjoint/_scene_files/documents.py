@@ -30,19 +30,16 @@ NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
 KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
 """Pattern of one key or index of a written path: in brackets, after a dot, or at the beginning."""
 SHORT = reprlib.Repr()
-"""Makes the texts of values in error messages, without the middle of long texts and the end of long
-lists."""
+"""Makes the texts of values in error messages."""
 SHORT.maxlist = SHORT.maxtuple = 12
 SHORT.maxstring = SHORT.maxother = 60
 
 
 def split(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, all as texts: ("joints", "crank pin", "axis",
-    "0") for "joints.crank pin.axis[0]".
+    """Return the keys and indices of a written path, all as texts: ("joints", "pin", "axis", "0")
+    for "joints.pin.axis[0]", or for "joints['pin'].axis[0]" as `clearjoint.parameters` returns it.
 
-    Keys and indices may be in brackets, as in "joints['crank pin'].clearance", the form that
-    `clearjoint.parameters` returns. Characters that don't belong to a path, such as a second dot in
-    a row, are skipped.
+    Characters that don't belong to a path, such as a second dot in a row, are skipped.
     """
     names = map("".join, KEY.findall(text))
     return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
@@ -58,11 +55,8 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 
 def written(keys: Keys) -> str:
-    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]".
-
-    Keys that contain dots, brackets or quotation marks are quoted. A key with both kinds of
-    quotation marks can't be read back by `keys_of`.
-    """
+    """Return the written path of keys and indices, in which keys with dots, brackets or quotation
+    marks are quoted. A key with both kinds of marks can't be read back by `keys_of`."""
 
     def quoted(key: str) -> str:
         mark = '"' if "'" in key else "'"
@@ -73,8 +67,7 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the beginning of a path that exists in nested tables and lists, with indices as
-    integers."""
+    """Return the beginning of a path that exists in nested tables, with indices as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -89,7 +82,7 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
 
 
 class Source:
-    """The text of a file, in which error messages find the line of a value. `changes`: changes that
+    """The text of a file, in which error messages find the line of a value, and the `changes` that
     the command line makes, by the keys of the changed value."""
 
     def __init__(self, text: str, suffix: str):
@@ -97,10 +90,9 @@ class Source:
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return the text that a message adds to the path of the file for the value at `keys`: "
-        with --set …" for a value that the command line sets, otherwise ", line 12", say, for the
-        statement that sets the value or the closest table around it; empty if the line is
-        unknown."""
+        """Return what a message adds to the path of the file for the value at `keys`: the change of
+        the command line that sets it, or the line of the statement that sets it or the closest
+        table around it; an empty text if the line is unknown."""
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
@@ -152,14 +144,12 @@ class FileLocation:
         return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
-        """Raise a `ValueError` that names this location, the `value` found there, what was
-        `expected`, and the `remedy`: what the user can do."""
+        """Raise a `ValueError` that names this location, the `value` found, and the `remedy`."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
     @contextmanager
     def in_errors(self) -> Iterator[None]:
-        """Return a context in which messages of `ValueError` begin with this location, for errors
-        of functions that know nothing of the file."""
+        """Return a context in which messages of `ValueError` begin with this location."""
         try:
             yield
         except ValueError as error:
@@ -255,8 +245,8 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text. An object with a repeated key is refused: the module
-    `json` would silently take the last value of the key; `tomllib` refuses repeated keys."""
+    """Return the content of a JSON text. An object with a repeated key is refused as by `tomllib`:
+    the module `json` would silently take the last value."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:
@@ -273,8 +263,8 @@ def _parsed_json(text: str) -> object:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """Return the text of a file with the given tables; TOML has the `units` in comments. `schema`:
-    name of the JSON Schema file to which the text refers for editors, or None."""
+    """Return the text of a file with the given tables, with the `units` in comments of TOML, and
+    with a reference to the JSON Schema file `schema`, if any."""
     if suffix == ".json":
         whole = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -45,18 +45,14 @@ from .schema import scene_schema
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts a scene, a state and the objects in them to tables.
-
-    - `units`: units of the converted values, by the keys that lead to them.
-    - `user_classes`: user-defined classes among those of the converted objects.
-    """
+    """Converts objects to tables, and collects the units of the values, by the keys that lead to
+    them, and the user-defined classes among those of the objects."""
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the table of an object: the arguments with which its constructor makes the object
-        again.
+        """Return the arguments with which the constructor makes an object again.
 
         Left out are arguments whose value and default are both ``None``, empty dictionaries whose
         default is empty or ``None``, and arguments that have a default but no field.
@@ -255,11 +251,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
 
 def first_difference(first: object, second: object, location: FileLocation) -> FileLocation | None:
-    """Return the location of the first difference of two objects, ``None`` if they are equal.
-
-    Floats are equal if their bits are equal, arrays of NumPy and JAX if their shapes, dtypes and
-    bits are equal.
-    """
+    """Return the location of the first difference of two objects, ``None`` if they are equal:
+    floats and arrays bit by bit, arrays also in shape and dtype."""
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
     are_arrays = isinstance(first, ARRAYS) and isinstance(second, ARRAYS)

@@ -45,8 +45,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, of a rotation by `angle`, rad, about `axis`. In a
-    file, a table with these two arguments may replace Euler parameters."""
+    """Return the Euler parameters, scalar first, for which a table with `axis` and `angle`, rad,
+    stands."""
     return tuple(rotation(axis, angle).tolist())
 
 
@@ -126,12 +126,7 @@ class Reader:
         other_keys: tuple[str, ...] = (),
     ) -> PyTree:
         """Make an object from a table with the arguments of its class or static method.
-
-        **Arguments:** `other_keys`: further keys that the table in the file may have, for messages.
-
-        **Raises:** `ValueError` for unknown and missing arguments, and for values that are not as
-        expected or that the class refuses.
-        """
+        `other_keys`: further keys that the table in the file may have, for messages."""
         signature = arguments(make)
         values = {}  # arguments as Python values
         for name, item in content.items():
@@ -196,11 +191,8 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number of a text such as "0.3 mm" in an SI unit.
-
-    The number is rounded once, after the conversion of the unit, so that "0.3 mm" gives the same
-    float as 3e-4. If no unit is declared (None), the text must have none.
-    """
+    """Return the number of a text such as "0.3 mm" in an SI unit, rounded once, after the
+    conversion of the unit, so that "0.3 mm" gives the same float as 3e-4."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

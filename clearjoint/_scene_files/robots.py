@@ -56,8 +56,7 @@ IDEAL = {
 """Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
 TYPES = *IDEAL, FLOATING
 BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, in the arguments of a joint's play, for which the class
-`Backlash` has the name `play`."""
+"""Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
@@ -65,8 +64,7 @@ GIVEN_BY_THE_FILE = {
 }
 """Arguments of `ClearanceJoint` and `Backlash` that the user can't pass."""
 ROUNDING = 0.5e-9
-"""Relative error of moments of inertia that is allowed for the rounding of written numbers, less
-than that which `Body` allows."""
+"""Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
 ZERO = 1e-14
 """Ratio of a moment or product of inertia to the largest moment below which it counts as zero."""
 
@@ -154,10 +152,8 @@ class Options:
 class Carrier:
     """Links that form one body, or belong to the ground.
 
-    - `pose`: (4, 4) m, from the frame of the first link to that of the root if all joints are at
-      zero.
-    - `centre`: (3,) m, the body's centre of mass in the frame of the first link; the origin of that
-      frame for the ground.
+    - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
+    - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
     """
 
     body: str
@@ -170,10 +166,8 @@ class Robot:
     """A tree of links, with the body to which each link belongs.
 
     - `root`: the only link that is no joint's child.
-    - `carriers`: the body of each link, by the link's name; links of one body share the object.
+    - `carriers`: the body of each link; links of one body share the object.
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
-
-    **Raises:** `ValueError` for repeated names, and for joints that don't form a tree.
     """
 
     def __init__(
@@ -209,8 +203,8 @@ class Robot:
             carrier.centre = self._centre(carrier)
 
     def _joints_by_child(self) -> dict[str, RobotJoint]:
-        """Return the joints by the names of their child links; they must lead from one root to
-        every other link once."""
+        """Return the joints by their child links, to each of which they must lead once from one
+        root."""
         of_child: dict[str, RobotJoint] = {}
         for joint in self.joints.values():
             at = self.location.at(joint.name)
@@ -253,8 +247,8 @@ class Robot:
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return the centre of mass of a carrier, (3,) m in the frame of its first link. Without
-        mass it is the centre of its first link that has an <inertial>, or the origin."""
+        """Return the centre of mass of a carrier in the frame of its first link; without mass that
+        of its first link that has an <inertial>, or the origin."""
         inertials = self.massive(carrier)
         centres = [
             _moved(self.poses[name], inertial.centre) for name, inertial in inertials.items()
@@ -274,8 +268,8 @@ class Robot:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Return a point, (3,) m in the frame of the carrier's first link, from the centre of mass
-        in body axes."""
+        """Return a point, in the frame of the carrier's first link, from the centre of mass in body
+        axes."""
         x, y, z = _rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 
@@ -361,8 +355,7 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
-    """Return the inertia of a carrier about its centre of mass, (3, 3) kg m^2 in the axes of its
-    first link, by the parallel-axis theorem."""
+    """Return the inertia of a carrier about its centre of mass, in the axes of its first link."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
@@ -382,8 +375,8 @@ def _is_possible(tensor: np.ndarray) -> bool:
 
 
 def _balanced(inertial: Inertial) -> Inertial:
-    """Return an inertia whose principal moments are their mean if no rigid body has them, otherwise
-    the same object. It is what MuJoCo's compiler does with `balanceinertia`."""
+    """Return the inertia that MuJoCo's `balanceinertia` makes: the principal moments are their mean
+    if no rigid body has them; otherwise it is the same object."""
     tensor = inertial.tensor
     if tensor is None or _is_possible(tensor):
         return inertial
@@ -501,8 +494,7 @@ def _moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def _rounded(numbers: np.ndarray) -> np.ndarray:
-    """Return numbers with at most 15 decimals: rounding restores the exact zeros of a quarter turn,
-    which make the compiled program smaller."""
+    """Restore the exact zeros of a quarter turn, which make the compiled program smaller."""
     return np.round(numbers, 15) + 0.0  # no negative zeros
 
 

@@ -46,11 +46,9 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Collects the schemas of all classes to which the schema of a file refers.
-
-    `definitions` has the schemas of makers, by their names in files, and that of numbers, under
-    `ROWS`. The schema of a class is added when another schema first refers to it.
-    """
+    """Collects the definitions to which the schema of a file refers: the schemas of makers, by
+    their names in files, and that of numbers, under `ROWS`. The schema of a class is added when
+    another schema first refers to it."""
 
     classes: Classes
     definitions: Schema = field(
@@ -64,8 +62,7 @@ class Catalogue:
         return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
-        """Return the schemas of the arguments of a maker, by name, with their units as
-        descriptions."""
+        """Return the schemas of a maker's arguments by name, with their units as descriptions."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
@@ -94,8 +91,8 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers whose objects have one of the given
-        base classes. Definitions that are missing are added."""
+        """Return references to the definitions of all makers of the `families`, adding missing
+        ones."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -150,11 +147,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes.
-
-    If `shapes` is empty, any shape is allowed, and also true and false, because the `shapes` of an
-    argument that is true or false are empty too.
-    """
+    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes. Without
+    any, true and false are allowed too, because the `shapes` of a flag are empty."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

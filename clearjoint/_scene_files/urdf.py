@@ -215,11 +215,8 @@ def _parsed(path: Path) -> Content:
 
 
 def _root(content: bytes, location: FileLocation) -> Element:
-    """Return the element <robot> of a URDF file.
-
-    Tags and attributes keep their prefixes, and a default namespace has no effect, as in other
-    readers of URDF, which ignore namespaces.
-    """
+    """Return the element <robot> of a URDF file. Namespaces are ignored, as by other readers of
+    URDF: tags and attributes keep their prefixes, and a default namespace has no effect."""
     parser, builder = expat.ParserCreate(), TreeBuilder()
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
@@ -247,8 +244,7 @@ def _attribute(element: Element, name: str, location: FileLocation) -> str:
 def _numbers(
     element: Element | None, name: str, default: str | None, count: int, location: FileLocation
 ) -> np.ndarray:
-    """Return the numbers in an attribute of an element, (count,). `default`: text of a missing
-    attribute; None if it must exist."""
+    """Return the (count,) numbers of an attribute, or of `default`, None if it must exist."""
     text = default if element is None else element.get(name, default)
     if element is not None:
         location = location.at(element.tag, name)

@@ -159,13 +159,12 @@ def _extruded(
 
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
-    """Return the corners of the region that is enclosed by tangents at given distances from the
-    origin. The tangents are perpendicular to the directions at the angles 0, 2 pi/N, ..., at which
-    the corners are.
+    """Return the corners, at the angles 0, 2 pi/N, ..., of the region that is enclosed by tangents
+    perpendicular to these directions, at given distances from the origin.
 
     If the distances are the support function of a convex shape, the distance of the tangent as a
-    function of its direction, the outline is that of the shape. If the support function of a shape
-    nowhere exceeds the distances, the shape is inside the outline.
+    function of its direction, the outline is that of the shape; if a shape's support function
+    nowhere exceeds them, the shape is inside the outline.
     """
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
     # A ray from the origin in the k-th direction meets the j-th tangent after the length d / c,

@@ -47,8 +47,7 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Return the drawn radius of a bearing with the true `radius`, or None if this is
-        unknown."""
+        """Return the drawn radius of a bearing with the true `radius`, None if unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -92,10 +91,9 @@ def proportions(
 class BodySolid(NamedTuple):
     """A homogeneous box or cylinder with the mass and moments of inertia of a body.
 
-    - `axes`: (3, 3), with the unit vectors along the axes of the solid as columns, in body axes.
-    - `sides`: (3,) m, lengths of the solid along these axes.
-    - `round`: whether the solid is a cylinder about the third axis instead of a box; the first two
-      sides are then its diameter.
+    - `axes`: unit vectors along the axes of the solid as columns, in body axes. `sides`: (3,) m.
+    - `round`: whether the solid is a cylinder about the third axis; the first two sides are then
+      its diameter.
     """
 
     axes: np.ndarray

@@ -379,8 +379,7 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners, (`CORNERS`, 2) m, of the drawn cross-section of a bearing or journal
-        that deviates by `profile` from a circle."""
+        """Return the corners of a drawn cross-section that deviates by `profile` from a circle."""
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
@@ -445,8 +444,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest coordinate, m, of the marker `runner` in all frames,
-        along an axis in the body of `base` through the marker `base`."""
+        """Return the range of the marker `runner`, m, along an axis of `base` through that
+        marker."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -507,7 +506,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Return a matrix (3, 3) whose third column is the axis of rotation `along`. The first is
-    turned about it by `phase`, rad, from the first vector of `transverse_axes`, from which joints
-    measure angles of profiles and teeth."""
+    turned about it by `phase`, rad, from the vector from which joints measure angles of profiles
+    and teeth."""
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -201,9 +201,7 @@ def _dressed(
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
     """Return the factor from the SI unit to one that suits the largest of `values`, and its name.
-
-    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten.
-    """
+    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten."""
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

@@ -166,10 +166,8 @@ def _impacts(impacts: Impacts | None) -> str:
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
-
-    Simultaneous impacts of several contacts of a joint, such as both ends of a journal, share a
-    row, which has the numbers of the one with the largest peak force.
-    """
+    Simultaneous impacts of a joint, such as at both ends of a journal, share the row of the
+    largest."""
     force = impacts.peak_force
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
@@ -338,10 +336,8 @@ def _record(
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
     """Return a row of the page with lines of text and, unless there are no `rows`, a table below.
-
-    The columns are as wide as their longest texts where the page has space for all of them;
-    otherwise the widest columns are made narrower, and their texts broken into lines.
-    """
+    If the page has no space for all columns, the widest are made narrower, and their texts
+    broken."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     head = line = len(lines) + 0.4

@@ -85,10 +85,8 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 def draw_lines(
     axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
 ) -> None:
-    """Draw curves that differ by colour and line style, also from lines already on the axes.
-
-    **Arguments:** `curves`: label, x (N,) and y (N,) of each curve; `linewidth`: points.
-    """
+    """Draw curves, each with label, x (N,) and y (N,), that differ by colour and line style, also
+    from lines already on the axes."""
     for label, x, y in curves:
         colour = next_colour(axes)
         style = dict(LINES)[colour]
@@ -103,12 +101,8 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes.
-
-    **Arguments:** `handles`: drawn samples, by default those of all labelled curves;
-    `handlelength`: length of the samples in font sizes; `height`: lower edge of the legend as a
-    fraction of the axes' height.
-    """
+    """Add a legend without a frame above the axes, with the lower edge at `height` in heights of
+    the axes, for all labelled curves or given `handles`."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
         # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
         # from the legend.
@@ -132,8 +126,6 @@ ROOM = "room of the legend"
 
 
 def _legend_box(axes: Axes, _room: Axes, renderer: RendererBase | None) -> Bbox:
-    """Return the box of the legend of `axes`, in fractions of the figure; without a visible one, an
-    empty box on the upper edge of the axes."""
     legend = axes.get_legend()
     box = Bbox([[axes.bbox.x0, axes.bbox.y1], [axes.bbox.x1, axes.bbox.y1]])
     if legend is not None and legend.get_visible():
@@ -158,12 +150,9 @@ def fit_labels(figure: Figure) -> None:
 def limit_to_window(
     axes: Axes, times: np.ndarray, window: TimeSpan | None, factor: float = 1.0
 ) -> np.ndarray:
-    """Limit a time axis to a window, s, if one is given. The mask (N,) of the `times` to draw is
-    returned: those in the window and the nearest one on either side, so that curves reach the
-    window's edges.
-
-    **Arguments:** `factor`: from s to the unit of the axis.
-    """
+    """Limit a time axis, whose unit is `factor` times s, to a window if one is given. Return the
+    mask (N,) of the `times` to draw: those in the window and the nearest one on either side, so
+    that curves reach the window's edges."""
     if window is None:
         return np.full(np.shape(times), True)
     overlaps = max(window[0], times[0]) <= min(window[1], times[-1])
@@ -182,12 +171,8 @@ def inside(
     contents: str = "observed times",
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
-    """Return a mask (N,) that is true for values in a window or at its ends, of which there must be
-    some.
-
-    **Arguments:** `argument`, `contents`, `remedy`: name of the window, text for the values, and
-    advice, in the error message.
-    """
+    """Return a mask (N,) that is true for values in a window, of which there must be some. The
+    other arguments are for the error message: the name of the window, what it lacks, and advice."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
     expected = f"an interval with {contents}"
@@ -215,12 +200,8 @@ class ScaledValues(NamedTuple):
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
-    1000, and make the label of their axis. Units are those of `fitting_unit`, without its exception
-    for forces.
-
-    **Arguments:** `present`: text of the axis, such as "force, kN", if the axis already shows other
-    data: the new data are then converted to the unit in this text, and must suit it.
-    """
+    1000, and make the label of their axis. If the axis already shows other data, with the text
+    `present`, such as "force, kN", the unit is that in this text."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
@@ -306,11 +287,9 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Return whether an axis for values should be logarithmic.
-
-    All finite values must be positive, and the largest must exceed 12 times the smallest. For a
-    `swept` parameter, a smaller ratio is enough if at least three values form a geometric series.
-    """
+    """Return whether an axis for values should be logarithmic: all finite values are positive, and
+    the largest exceeds 12 times the smallest or, for a `swept` parameter, at least three values
+    form a geometric series."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False

@@ -31,7 +31,7 @@ def is_successful(dataset: xr.Dataset) -> xr.DataArray:
 
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
-    """Return an output along given axes of a sweep, NaN where a lane failed or has not run yet."""
+    """Return an output along axes of a sweep, NaN where a lane failed or has not run yet."""
     require_names(dataset, (variable, *along))
     require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".

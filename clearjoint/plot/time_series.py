@@ -37,18 +37,14 @@ def series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the values of a quantity at the saved states of a solution.
+    """Return the values (N,) of a quantity at the saved states of a solution, as an array with the
+    coordinate "time", s; its unit is in ``attrs["units"]``.
 
     **Arguments:**
 
-    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`, which
-      gives the motions and forces at one time.
+    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
     - `unit`: SI unit of the values, for a quantity that does not declare its unit.
-    - `trajectory`: N states at which the quantity is evaluated; by default the saved states. Pass
-      `solution.steps` for the state after every accepted step.
-
-    **Returns:** array (N,) with the coordinate "time", s; its name is that of the quantity, its
-    unit is in ``attrs["units"]``.
+    - `trajectory`: the states to take instead of the saved ones, such as `solution.steps`.
 
     **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
@@ -179,17 +175,15 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
     **Arguments:**
 
-    - `record`: array (N,) with the coordinate "time", s, at equal intervals, such as from
-      `plot.series`.
+    - `record`: array (N,) with the coordinate "time", s, at equal intervals, such as from `series`.
     - `taper`: name of a window function of `scipy.signal.get_window`: "hann"; "flattop", with the
-      true amplitude also for a harmonic between two frequencies of the spectrum; or "boxcar", for a
-      record of a whole number of periods.
+      true amplitude also between two frequencies of the spectrum; or "boxcar", for a record of a
+      whole number of periods.
 
-    **Returns:** array (N // 2,) of amplitudes in the unit of the record, with the coordinate
-    "frequency", Hz. Frequencies are k / (N h) for k from 1 to N // 2, with the sampling interval h.
+    **Returns:** array (N // 2,) in the unit of the record, with the coordinate "frequency", Hz: k /
+    (N h) for k from 1 to N // 2, with the sampling interval h.
 
-    **Raises:** `ValueError` for fewer than four samples, times at unequal intervals, and an unknown
-    `taper`.
+    **Raises:** `ValueError` for fewer than four samples, unequal intervals, and an unknown `taper`.
 
     >>> import xarray as xr
     >>> times = np.arange(1000) / 1000.0
@@ -309,18 +303,12 @@ def energy_ledger(
     dissipated since the start (by normal damping, friction, films, and the stabilisation of
     constraints) and the work of drivers and loads since the start.
 
-    The drift is the change, since the first instant, of the sum of kinetic, potential, elastic and
-    dissipated energy minus the work. It is zero for an exact integration. A title relates its
-    largest magnitude to the largest change of an energy over the whole run. Without
-    ``Settings(ledger=True)``, dissipated energy and work are unknown: the lower axes then show the
-    change of the mechanical energy.
+    The drift is the change of the sum of kinetic, potential, elastic and dissipated energy minus
+    the work, zero for an exact integration. A title relates it to the largest change of an energy
+    over the whole run. Without ``Settings(ledger=True)``, dissipated energy and work are unknown:
+    the lower axes then show the change of the mechanical energy.
 
-    **Arguments:**
-
-    - `observation`: from `cj.observe`, best of a run with ``Settings(ledger=True)``.
-    - `axes`: array (2,) of the upper and the lower axes; new ones by default.
-
-    **Returns:** the axes, (2,).
+    **Arguments:** `axes`: array (2,) of the upper and the lower axes, which is also returned.
 
     >>> above, below = plot.energy_ledger(observed)
     """
