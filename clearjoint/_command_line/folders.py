@@ -205,7 +205,9 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
     bodies = {
-        name: BodyState(*(table[prefix + part].sel(body=name).values for part in STATE_PARTS))
+        name: BodyState(
+            **{part: table[prefix + part].sel(body=name).values for part in STATE_PARTS}
+        )
         for name in scene.bodies
     }
     ledger, work = table.get(f"{prefix}ledger"), {}

@@ -299,17 +299,18 @@ def _inertial(link: Element, location: FileLocation) -> Inertial | None:
 
 
 def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
-    links = []
+    links = {}
     for tag in ("parent", "child"):
         element = joint.find(tag)
         if element is None:
             location.refuse(None, f'an element <{tag} link="...">', "add it")
-        links.append(_attribute(element, "link", location.at(tag)))
+        links[tag] = _attribute(element, "link", location.at(tag))
     limit = joint.find("limit")
     return RobotJoint(
         name,
         _attribute(joint, "type", location),
-        *links,
+        parent=links["parent"],
+        child=links["child"],
         pose=_pose(joint.find("origin"), location),
         axis=_numbers(joint.find("axis"), "xyz", "1 0 0", 3, location),
         limits=None if limit is None else _limits(limit, location),

@@ -1,5 +1,6 @@
 """Draw polar bars and curves around a bearing: directions of contact, and wear."""
 
+from collections.abc import Sequence
 from itertools import count, takewhile
 from typing import Literal
 
@@ -71,14 +72,14 @@ def contact_rose(
         binned = binned_statistic(turns, values, kind, sectors, range=(0.0, 1.0)).statistic
         weights[f"base {base}"] = np.nan_to_num(binned)  # a sector without contact has no maximum
     axes = polar_or_new(axes)
-    directions = ("x", "y") if section is None else map(shown, section)
+    directions = ("x", "y") if section is None else [shown(name) for name in section]
     distinct = dict(without_twins(weights))
     if weight == "force":
-        return _bars(distinct, ("largest normal force", "N"), False, axes, *directions)
+        return _bars(distinct, ("largest normal force", "N"), False, axes, directions)
     # Two bases with equal impulses share one bar, whose length is twice that impulse.
     shared = len(weights) / len(distinct)
     summed = {label: shared * sizes for label, sizes in distinct.items()}
-    return _bars(summed, ("impulse", "N s"), True, axes, *directions)
+    return _bars(summed, ("impulse", "N s"), True, axes, directions)
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
@@ -156,8 +157,7 @@ def _bars(
     quantity: tuple[str, str],
     stacked: bool,
     axes: PolarAxes,
-    right: str = "x",
-    up: str = "y",
+    directions: Sequence[str] = ("x", "y"),
 ) -> PolarAxes:
     tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
     sectors = len(tops)
@@ -173,7 +173,7 @@ def _bars(
         axes.set_ylim(0.0, top)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
     axes.tick_params(axis="x", pad=5)
-    return _dressed(axes, middles, tops, f"{quantity[0]}, {unit}", right, up)
+    return _dressed(axes, middles, tops, f"{quantity[0]}, {unit}", directions)
 
 
 def _dressed(
@@ -181,8 +181,7 @@ def _dressed(
     angles: np.ndarray,
     heights: np.ndarray,
     label: str,
-    right: str = "x",
-    up: str = "y",
+    directions: Sequence[str] = ("x", "y"),
 ) -> PolarAxes:
     # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
     # they cover least of the bars.
@@ -193,7 +192,7 @@ def _dressed(
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
     legend_above(axes, 2, height=1.08)  # above the text of the direction 90°
     axes.set_xlabel(label)
-    names = {0: f"{right}, ", 90: f"{up}, "}
+    names = {0: f"{directions[0]}, ", 90: f"{directions[1]}, "}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
     axes.set_xticklabels([f"{names.get(angle, '')}{angle}°" for angle in degrees])
     return axes
