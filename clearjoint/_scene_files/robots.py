@@ -355,7 +355,8 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
-    """Return the inertia of a carrier about its centre of mass, in the axes of its first link."""
+    """Return the inertia of a carrier about its centre of mass, in the axes of its first link, by
+    the parallel-axis theorem."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
