@@ -282,10 +282,8 @@ def _read_study(
     _prepare()
     from .study import read_study
 
-    assignments = [
-        f"{section}.{name}={value}" for name, value in options.items() if value is not None
-    ]
-    return read_study(file, (*changes, *assignments))
+    others = [f"{section}.{name}={value}" for name, value in options.items() if value is not None]
+    return read_study(file, (*changes, *others))
 
 
 def _compute(

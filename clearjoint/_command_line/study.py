@@ -479,10 +479,8 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
         steps = (*steps, keys[last])
     if len(steps) < len(keys):
         key, parent = keys[len(steps)], written(steps) or "the top"
-        siblings = list(table) if isinstance(table, dict) else []
+        names = list(table) if isinstance(table, dict) else []
         otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
-        location.refuse(
-            key, f"one of {listed(siblings)} at {parent}", nearest(key, siblings, otherwise)
-        )
+        location.refuse(key, f"one of {listed(names)} at {parent}", nearest(key, names, otherwise))
     table[steps[last]] = value
     return is_in_study, steps

@@ -250,10 +250,8 @@ class Robot:
         """Return the centre of mass of a carrier in the frame of its first link; without mass that
         of its first link that has an <inertial>, or the origin."""
         inertials = self.massive(carrier)
-        centres = [
-            _moved(self.poses[name], inertial.centre) for name, inertial in inertials.items()
-        ]
-        masses = np.array([inertial.mass for inertial in inertials.values()])
+        centres = [_moved(self.poses[name], part.centre) for name, part in inertials.items()]
+        masses = np.array([part.mass for part in inertials.values()])
         if not centres:
             return np.zeros(3)
         # Relative to the first centre, so that a single link's centre is not rounded.
@@ -317,12 +315,10 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
         location = robot.location.at(carrier.links[0])
         inertials = robot.massive(carrier)
         if options.balance_inertia:
-            possible = {name: _balanced(inertial) for name, inertial in inertials.items()}
-            balanced += [
-                name for name, inertial in possible.items() if inertial is not inertials[name]
-            ]
+            possible = {name: _balanced(part) for name, part in inertials.items()}
+            balanced += [name for name, part in possible.items() if part is not inertials[name]]
             inertials = possible
-        mass = sum(inertial.mass for inertial in inertials.values())
+        mass = sum(part.mass for part in inertials.values())
         tensor = _tensor(robot, carrier, inertials)
         if mass < options.bound_mass or np.linalg.eigvalsh(tensor)[0] < options.bound_inertia:
             bounded.append(carrier.body)

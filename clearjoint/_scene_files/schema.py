@@ -105,11 +105,8 @@ class Catalogue:
                 # updated at every step, such as the peak of a quantity. The unit may be omitted,
                 # since the reader then takes that of the quantity.
                 omitted = "unit" if "quantity" in properties else None
-                needed = [
-                    name
-                    for name, argument in arguments(make).items()
-                    if argument.default is REQUIRED and name != omitted
-                ]
+                required = [n for n, e in arguments(make).items() if e.default is REQUIRED]
+                needed = [name for name in required if name != omitted]
                 summary = (make.__doc__ or "").strip().split("\n")[0]
                 definition = _table(properties, needed) | {"description": summary}
                 self.definitions[aliases[-1]] = definition
