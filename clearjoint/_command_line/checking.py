@@ -1,8 +1,4 @@
-"""The commands `clearjoint new` and `clearjoint check`.
-
-`new` writes an example of a scene file and of a study file. `check` describes and checks a scene
-and the sections of a study.
-"""
+"""The commands `clearjoint new` and `clearjoint check`."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -34,7 +30,7 @@ def description(study: Study) -> Iterator[str]:
     """Yield the lines of text in which `clearjoint check` describes a study.
 
     **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
-    can't run, and for wrong entries of a section, such as names of unknown elements or numbers.
+    can't run, and for wrong entries of a section.
     """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
@@ -49,8 +45,7 @@ def description(study: Study) -> Iterator[str]:
 
 
 def number_paths(study: Study) -> list[str]:
-    """Return a line for each number of the scene and the state, with its path, its value and its
-    unit."""
+    """Return a line for each number of the scene and the state: path, value and unit."""
     numbers = {
         written((*prefix, *keys_of(name))): number
         for prefix, tree in (((), study.scene), (("state",), study.state))
@@ -102,8 +97,6 @@ def _length(value: object) -> str:
 
 
 def _require_satisfied(report: ConstraintReport) -> None:
-    """Raise `ValueError`, with the three worst constraints, if the value of a constraint, or its
-    rate, exceeds `ACCEPTED_VIOLATION`, beyond which no run may start."""
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
     worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]
     if worst:
@@ -113,8 +106,6 @@ def _require_satisfied(report: ConstraintReport) -> None:
 
 
 def _sections(study: Study) -> Iterator[str]:
-    """Check the sections of the study, and yield a line for each; a section [run] without an `end`
-    has no line."""
     run, fit = study.parts.run, study.parts.fit
     study.check_elements(run.outputs, "run", "outputs")
     study.check_elements(study.sections(), "run", "sections")
@@ -150,21 +141,20 @@ def _sections(study: Study) -> Iterator[str]:
 
 
 TEMPLATES = [Path(__file__).parent / "templates" / name for name in ("scene.toml", "study.toml")]
-"""Two templates with placeholders such as ``$joint``: the comments at the head of a scene file, and
-a whole study file."""
+"""The comments at the head of a scene file, and a study file, with placeholders such as
+``$joint``."""
 MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
     "double_pendulum": double_pendulum,
     "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
     "slider_crank": lambda: slider_crank(0.1e-3),
 }
-"""Function that returns the scene and the state of a mechanism, by its name."""
 PLACEHOLDERS = {
     "double_pendulum": ("shoulder", "arm 2", "50 ms", "0.05 ms", "10 ms", "1 s"),
     "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms", "209.43951 ms"),
     "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms", "12 ms"),
 }
-"""Texts that replace placeholders in the template of the study, by the mechanism's name: joint,
-body, end, time between saved states, end of the transient, and duration of a cycle."""
+"""Texts of the study's placeholders for a mechanism: joint, body, end, time between saved states,
+end of the transient, and duration of a cycle."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
@@ -183,10 +173,8 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
-    """Write the scene file and the study file of a mechanism into a folder; return their paths.
-
-    **Raises:** `ValueError` if one of the files exists; nothing is written then.
-    """
+    """Write the scene file and the study file of a mechanism into a folder; return their paths. If
+    one of them exists, nothing is written."""
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)

@@ -13,12 +13,7 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class CommandResult(NamedTuple):
-    """Result of a command.
-
-    - `code`: exit code.
-    - `line`: text to print: the result in one line, which may follow the lines of a table.
-    - `wrote`: whether the command wrote results.
-    """
+    """Exit code of a command, its result in one line, and whether results were written."""
 
     code: int
     line: str
@@ -40,9 +35,8 @@ def understandable() -> Iterator[None]:
     """Return a context for the body of a command, in which users get sentences instead of
     tracebacks, and the exit codes above.
 
-    Errors of types that users don't cause, which are mistakes in this package, keep their
-    tracebacks. `BrokenPipeError`, which means that nobody reads the output any more, is left to
-    click.
+    Errors of types that users don't cause keep their tracebacks. `BrokenPipeError`, which means
+    that nobody reads the output any more, is left to click.
     """
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning

@@ -1,6 +1,7 @@
 """`clearjoint fit`: estimate parameters from measurements."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from .._identification.fit import Fit
 from .._identification.identify import FitInterrupted, identify
 from .._identification.levenberg_marquardt import Ending, Iteration
 from .._measurements.readers import Channel, read_csv
-from .._measurements.series import Measurements, Series
+from .._measurements.series import Measurements
 from .._parametrisation.parameter import Parameter
 from .._scene_files.documents import FileLocation
 from .._scene_files.reading import number_of_text
@@ -20,20 +21,14 @@ from .folders import remove_old, write_scene, write_summary, write_table
 from .study import FitPart, Study, find_path
 
 REPORT = "report.txt"
-"""File of the report."""
 SERIES = "series "
 """Prefix of the names of the tables of the fitted series."""
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
-    the fitted scene and series, a report and an HTML page.
-
-    After Ctrl-C, the best fit so far is written; nothing is written if no run had ended.
-
-    **Raises:** `ValueError` for a study without a section [fit], for wrong entries in this section,
-    and for a missing or invalid file of measurements.
-    """
+    the fitted scene and series, a report and an HTML page. After Ctrl-C, the best fit so far is
+    written; nothing is written if no run had ended."""
     part = study.parts.fit
     location = study.location.at("fit")
     if part is None:
@@ -43,7 +38,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
     measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
     interrupted = False
     try:
-        found = identify(
+        result = identify(
             study.scene,
             study.state,
             measured,
@@ -62,35 +57,34 @@ def fit(study: Study, folder: Path) -> CommandResult:
             return CommandResult(INTERRUPTED, line, wrote=False)
         # `stopped.fits` contains the finished fits, if there were several starts, and, last, the
         # best result so far of the fit that was interrupted.
-        interrupted, found = True, stopped.fits[-1]
+        interrupted, result = True, stopped.fits[-1]
     # Imported here, because it takes long and `clearjoint check` does not need it.
     from .reports import write_fit_report
 
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
-    _write(found, folder)
+    _write(result, folder)
     summary = {
-        "ended": "interrupted" if interrupted else found.ending.value,
-        "samples": found.samples,
-        "chi_squared": found.chi_squared,
-        "degrees_of_freedom": found.degrees_of_freedom,
+        "ended": "interrupted" if interrupted else result.ending.value,
+        "samples": result.samples,
+        "chi_squared": result.chi_squared,
+        "degrees_of_freedom": result.degrees_of_freedom,
     }
     # The page shows the summary and the tables, so it is written after them.
     write_summary(folder, "fit", study, summary)
-    write_fit_report(folder, found)
+    write_fit_report(folder, result)
     if interrupted:
         line = f"interrupted; the best fit so far is in {folder / REPORT}"
         return CommandResult(INTERRUPTED, line)
-    converged = found.ending is Ending.CONVERGED
+    converged = result.ending is Ending.CONVERGED
     if not converged:
-        say(f"error: the fit did not converge: {found.ending.value}")
-    estimates = [f"{name} {found.estimates[name]:.5g}" for name in found.parameters]
-    line = f"{found.ending.value}, chi squared {found.chi_squared:.4g}, {', '.join(estimates)}"
+        say(f"error: the fit did not converge: {result.ending.value}")
+    estimates = [f"{name} {result.estimates[name]:.5g}" for name in result.parameters]
+    line = f"{result.ending.value}, chi squared {result.chi_squared:.4g}, {', '.join(estimates)}"
     return CommandResult(WELL if converged else FAILED, line)
 
 
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
-    """Return the measurements in the CSV file that the study names, in SI units."""
     path = study.path.parent / part.measurements
     if not path.exists():
         remedy = f"there is no {path}"
@@ -107,22 +101,22 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
     time = {"time": part.time, "time_unit": part.time_unit}
     read = read_csv(path, channels, missing=part.missing, **time, **options).series
     for name, text in texts.items():
-        one = read[name]
-        noise = number_of_text(text, one.unit, location.at("columns", name, "noise"))
-        read[name] = Series(one.channel, one.times, one.values, noise, one.unit, one.name)
+        series = read[name]
+        noise = number_of_text(text, series.unit, location.at("columns", name, "noise"))
+        read[name] = replace(series, noise=noise)
     return Measurements(read)
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
     """Return the parameters of the fit and their first guesses, in SI units, by name."""
     parameters, guess = {}, {}
-    for name, one in part.parameters.items():
+    for name, entry in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)
-        found = find_path(one.path, study.scene, study.state, part_location.at("path"))
-        make = Parameter.initial if found.in_state else Parameter
-        parameters[name] = make(found.path, one.scale, unit=found.unit)
-        if one.guess is not None:
-            guess[name] = found.number(one.guess, part_location.at("guess"))
+        target = find_path(entry.path, study.scene, study.state, part_location.at("path"))
+        make = Parameter.initial if target.in_state else Parameter
+        parameters[name] = make(target.path, entry.scale, unit=target.unit)
+        if entry.guess is not None:
+            guess[name] = target.number(entry.guess, part_location.at("guess"))
     return parameters, guess
 
 
@@ -130,7 +124,7 @@ def _say_iteration(
     parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
 ) -> None:
     pairs = zip(parameters.items(), iteration.coordinates, strict=True)
-    values = [f"{name} {float(one.scale.value(x)):.6g}" for (name, one), x in pairs]
+    values = [f"{name} {float(parameter.scale.value(x)):.6g}" for (name, parameter), x in pairs]
     rejected = "" if iteration.accepted else " (rejected)"
     say(
         f"iteration {iteration.number} of at most {max_iterations}: "
@@ -138,17 +132,17 @@ def _say_iteration(
     )
 
 
-def _write(found: Fit, folder: Path) -> None:
-    write_scene(folder, found.scene, found.state, "fitted.toml")
-    write_table(folder, "estimates", found.to_xarray())
-    (folder / REPORT).write_text(f"{found}\n", encoding="utf-8")
+def _write(result: Fit, folder: Path) -> None:
+    write_scene(folder, result.scene, result.state, "fitted.toml")
+    write_table(folder, "estimates", result.to_xarray())
+    (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
     rows = ("time",)
-    for name, series in found.measurements.series.items():
+    for name, series in result.measurements.series.items():
         columns = {
             "measured": Labelled(rows, series.values, series.unit, "measured"),
             "noise": Labelled(rows, series.noise, series.unit, "one standard deviation"),
-            "fitted": Labelled(rows, found.predictions[name], series.unit, "fitted"),
-            "residual": Labelled(rows, found.residuals[name], "1", "(fitted - measured) / noise"),
+            "fitted": Labelled(rows, result.predictions[name], series.unit, "fitted"),
+            "residual": Labelled(rows, result.residuals[name], "1", "(fitted - measured) / noise"),
         }
         times = {"time": Labelled(rows, np.asarray(series.times), "s", "time")}
         write_table(folder, f"{SERIES}{name}", labelled_dataset(f"fit of {name}", columns, times))

@@ -39,11 +39,10 @@ SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
 """Files of the scene with its initial state, and with the state at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
-"""Names of the tables of a run, each in a netCDF and in a CSV file: the saved states; the forces,
-accelerations and energies at these states; the impacts; and the outputs of the study that are
-quantities at these states."""
+"""Tables of a run, each in a netCDF and in a CSV file: the saved states; the forces, accelerations
+and energies at these; the impacts; and the outputs that are quantities at these states."""
 DRAWN = "drawn"
-"""Name of the netCDF file of further states of a run between the saved ones, for its figures."""
+"""NetCDF file of further states of a run between the saved ones, for its figures."""
 NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
 FORMULATION = "formulation"
@@ -57,19 +56,15 @@ EARLIER = {
 SECTION = "section "
 """Prefix of the names of the tables of Poincaré sections."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
-"""Folders of the Zarr stores of a sweep and of wear."""
 FIGURES = "figures"
-"""Folder of the figures."""
 PAGE = "index.html"
 """File of the page that shows all results."""
 
 Summary = Mapping[str, str | int | float]
-"""Entries of a summary by name."""
 
 
 def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
-    """Write the summary of results: kind, title, path of the study's file, `results`, and the time,
-    s, since that file was read."""
+    """Write the summary of results, with the time, s, since the study's file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
     title = study.parts.title or study.path.stem
     head = {"kind": kind, "title": title, "file": str(study.path)}
@@ -95,13 +90,9 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove figures, tables and files of earlier results of a command from its folder.
-
-    If they were kept, the new page would also show those that the command does not write again. A
-    folder without a summary does not contain results, so nothing is removed from it.
-
-    **Arguments:** `tables`, `files`: names; "*" in a name stands for any characters.
-    """
+    """Remove figures, tables and files of earlier results, which the new page would also show, from
+    a folder. "*" in a name stands for any characters. A folder without a summary does not contain
+    results."""
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):
@@ -110,11 +101,9 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name of the file, without suffix, for the table or figure with the given name.
-
-    Slashes are replaced, and long names shortened, because file systems allow names of at most 255
-    bytes. A name that was changed gets a checksum, so that different names give different files.
-    """
+    """Return the name of the file, without suffix, for a table or figure: slashes are replaced, and
+    long names shortened to what file systems allow. A name that was changed gets a checksum, so
+    that different names give different files."""
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -140,12 +129,8 @@ def read_table(folder: Path, name: str) -> xr.Dataset | None:
 
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
-    """Return the scene and the solution of a run in a folder, from which the figures of the run can
-    be drawn again. The accepted steps are not stored.
-
-    **Raises:** `ValueError` for a folder without saved states or without the file of the scene, and
-    for coordinates or a stabilisation that this version does not know.
-    """
+    """Return the scene and the solution of a run in a folder, from which its figures can be drawn
+    again. The accepted steps are not stored."""
     motion = read_table(folder, MOTION)
     if motion is None or not (folder / SCENE).exists():
         files = f"{MOTION}.nc and {SCENE}"
@@ -186,7 +171,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
     """Return a solution from `read_run` with further states between its saved ones, for figures;
-    `solution` itself for results of an earlier version, which have none."""
+    results of an earlier version have none."""
     table = read_table(folder, DRAWN)
     if table is None:
         return solution
@@ -200,35 +185,29 @@ def formulation_text(formulation: Formulation) -> str:
 
 
 def read_formulation(notes: Mapping[str, object], location: FileLocation) -> Formulation:
-    """Return the formulation of a run from the attributes of its table.
-
-    Tables of earlier versions lack the attribute `FORMULATION`. Their formulation is found only if
-    its coordinates and stabilisation have no numbers, or the default ones.
-
-    **Arguments:** `location`: of the table, for messages.
-
-    **Raises:** `ValueError` for a formulation that is unknown to this version, or not found.
-    """
+    """Return the formulation of a run from the attributes of its table at `location`. That of a
+    table of an earlier version, which lacks `FORMULATION`, is found only if its coordinates and
+    stabilisation have no numbers, or the default ones."""
     if FORMULATION in notes:
         table = json.loads(str(notes[FORMULATION]))
         return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
     chosen = {}
     for name in ("coordinates", "stabilisation"):
-        known = {describe(one): one for one in EARLIER[name]}
+        choices = {describe(choice): choice for choice in EARLIER[name]}
         text = str(notes[f"setting_{name}"])
-        if text not in known:
+        if text not in choices:
             remedy = "run `clearjoint run` again"
-            location.at(f"setting_{name}").refuse(text, f"one of {listed(known)}", remedy)
-        chosen[name] = known[text]
+            location.at(f"setting_{name}").refuse(text, f"one of {listed(choices)}", remedy)
+        chosen[name] = choices[text]
     redundant, ledger = notes["redundant_constraints"] != "none", notes["setting_ledger"] == "True"
     return Formulation(**chosen, redundant=redundant, ledger=ledger)
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
-    """Return the state, or the states at N times, in a table of states, whose arrays have names
-    with the `prefix`."""
     bodies = {
-        name: BodyState(*(table[prefix + part].sel(body=name).values for part in STATE_PARTS))
+        name: BodyState(
+            **{part: table[prefix + part].sel(body=name).values for part in STATE_PARTS}
+        )
         for name in scene.bodies
     }
     ledger, work = table.get(f"{prefix}ledger"), {}
@@ -242,8 +221,6 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
 def _by_contact(
     scene: Scene, table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
-    """Return the values of one state variable of the contacts along `dim`, by joint and contact;
-    contacts that are not in the table are left out."""
     by_joint: dict[str, dict[str, np.ndarray]] = {}
     for joint, family in ({} if table is None else scene.laws()).items():
         for contact in family:

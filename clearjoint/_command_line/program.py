@@ -261,7 +261,6 @@ def main() -> None:
 
 
 def _prepare() -> None:
-    """Let matplotlib draw files, and configure JAX, unless it is configured already."""
     import jax
     import matplotlib
 
@@ -278,16 +277,13 @@ def _read_study(
     section: str = "",
     options: Mapping[str, str | None] = MappingProxyType({}),
 ) -> "Study":
-    """Read a study file or a scene file for a command.
-
-    **Arguments:** `changes`: texts of the options --set; `section`, `options`: section of the study
-    and values, unless None, of other options by the names of its entries that they replace.
-    """
+    """Read a study file or a scene file, with the changes of --set and the other options, which
+    replace entries of `section`."""
     _prepare()
     from .study import read_study
 
-    given = [f"{section}.{name}={value}" for name, value in options.items() if value is not None]
-    return read_study(file, (*changes, *given))
+    others = [f"{section}.{name}={value}" for name, value in options.items() if value is not None]
+    return read_study(file, (*changes, *others))
 
 
 def _compute(
@@ -298,11 +294,7 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the function that computes a command, print its result, and exit with its code. The last
-    printed line ends with the path of the page or, without results, with "nothing was written".
-
-    By default, the folder of the results, `out`, is results/<name of the file>/<command>.
-    """
+    """Call the function that computes a command, print its result, and exit with its code."""
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command

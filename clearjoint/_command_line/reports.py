@@ -46,8 +46,6 @@ from .folders import (
 
 
 def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
-    """Draw the orbits of the journals, the forces of the joints with contacts, energies, outputs
-    and Poincaré sections of a run, and write its report on one page with `plot.report`."""
     observed = observe(scene, solution)
     for name, joint in scene.contact_joints().items():
         if isinstance(joint, HasJournal):
@@ -67,19 +65,17 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     plot.report(scene, solution, folder / PDF, title=title)
 
 
-def worn_parts(found: xr.Dataset) -> list[tuple[str, Part]]:
+def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
     """Return the parts that have worn, each as the name of its joint and "bearing" or "journal"."""
     return [
         (str(joint), part)
-        for joint in found["joint"].values
+        for joint in dataset["joint"].values
         for part in PARTS
-        if (found[f"{part}_depth"].sel(joint=joint) > 0.0).any()
+        if (dataset[f"{part}_depth"].sel(joint=joint) > 0.0).any()
     ]
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
-    """Draw one output of a sweep over the axes with the given names, unless all values are NaN or
-    infinite. For more than two axes, a note is printed instead."""
     if not np.isfinite(dataset[name].values).any():
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
@@ -97,8 +93,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
 
 
 def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
-    """Mark the peaks of a joint's impacts as dots in the figure of its contact forces, since saved
-    states may miss them."""
+    """Mark the peaks of a joint's impacts as dots, since saved states may miss them."""
     if impacts is None or not (of_joint := impacts.joint == joint).any():
         return
     # The figure has chosen its units, which its labels tell.
@@ -111,8 +106,6 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 
 
 def _draw_section(crossings: Crossings) -> Axes:
-    """Draw the second channel of a Poincaré section over the first one, or a single channel over
-    time."""
     channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
     if len(channels) == 1:
         channels.insert(0, ("time", crossings.times, "s"))
@@ -120,8 +113,7 @@ def _draw_section(crossings: Crossings) -> Axes:
 
 
 def _over_time(output: xr.DataArray) -> Axes:
-    """Draw an output at the saved states over time, with dots at its extremes in the whole run,
-    which saved states may miss, if its attributes contain these."""
+    """Draw an output at the saved states over time, with dots at its extremes, if known."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
@@ -145,20 +137,13 @@ def _save(folder: Path, name: str, axes: Axes) -> None:
 ROWS = 20
 """Largest number of impacts, or of lanes of a sweep, in a table of the page."""
 STAGES, PROFILES = "stages.csv", "profiles.csv"
-"""Files of the tables of wear: depths, volumes and forces for each stage; depths around each worn
-bearing and journal at the end."""
 VIEW, PDF = "view.html", "report.pdf"
-"""Files of the page with the animation of a run, and of its report on one page."""
 STYLE = Path(__file__).parent / "templates" / "page.css"
-"""Style sheet of the page."""
 
 
 def write_report(folder: Path) -> None:
     """Draw the figures of the results in a folder again, and write the HTML page that shows them.
-
-    For a fit, only the page is written, with the existing figures: the folder lacks some of the
-    data.
-    """
+    For a fit, only the page is written, since the folder lacks some of the data for its figures."""
     kind = read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
@@ -190,14 +175,12 @@ def write_run_report(folder: Path) -> None:
 
 
 def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane (run
-    of the sweep).
+    """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane.
 
-    The figures show outputs over the axes, and bifurcation diagrams. For one axis, an output is
-    drawn as a curve over it. For two axes there is a curve for each value of the second axis or, if
-    it has more than six values, a map of colours over both axes. If the axes are zipped, so that
-    they vary together, outputs are drawn over the first axis only. Bifurcation diagrams show the
-    channels of Poincaré sections over a single axis, or over the first of zipped axes.
+    For one axis, or for zipped axes the first of them, an output is drawn as a curve over it. For
+    two axes there is a curve for each value of the second axis or, if it has more than six values,
+    a map of colours over both axes. Poincaré sections are drawn as bifurcation diagrams over a
+    single axis.
     """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
@@ -223,28 +206,28 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
-def write_fit_report(folder: Path, found: Fit) -> None:
+def write_fit_report(folder: Path, fit: Fit) -> None:
     """Draw the fitted series and the correlations of a fit, and write its page."""
-    _save(folder, "fitted", plot.fitted(found)[0, 0])
-    if len(found.parameters) > 1:
-        _save(folder, "correlations", plot.correlations(found))
+    _save(folder, "fitted", plot.fitted(fit)[0, 0])
+    if len(fit.parameters) > 1:
+        _save(folder, "correlations", plot.correlations(fit))
     write_page(folder)
 
 
-def write_wear_report(folder: Path, found: xr.Dataset) -> None:
+def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
     """Write the figures and the page of a result of `clearjoint.wear`, and CSV tables of its stages
     and of the worn profiles."""
-    frame = stage_table(found)
+    frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
-    profiles, depths, volumes = {"angle [rad]": found["angle"].values}, {}, {}
-    for joint, part in worn_parts(found):
+    profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
+    for joint, part in worn_parts(dataset):
         name = f"{part} of {joint}"
-        profiles[f"{name} [m]"] = found[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
+        profiles[f"{name} [m]"] = dataset[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
         depths[name] = frame[f"{name}, largest [m]"]
         volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]  # in mm^3
-        _save(folder, name, plot.worn_profile(found, joint, part))
+        _save(folder, name, plot.worn_profile(dataset, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in found["joint"].values}
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in dataset["joint"].values}
     figures = (
         ("depths", "largest depth", "m", depths),
         ("volumes", "worn volume", "mm^3", volumes),
@@ -267,30 +250,25 @@ def write_wear_report(folder: Path, found: xr.Dataset) -> None:
     write_page(folder, _table("Stages", frame, len(frame)))
 
 
-def stage_table(found: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each stage of a result of `clearjoint.wear`.
-
-    Its columns are the number of cycles before the stage; the largest force, N, in each joint
-    during the stage's run; and, for each bearing and journal that has worn, the largest and the
-    mean worn depth, m, and the worn volume, m^3, before the stage. The last row is the worn state
-    at the end; no run follows, so its forces are NaN.
-    """
-    columns = {"cycles": found["cycles"].values}
-    for joint in found["joint"].values:
-        columns[f"force in {joint} [N]"] = found["force"].sel(joint=joint).values
-    for joint, part in worn_parts(found):
-        depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
+def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
+    """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
+    before the stage, and the largest forces during the stage's run. The last row is the worn state
+    at the end; no run follows, so its forces are NaN."""
+    columns = {"cycles": dataset["cycles"].values}
+    for joint in dataset["joint"].values:
+        columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
+    for joint, part in worn_parts(dataset):
+        depths = dataset[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        volumes = found[f"{part}_volume"].sel(joint=joint).values
+        volumes = dataset[f"{part}_volume"].sel(joint=joint).values
         columns[f"{part} of {joint}, volume [m^3]"] = volumes
     return pd.DataFrame(columns)
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder of results, which loads nothing from the network: the
-    summary, the text files, the figures, `parts`, which is HTML such as tables, and links to all
-    files."""
+    """Write the HTML page of a folder of results, which loads nothing from the network, with
+    `parts`, which is HTML such as tables."""
     summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
     # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
@@ -319,7 +297,6 @@ def write_page(folder: Path, *parts: str) -> None:
 
 
 def _picture(path: Path) -> str:
-    """Return the HTML of a figure, with the data of its PNG file, and of its caption."""
     content = path.read_bytes()
     data = base64.b64encode(content).decode()
     name = escape(path.stem.replace("_", " "))
@@ -331,7 +308,6 @@ def _picture(path: Path) -> str:
 
 
 def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
-    """Return the HTML of the first `rows` rows of a data frame, with a note if there are more."""
     shown = frame.head(rows).to_html(float_format="{:.5g}".format, border=0)
     more = f"<p>{rows} of {len(frame)} rows</p>" if len(frame) > rows else ""
     return f"<h2>{escape(title)}</h2>{shown}{more}"

@@ -1,9 +1,4 @@
-"""`clearjoint run`: simulate a scene and write the results to a folder.
-
-A study is a file with a scene, or the path of one, and with sections that define computations. The
-outputs that its section [run] names are quantities, which are evaluated at the saved states, and
-reductions, which are updated at every accepted step and give numbers of the whole run.
-"""
+"""`clearjoint run`: simulate a scene and write the results to a folder."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,6 +9,7 @@ import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
+from typing_extensions import override
 
 from .._dynamics.journals import depths
 from .._export.datasets import Labelled, labelled_dataset, write_netcdf
@@ -45,33 +41,26 @@ SHARP = "N", "N m", "m/s^2", "rad/s^2"
 """Units of forces, moments and accelerations, which change during an impact faster than states are
 saved."""
 LARGEST, SMALLEST = " largest", " smallest"
-"""Suffixes of the names of the reductions that find the extremes of an output, after the output's
-name."""
+"""Suffixes of the names of the reductions that find the extremes of an output."""
 
 
 class Negative(AbstractQuantity):
-    """The negative of a quantity. Its largest value, which the reduction `Peak` finds, is the
-    negative of the quantity's smallest value."""
+    """The negative of a quantity, whose `Peak` is the negative of the quantity's smallest value."""
 
     quantity: AbstractQuantity = eqx.field(static=True)
 
+    @override
     def __call__(self, now: Instant) -> Scalar:
-        """Return the value of the quantity at the instant `now`, with the opposite sign."""
         return -self.quantity(now)
 
+    @override
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the bodies and joints that the quantity names."""
         self.quantity.check(scene)
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page.
-
-    If the run fails, or if Ctrl-C interrupts it, the results so far are written.
-
-    **Raises:** `ValueError` for wrong entries in the section [run], such as an `end` that is
-    missing or not after the start, and for a state with which the scene can't run.
-    """
+    """Run a study's scene, and write tables, figures and a page. If the run fails, or if Ctrl-C
+    interrupts it, the results so far are written."""
     part, settings = study.parts.run, study.settings("run")
     reductions = reductions_of(part, settings)
     end, code = study.end(), WELL
@@ -146,11 +135,11 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
     """Return the reductions that a run computes, by name: those among its outputs and, for each
-    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states.
-
-    The latter need the solver's dense output; without, they are left out, and a warning is printed.
-    """
-    chosen = {n: one for n, one in part.outputs.items() if isinstance(one, AbstractReduction)}
+    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states, if the
+    solver has dense output."""
+    chosen = {
+        n: output for n, output in part.outputs.items() if isinstance(output, AbstractReduction)
+    }
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -171,13 +160,7 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
 
 
 def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """Return the times (N,), s, at which a run's states are saved.
-
-    If `save_every` is None, there are `FRAMES` + 1 times from the start to the end. If the duration
-    is not a multiple of it, the last time is before the end.
-
-    **Raises:** `ValueError` for a `save_every` that is not positive or exceeds the duration.
-    """
+    """Return the times (N,), s, at which states are saved, the last one before or at the end."""
     every = part.save_every
     if every is None:
         return np.linspace(part.start, end, FRAMES + 1)
@@ -205,11 +188,11 @@ def write_results(
     tables = {folders.MOTION: motion, folders.OBSERVED: observed.to_xarray()}
     if solution.impacts is not None:
         tables[folders.IMPACTS] = solution.impacts.to_xarray()
-    tables |= {f"{folders.SECTION}{n}": one.to_xarray() for n, one in solution.sections.items()}
+    tables |= {f"{folders.SECTION}{n}": item.to_xarray() for n, item in solution.sections.items()}
     for name, table in tables.items():
         folders.write_table(folder, name, table)
     quantities = {
-        n: one for n, one in study.parts.run.outputs.items() if isinstance(one, AbstractQuantity)
+        n: item for n, item in study.parts.run.outputs.items() if isinstance(item, AbstractQuantity)
     }
     if quantities:
         folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
@@ -221,25 +204,21 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> xr.Dataset:
-    """Return the values of quantities at the saved states, with the extremes that reductions have
-    found as attributes, such as "largest" and "largest_time".
-
-    A note is printed if the saved values fall short of an extreme by more than 2 % of the
-    difference between the extremes.
-    """
-    saved, rows, found = solution.saved, ("time",), solution.outputs
+    """Return the values of quantities at the saved states, with their extremes as attributes. A
+    note is printed if the saved values fall short of an extreme by more than 2 % of the range."""
+    saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
-        if name + LARGEST in found:
+        if name + LARGEST in numbers:
             # A reduction of the quantity `Negative` gives the negative of the smallest value.
-            largest, smallest = found[name + LARGEST], -found[name + SMALLEST]
+            largest, smallest = numbers[name + LARGEST], -numbers[name + SMALLEST]
             extremes = {
                 "largest": largest,
-                "largest_time": found[f"{name}{LARGEST}_time"],
+                "largest_time": numbers[f"{name}{LARGEST}_time"],
                 "smallest": smallest,
-                "smallest_time": found[f"{name}{SMALLEST}_time"],
+                "smallest_time": numbers[f"{name}{SMALLEST}_time"],
             }
             low, high = values.min(), values.max()
             # The user should know if an extreme lies far outside the saved samples.
@@ -273,8 +252,6 @@ def _write_numbers(
 
 
 def _largest_force(solution: Solution, observed: Observation) -> tuple[float, str]:
-    """Return the largest normal force, N, of all finished impacts and saved states, and the label
-    of its contact; zero and an empty label without contacts."""
     # Both are needed: saved states miss the peaks of most impacts, and the table of impacts lacks
     # contacts that have not ended in the run.
     forces = [

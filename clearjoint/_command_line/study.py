@@ -1,10 +1,8 @@
 """Study files and scene files: their sections, the numbers that they name, and how they are read.
 
-The fields of `StudyParts` are the keys of a study file besides "scene", and the fields of the
-dataclasses `RunPart`, `SweepPart` and so on are the keys of its tables. `Annotated[float, "s"]`
-declares the unit of a number, which may be written as a text with another unit, such as "2 ms". A
-path is a text such as "joints.pin.clearance" that names a number of the scene or, as in
-"state.bodies.crank.position[0]", of the initial state.
+The fields of the dataclasses are the keys of a file's tables. `Annotated[float, "s"]` declares the
+unit of a number. A path is a text such as "joints.pin.clearance" or
+"state.bodies.crank.position[0]" that names a number of the scene or of the initial state.
 """
 
 import inspect
@@ -58,20 +56,12 @@ from .._sweeps.outputs import ImpactTable
 from ..quantities.base import AbstractQuantity
 
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
-"""Names of the settings in `clearjoint.presets`."""
 
 
 @dataclass(frozen=True)
 class SectionPart:
-    """A Poincaré section of a run.
-
-    - `crossing`: quantity at whose upward zero crossings the channels are recorded.
-    - `channels`: recorded quantities, by name.
-    - `count`: largest number of recorded crossings.
-    - `after`: time, s, before which crossings are not recorded; by default all are.
-
-    **Raises:** `ValueError` for a `count` that is not a positive integer.
-    """
+    """A Poincaré section of a run, from the time `after`, s, on; `count`: largest number of
+    crossings."""
 
     crossing: AbstractQuantity
     channels: Mapping[str, AbstractQuantity]
@@ -90,11 +80,9 @@ class RunPart:
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
-    - `outputs`: quantities and reductions, by name. A quantity is evaluated at the saved states;
-      the extremes of forces and accelerations between saved states are found too. A reduction
-      gives numbers of the whole run: `Peak`, for instance, the largest value of a quantity and the
-      time of this value.
-    - `sections`: Poincaré sections, by name.
+    - `outputs`: quantities, evaluated at the saved states, and reductions such as `Peak`, which
+      give numbers of the whole run. The extremes of forces and accelerations between saved states
+      are found too.
     """
 
     end: Annotated[float | None, "s"] = None
@@ -110,14 +98,10 @@ class RunPart:
 class AxisPart:
     """The values that a number of the scene or of the initial state takes in a sweep.
 
-    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
-      same value.
+    - `path`: a path, or a list of paths, whose numbers all get the same value.
     - `values`: the list of values. Without it there are `count` values from `start` to `stop`, at
       equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
       units, or a text with a unit.
-
-    **Raises:** `ValueError` unless either `values` or both `start` and `stop` are given, for
-    `values` that are not a list or are empty, and for a `count` that is not a positive integer.
     """
 
     path: str | Sequence[str]
@@ -130,10 +114,10 @@ class AxisPart:
     def __post_init__(self) -> None:
         require_count("count", self.count, "give a number of values")
         ends = [end for end in (self.start, self.stop) if end is not None]
-        given = {"values": self.values, "start": self.start, "stop": self.stop}
+        entries = {"values": self.values, "start": self.start, "stop": self.stop}
         expected = "either `values`, or `start` and `stop`"
-        fine = len(ends) == (2 if self.values is None else 0)
-        require(fine, "values", given, expected, "give one")
+        is_complete = len(ends) == (2 if self.values is None else 0)
+        require(is_complete, "values", entries, expected, "give one")
         if self.values is not None:
             is_row = isinstance(self.values, tuple | list) and len(self.values) > 0
             require(is_row, "values", self.values, "a list of values", "write [0.1, 0.2], say")
@@ -141,17 +125,13 @@ class AxisPart:
 
 @dataclass(frozen=True)
 class SweepPart:
-    """The section [sweep]: many runs (lanes), each with its own values of some numbers of the scene
-    or the initial state, and outputs of each run.
+    """The section [sweep]: runs with different numbers of the scene, and outputs of each.
 
     - `axes`: numbers that vary, with their values, by name.
-    - `outputs`: reductions such as `Peak`, or an `ImpactTable`, by name. The Poincaré sections of
-      [run] are computed too.
-    - `end`: end of the runs, s; by default the `end` of [run]. The runs begin at the `start` of
-      [run].
-    - `preset`, `settings`: name of settings in `clearjoint.presets`, and entries that replace those
-      of the preset. If neither is given, both are taken from [run]; if only `settings` is given,
-      the preset is "default".
+    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The Poincaré sections of [run] are
+      computed too.
+    - `end`: end of the runs, s; by default the `end` of [run], at whose `start` they begin.
+    - `preset`, `settings`: as in [run], from which they are taken if neither is given.
     - `zipped`: whether lane k has the k-th value of every axis. By default there is a lane for each
       combination of values.
     - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
@@ -169,13 +149,9 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured series: a column of the file of measurements.
-
-    - `quantity`: the measured quantity.
-    - `noise`: standard deviation of the measured values: a number in the column's unit, or a text
-      with another unit.
-    - `unit`: unit of the column, if its header does not give the unit.
-    """
+    """A measured series: a column of the file of measurements. `noise`: standard deviation, a
+    number in the column's unit, or a text with another unit; `unit`: if the header does not give
+    it."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -184,14 +160,8 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene or of the initial state to estimate.
-
-    - `path`: a path such as "joints.pin.clearance", or a list of paths, whose numbers all get the
-      same value.
-    - `scale`: scale on which the parameter is estimated, such as `Log`; by default linear.
-    - `guess`: first guess, a number in SI units or a text with a unit; by default the number in
-      the scene or state.
-    """
+    """A number of the scene or of the initial state to estimate. `path`: one path, or several,
+    whose numbers all get the same value; `guess`: a number in SI units or a text with a unit."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -207,12 +177,8 @@ class FitPart:
       lines begin; by default the file has none.
     - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
       that are not numbers, "refuse" makes them errors.
-    - `parameters`: numbers to estimate, by name.
-    - `grow`: times, s. The record is first fitted up to each of them, one after another, and then
-      as a whole. `max_iterations`: largest number of iterations; `starts`: further first guesses.
-      All three are arguments of `clearjoint.identify`.
-    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run], but the default
-      preset is "identification".
+    - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
     measurements: str
@@ -234,19 +200,8 @@ class FitPart:
 class WearPart:
     """The section [wear]: wear of joints over many cycles of a periodic motion.
 
-    - `rates`: wear rates of the joints that wear, by name of the joint.
-    - `cycle`: duration of a cycle, s.
-    - `cycles`: number of cycles to extrapolate to, infinite if it is not given; `depth`: worn
-      depth, m, at which the computation ends. At least one of them must be given.
-    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
-      that are measured, even; `tolerance`: largest accepted relative difference between the wear
-      in the first and in the second half of the measured cycles.
-    - `largest_change`: largest change of depth in a stage, m; by default a fifth of the largest
-      penetration. A stage is a run whose wear is extrapolated over many cycles. `stages`: largest
-      number of stages; `samples`: number of angles around each bearing and journal.
-    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
-
-    **Raises:** `ValueError` if both `cycles` and `depth` are missing.
+    The keys are arguments of `clearjoint.wear`, except for `start`, the time at which runs begin,
+    s, and `preset` and `settings`, as in [run].
     """
 
     rates: Mapping[str, WearRates]
@@ -264,18 +219,14 @@ class WearPart:
     settings: Settings | None = None
 
     def __post_init__(self) -> None:
-        given = self.cycles < np.inf or self.depth is not None
+        has_end = self.cycles < np.inf or self.depth is not None
         remedy = 'write cycles = 1e6 or depth = "20 um"'
-        require(given, "cycles", self.cycles, "a number, unless `depth` is given", remedy)
+        require(has_end, "cycles", self.cycles, "a number, unless `depth` is given", remedy)
 
 
 @dataclass(frozen=True)
 class StudyParts:
-    """The sections of a study file, and its title.
-
-    If the file has no section [run], `run` has default values. `sweep`, `fit` and `wear` are None
-    if the file lacks these sections.
-    """
+    """The sections of a study file, and its title."""
 
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
@@ -297,9 +248,8 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded),
 )
-"""Classes that a table of a study file may name under "kind": quantities, reductions, coordinates,
-stabilisations, solvers and scales. Classes that the annotation of a field names, such as
-`ImpactTable`, need not be listed here."""
+"""Classes that a table of a study file may name under "kind". Classes that the annotation of a
+field names, such as `ImpactTable`, need not be listed here."""
 
 
 def study_schema() -> Schema:
@@ -313,27 +263,20 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function that returns the numbers of a scene, or of a state, at given paths.
-
-    - `paths`: for each number, the keys of its path: names and indices that lead to it.
-    """
+    """Function that returns the number of a scene, or of a state, at the keys of a path, or a list
+    of numbers for several paths."""
 
     paths: tuple[Keys, ...]
 
     def __call__(self, tree: PyTree) -> PyTree:
-        """Return the number, or a list of numbers if there are several paths."""
         values = [reduce(_entry, keys, tree) for keys in self.paths]
         return values[0] if len(values) == 1 else values
 
 
 @dataclass(frozen=True)
 class FoundPath:
-    """A number that a path in a file names, or several numbers that get the same value.
-
-    - `path`: function of the scene, or of the state, that returns the number or a list of numbers.
-    - `in_state`: whether the number belongs to the state instead of the scene.
-    - `unit`: SI unit of the number, or of all numbers if there are several.
-    """
+    """A number that a path in a file names, or several numbers that get the same value, of one
+    unit."""
 
     path: WrittenPath
     in_state: bool
@@ -351,13 +294,11 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find which number of the scene or of its initial state a path names. Several paths name
-    several numbers, to which the caller later gives one common value.
+    """Find which number of the scene or of its initial state a path names, or which several
+    numbers, to which the caller later gives one common value.
 
-    **Raises:** `ValueError` for an empty list of paths, for a text that is no path, for a name that
-    does not exist (the message lists the existing names), for a path that leads to several numbers,
-    such as all components of a vector, for a mixture of paths in the scene and in the state, and
-    for numbers of different units.
+    **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
+    existing names), for a mixture of paths in the scene and in the state, and for different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -378,12 +319,12 @@ def find_path(
             # The message lists the names at the first unknown key or, if all keys are known, those
             # that follow, since the path then leads to several numbers.
             depth = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
-            known = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
-            names, parent = listed({*known}), written(keys[:depth]) or "the top"
+            options = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
+            names, parent = listed({*options}), written(keys[:depth]) or "the top"
             if depth == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
             remedy = nearest(
-                keys[depth], known, "`clearjoint check FILE --paths` lists all numbers"
+                keys[depth], options, "`clearjoint check FILE --paths` lists all numbers"
             )
             location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
     # All numbers get the same value, which would be ambiguous if their units differed.
@@ -401,19 +342,15 @@ def _entry(tree: PyTree, key: str | int) -> PyTree:
 
 
 Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
-"""Parts of a study that name bodies, joints or forces of the scene."""
 SCENE = "scene"
 """Key of the scene in a study file: its path, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
-"""Keys that a study file may have besides that of the scene: its title and its sections."""
 
 
 @dataclass(frozen=True)
 class Study:
     """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
 
-    - `scene`, `state`: the mechanism and its initial state.
-    - `parts`: the sections of the study file.
     - `location`: the file, for messages.
     - `document`: tables of the file, as parsed, without the scene, and with the changes that the
       command line has made.
@@ -433,12 +370,9 @@ class Study:
         return Path(self.location.file)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings in a section: those of its preset, except for the entries that its
-        `settings` replace.
-
-        A section [sweep] without `preset` and `settings` has the settings of [run]. The energy
-        ledger is switched on if an output of the section needs it.
-        """
+        """Return the settings in a section: those of its preset, with the entries of its
+        `settings`. A section [sweep] without either has those of [run]. The energy ledger is
+        switched on if an output of the section needs it."""
         part = getattr(self.parts, section)
         needs_ledger = any(
             getattr(output, "needs_ledger", False)
@@ -449,20 +383,16 @@ class Study:
         # `part.settings` has defaults for all settings that the section does not name; only those
         # that it names replace settings of the preset.
         table = self.document.get(section)
-        given = table.get("settings", {}) if isinstance(table, dict) else {}
+        entries = table.get("settings", {}) if isinstance(table, dict) else {}
         # The key `kind` names the class of a table; None stands for no settings.
-        named = [] if part.settings is None else [key for key in given if key != KIND]
+        named = [] if part.settings is None else [key for key in entries if key != KIND]
         changes = {key: getattr(part.settings, key) for key in named}
         if needs_ledger:
             changes["ledger"] = True
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the time at which runs end, s: `section_end`, or if it is None the end in [run].
-
-        **Raises:** `ValueError` if both are None, and for an end that is not after the start of
-        [run].
-        """
+        """Return the end of runs, s: `section_end`, or if it is None that in [run]."""
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
             remedy = 'write end = "1 s", or pass --end 1'
@@ -472,11 +402,10 @@ class Study:
         return float(end)
 
     def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
-        """Check that the scene has the elements that outputs, Poincaré sections or quantities name,
-        which are at `keys` in the file."""
-        for name, one in named.items():
+        """Check that the scene has the elements that the entries at `keys` of the file name."""
+        for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
-                one.check(self.scene)
+                entry.check(self.scene)
 
     def sections(self) -> dict[str, Section]:
         """Return the Poincaré sections in the section [run], by name, for `Saving`."""
@@ -492,31 +421,11 @@ class Study:
 
 
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
-    """Read a study file, or a scene file, which may have the sections of a study too.
-
-    ```toml
-    scene = "four_bar.toml"
-
-    [run]
-    end = "2 s"
-    preset = "accurate"
-    outputs.rocker = { kind = "Angle", body = "rocker", about = [0, 0, 1] }
-
-    [sweep]
-    outputs.peak = { kind = "Peak", quantity = { kind = "ContactForce", joint = "crank pin" } }
-
-    [sweep.axes.clearance]
-    path = "joints.crank pin.clearance"
-    start = "0.05 mm"
-    stop = "0.5 mm"
-    count = 20
-    ```
-
-    **Arguments:** `changes`: changes of numbers or tables, such as "joints.pin.clearance=0.2mm" in
-    the scene or "run.end=2" in the study.
+    """Read a study file, or a scene file, which may have the sections of a study too, and make
+    changes such as "joints.pin.clearance=0.2mm" in the scene or "run.end=2" in the study.
 
     **Raises:** `ValueError` for a file or a change that is not valid; the message names the
-    location, the value, the expected values and a remedy. `OSError` for a file that can't be read.
+    location, the value, the expected values and a remedy.
     """
     document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
@@ -545,8 +454,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change such as "run.end=2" in the tables of a study or of a scene; return whether the
-    study was changed instead of the scene, and the keys of the value."""
+    """Make a change in the tables of a study or of a scene; return whether the study was changed
+    instead of the scene, and the keys of the value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:
@@ -561,17 +470,17 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a text without quotation marks, such as 0.2mm
     # The keys before the last one must exist and lead to the table or list that is changed. The
-    # last key may be new in a table, but not in a list. `found` are the leading keys that exist,
+    # last key may be new in a table, but not in a list. `steps` are the leading keys that exist,
     # with indices of lists as integers, and `table` is where those before the last one lead.
     tables = study if is_in_study else scene
-    found, last = existing(tables, keys), len(keys) - 1
-    table: PyTree = reduce(getitem, found[:last], tables)  # pyright: ignore
-    if len(found) == last and isinstance(table, dict):
-        found = (*found, keys[last])
-    if len(found) < len(keys):
-        key, parent = keys[len(found)], written(found) or "the top"
-        known = list(table) if isinstance(table, dict) else []
+    steps, last = existing(tables, keys), len(keys) - 1
+    table: PyTree = reduce(getitem, steps[:last], tables)  # pyright: ignore
+    if len(steps) == last and isinstance(table, dict):
+        steps = (*steps, keys[last])
+    if len(steps) < len(keys):
+        key, parent = keys[len(steps)], written(steps) or "the top"
+        names = list(table) if isinstance(table, dict) else []
         otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
-        location.refuse(key, f"one of {listed(known)} at {parent}", nearest(key, known, otherwise))
-    table[found[last]] = value
-    return is_in_study, found
+        location.refuse(key, f"one of {listed(names)} at {parent}", nearest(key, names, otherwise))
+    table[steps[last]] = value
+    return is_in_study, steps

@@ -1,7 +1,7 @@
 """`clearjoint sweep`: run a scene for many values of its numbers.
 
-The runs are called lanes. The store of a sweep keeps the lanes that have ended, so that the same
-command continues an interrupted sweep.
+The store of a sweep keeps the lanes that have ended, so that the same command continues an
+interrupted sweep.
 """
 
 from pathlib import Path
@@ -27,10 +27,6 @@ def sweep(study: Study, folder: Path) -> CommandResult:
 
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
-
-    **Raises:** `ValueError` for a study without a section [sweep] or without an `end` of the runs,
-    for wrong entries in this section, and for a folder with the store of another sweep.
-    `KeyboardInterrupt` if Ctrl-C interrupts the sweep before its store exists.
     """
     part = study.parts.sweep
     if part is None:
@@ -86,9 +82,9 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     axes = {}
     for name, axis in part.axes.items():
         axis_location = location.at("axes", name)
-        found = find_path(axis.path, study.scene, study.state, axis_location.at("path"))
-        make = Axis.initial if found.in_state else Axis
-        axes[name] = make(found.path, _values(axis, found, axis_location))
+        target = find_path(axis.path, study.scene, study.state, axis_location.at("path"))
+        make = Axis.initial if target.in_state else Axis
+        axes[name] = make(target.path, _values(axis, target, axis_location))
     if not axes:
         location.at("axes").refuse({}, "at least one axis", "add [sweep.axes.<name>]")
     sizes = [axis.values.size for axis in axes.values()]
@@ -111,13 +107,12 @@ def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
     return sizes[:1] if part.zipped else sizes
 
 
-def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndarray:
-    """Return the values of an axis, (N,) in the SI unit of the number that varies."""
+def _values(part: AxisPart, target: FoundPath, location: FileLocation) -> np.ndarray:
     if part.values is not None:
-        values = [found.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
+        values = [target.number(v, location.at("values", k)) for k, v in enumerate(part.values)]
         return np.array(values)
-    start = found.number(part.start, location.at("start"))
-    stop = found.number(part.stop, location.at("stop"))
+    start = target.number(part.start, location.at("start"))
+    stop = target.number(part.stop, location.at("stop"))
     if part.spacing == "linear":
         return np.linspace(start, stop, part.count)
     if min(start, stop) <= 0.0:
@@ -126,7 +121,6 @@ def _values(part: AxisPart, found: FoundPath, location: FileLocation) -> np.ndar
 
 
 def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
-    """Return the entries of the summary, and the result as one line of text."""
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
     done = counts.pop("successful")

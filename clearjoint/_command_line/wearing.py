@@ -1,9 +1,4 @@
-"""`clearjoint wear`: compute how joints wear over many cycles of a periodic motion.
-
-The computation advances in stages of many cycles each. After each stage, the results are written to
-a Zarr store in the folder of the results. If the computation is interrupted, the same command
-continues it after the last finished stage.
-"""
+"""`clearjoint wear`: compute how joints wear over many cycles of a periodic motion."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,13 +22,7 @@ WORN_SCENE = "worn.toml"
 def wear(study: Study, folder: Path) -> CommandResult:
     """Compute the wear that a study's section [wear] describes, and write its store, tables,
     figures, the worn scene and an HTML page. If the folder contains a store of this computation
-    already, the computation is continued from there.
-
-    After Ctrl-C, results so far are written. The text of the result has the table of stages.
-
-    **Raises:** `ValueError` for a study without a section [wear], and for wrong entries in it.
-    `KeyboardInterrupt` if Ctrl-C interrupts the computation before its store exists.
-    """
+    already, it is continued from there. After Ctrl-C, results so far are written."""
     part = study.parts.wear
     if part is None:
         remedy = "add [wear.rates.<joint>]"
@@ -41,7 +30,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     store, code = folder / WEAR_STORE, WELL
     try:
         with study.location.at("wear").in_errors():
-            found = compute_wear(
+            dataset = compute_wear(
                 study.scene,
                 study.state,
                 settings=study.settings("wear"),
@@ -53,28 +42,28 @@ def wear(study: Study, folder: Path) -> CommandResult:
     except KeyboardInterrupt:
         if not store.exists():  # no stage is finished that could be reported
             raise
-        found, code = open_wear(store), INTERRUPTED
+        dataset, code = open_wear(store), INTERRUPTED
     # Imported here, because it takes long and `clearjoint check` does not need it.
     from .reports import stage_table, write_wear_report
 
     write_scene(folder, study.scene, study.state)
-    write_scene(folder, worn(study.scene, found), final_state(found), WORN_SCENE)
+    write_scene(folder, worn(study.scene, dataset), final_state(dataset), WORN_SCENE)
     # The page shows the summary and the table, so it is written after them.
-    summary, line = _summary(found, part, code)
+    summary, line = _summary(dataset, part, code)
     remove_old(folder)
     write_summary(folder, "wear", study, summary)
-    write_wear_report(folder, found)
+    write_wear_report(folder, dataset)
     if code == INTERRUPTED:
         say("interrupted: run the same command to continue")
-    elif found.attrs["failure"]:
-        say(f"error: the computation ended early: {found.attrs['failure']}")
+    elif dataset.attrs["failure"]:
+        say(f"error: the computation ended early: {dataset.attrs['failure']}")
         code = FAILED
-    table = stage_table(found).to_string(index=False, float_format="{:.4g}".format)
+    table = stage_table(dataset).to_string(index=False, float_format="{:.4g}".format)
     return CommandResult(code, f"{table}\n{line}")
 
 
 def check_wear_section(study: Study, part: WearPart) -> None:
-    """Check the entries of a study's section [wear], without any run, for `clearjoint check`."""
+    """Check the entries of a study's section [wear] without any run."""
     with study.location.at("wear").in_errors():
         check_wear(study.scene, **_arguments(part))
 
@@ -85,25 +74,20 @@ def _arguments(part: WearPart) -> dict[str, PyTree]:
     return {name: entry for name, entry in vars(part).items() if name not in others}
 
 
-def _summary(found: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
-    """Return the entries of the summary, and the result as one line of text.
-
-    Both have the depth of each bearing and journal that has worn and, if the section [wear] has a
-    `depth`, the number of cycles after which the part reached it.
-    """
+def _summary(dataset: "xr.Dataset", part: WearPart, code: int) -> tuple[Summary, str]:
     from .reports import worn_parts
 
-    stages, cycles = found.sizes["stage"], float(found["cycles"][-1])
-    ended = "interrupted" if code == INTERRUPTED else found.attrs["ending"]
+    stages, cycles = dataset.sizes["stage"], float(dataset["cycles"][-1])
+    ended = "interrupted" if code == INTERRUPTED else dataset.attrs["ending"]
     summary: dict[str, str | int | float] = {"ended": ended, "stages": stages, "cycles": cycles}
     texts = [f"{stages} stages, {cycles:.4g} cycles"]
-    for joint, worn_part in worn_parts(found):
+    for joint, worn_part in worn_parts(dataset):
         name = f"{worn_part} of {joint}"
-        deepest = float(found[f"{worn_part}_depth"].sel(joint=joint).isel(stage=-1).max())
+        deepest = float(dataset[f"{worn_part}_depth"].sel(joint=joint).isel(stage=-1).max())
         summary[f"{name}, depth [m]"] = deepest
         texts.append(f"{name} {1e6 * deepest:.4g} µm deep")
         if part.depth is not None:
-            life = cycles_to_depth(found, part.depth, joint, worn_part)
+            life = cycles_to_depth(dataset, part.depth, joint, worn_part)
             is_reached = np.isfinite(life)  # JSON has no infinite numbers
             summary[f"{name}, cycles to {part.depth:g} m"] = life if is_reached else "not reached"
             if is_reached:

@@ -1,8 +1,7 @@
 """Classes that a file may name, and the values that the arguments of their constructors may have.
 
 A file may name classes of this package and those that the caller passes to `load`; no module is
-imported because a file names it. The values that an argument may have are derived from its
-annotation and from the unit of the field with the same name.
+imported because a file names it.
 """
 
 import inspect
@@ -25,39 +24,28 @@ from ..quantities.base import AbstractQuantity, Quantity
 from .documents import FileLocation, listed
 
 REQUIRED = inspect.Parameter.empty
-"""Default of an argument that has no default."""
 Classes: TypeAlias = Collection[type]
 """User-defined classes that a file may name."""
 Maker: TypeAlias = Callable[..., PyTree]
-"""A class, or a static method that returns an object of its class, such as `Body.rod`. A table of a
-file contains the arguments of a maker."""
+"""A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""Functions that check the arguments of a class and make its object, by class. They are used
-instead of constructors that do not check their arguments."""
+"""Functions that make objects of classes whose constructors do not check their arguments."""
 
 
 @dataclass(frozen=True)
 class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
-    They are derived from the annotation of the argument, and from the unit and shape of the field
-    with the same name. No attribute tells whether numbers are allowed: the reader refuses a number
-    only if there are `options` but neither `shapes` nor `classes`. In all other cases the
-    constructor checks the number. NaN, and whole numbers too large for a float, are always refused.
+    No attribute tells whether numbers are allowed: the reader refuses a number only if there are
+    `options` but neither `shapes` nor `classes`. In all other cases the constructor checks it.
 
     - `unit`: SI unit of numbers; None if no unit is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: for an argument with a fixed set of texts, the value of each text; else None.
-    - `is_text`: whether any text is allowed.
-    - `is_flag`: whether true and false are allowed.
-    - `allows_none`: whether the annotation of the argument names None.
-    - `allows_anything`: whether any value is allowed, because the argument has no annotation.
-    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`; None
-      if the argument is no such table.
-    - `item`: expectation for the entries of a list; None unless the annotation is a sequence.
-    - `default`: default value of the argument, or `REQUIRED`.
+    - `options`: for an argument with a fixed set of texts, the value of each text.
+    - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
+    - `item`: expectation for the entries of a list.
     """
 
     unit: str | None = None
@@ -75,7 +63,6 @@ class Expectation:
 
 
 ANYTHING = Expectation(is_text=True, is_flag=True, allows_anything=True)
-"""Expectation of an argument without annotation."""
 
 
 def class_name(kind: type) -> str:
@@ -84,7 +71,7 @@ def class_name(kind: type) -> str:
 
 
 def is_from_package(kind: type) -> bool:
-    """Return whether a class belongs to this package, rather than to a user."""
+    """Return whether a class belongs to this package."""
     return kind.__module__.split(".")[0] == __name__.split(".")[0]
 
 
@@ -93,34 +80,30 @@ def is_abstract(kind: type) -> bool:
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
-def makers(families: tuple[type, ...], given: Classes) -> dict[str, Maker]:
-    """Return the makers that a file may name as `kind`, by their names, such as "Body" and
-    "Body.rod".
+def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
+    """Return the makers that a file may name as `kind`, by their names: classes that derive from
+    one of the `families` (from any class if there are none), and those of their static methods that
+    return an object of the class, such as "Body.rod".
 
-    They are the following classes, and those of their static methods that return an object of the
-    class. Abstract and private classes are left out.
-
-    - Classes of this package that derive from one of the `families` (from any class if there are
-      none) and from `AbstractReadable`, the base class of laws, joints, bodies and others.
-    - The `families` themselves, if they belong to this package.
-    - User-defined classes, `given`, that derive from one of the `families`. Each has two names,
-      with and without its module; the short one is omitted if a class of this package has it.
+    The classes of this package must also derive from `AbstractReadable`, or be one of the
+    `families`. The user-defined `classes` have two names, with and without their module; the short
+    one is omitted if a class of this package has it.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
-    is_collection = isinstance(given, Collection) and not isinstance(given, type)
-    is_valid = is_collection and all(isinstance(one, type) for one in given)
+    is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
+    is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
     remedy = "pass for example classes=[MyLaw]"
-    require(is_valid, "classes", given, "a list of classes", remedy)
+    require(is_valid, "classes", classes, "a list of classes", remedy)
     included = filter(is_from_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
-    named = {kind.__name__: kind for kind in (*given, *included)}
-    named |= {class_name(kind): kind for kind in given}
-    found: dict[str, Maker] = {}
+    named = {kind.__name__: kind for kind in (*classes, *included)}
+    named |= {class_name(kind): kind for kind in classes}
+    by_name: dict[str, Maker] = {}
     for name, kind in named.items():
         if issubclass(kind, families or (object,)) and not is_abstract(kind):
-            found[name] = kind
-            found |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
-    return found
+            by_name[name] = kind
+            by_name |= {f"{name}.{method}": make for method, make in _static_methods(kind).items()}
+    return by_name
 
 
 def _subclasses(kind: type) -> Iterator[type]:
@@ -131,8 +114,6 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
-    """Return the public static methods whose annotation says that they return an object of their
-    class."""
     return {
         name: member.__func__
         for name, member in vars(kind).items()
@@ -148,34 +129,30 @@ def family_names(families: tuple[type, ...]) -> str:
 
 
 def find_maker(
-    name: object, families: tuple[type, ...], given: Classes, location: FileLocation
+    name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the class or static method of the `families`, or among the user-defined classes
-    `given`, that a file names.
+    """Return the maker that a file names.
 
-    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `given` is
-    found, whatever its module, unless this package has a class of that name.
-
-    **Raises:** `ValueError` for a name that is unknown or not a text, for a class that has none of
-    the base classes, and for a user-defined class that the caller has not passed.
+    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `classes`
+    is found, whatever its module, unless this package has a class of that name.
     """
-    known = makers(families, given)
-    expected = f"one of {listed(known)}"
+    allowed = makers(families, classes)
+    expected = f"one of {listed(allowed)}"
     # The errors below distinguish the mistakes, since each has a different remedy.
     if not isinstance(name, str):
         location.refuse(name, "the name of a class", f"write {expected}")
     module, _, short = name.rpartition(":")
-    found = known.get(short if module == "__main__" else name)
-    if found is not None:
-        return found
-    if name in makers((), given):
+    make = allowed.get(short if module == "__main__" else name)
+    if make is not None:
+        return make
+    if name in makers((), classes):
         location.refuse(name, expected, f"take a subclass of {family_names(families)}")
     if module:
-        expected = f"one of the classes passed to the call, {listed(map(class_name, given))}"
+        expected = f"one of the classes passed to the call, {listed(map(class_name, classes))}"
         remedy = f"import it and pass classes=[{short.split('.')[-1]}]; a file imports nothing"
         location.refuse(name, expected, remedy)
     otherwise = "write module:Class for a user-defined class, and pass the class"
-    return location.refuse(name, expected, nearest(name, known, otherwise))
+    return location.refuse(name, expected, nearest(name, allowed, otherwise))
 
 
 @cache
@@ -186,7 +163,7 @@ def arguments(make: Maker) -> dict[str, Expectation]:
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
-    found = {}
+    expectations = {}
     for name, parameter in inspect.signature(make).parameters.items():
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
             # Fields that are made by `quantity` declare the unit and the shape of their values.
@@ -194,8 +171,8 @@ def arguments(make: Maker) -> dict[str, Expectation]:
             expected = expectation(hints.get(name, Any), metadata.get("unit"))
             shape = getattr(metadata.get("declared"), "shape", None)
             shapes = expected.shapes if shape is None else (shape,)
-            found[name] = replace(expected, shapes=shapes, default=parameter.default)
-    return found
+            expectations[name] = replace(expected, shapes=shapes, default=parameter.default)
+    return expectations
 
 
 def _hints(owner: object) -> dict[str, Any]:
@@ -208,11 +185,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the values that the annotation of an argument allows, with the SI unit of its numbers.
-
-    Examples are ``float``, an array of jaxtyping, ``Body | None``, ``Literal["a", "b"]`` and
-    ``Mapping[str, Body]``; ``Annotated[float, "s"]`` declares a number with the unit s.
-    """
+    """Return the values that an annotation allows, whose unit may be in ``Annotated[float,
+    "s"]``."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         return expectation(inner[0], next((n for n in inner[1:] if isinstance(n, str)), unit))
@@ -228,9 +202,9 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
         # part.
         merged: dict[str, Any] = {}
         for entry in fields(Expectation):
-            given = [value for part in parts if (value := getattr(part, entry.name))]
+            values = [value for part in parts if (value := getattr(part, entry.name))]
             is_tuple = isinstance(entry.default, tuple)
-            merged[entry.name] = sum(given, ()) if is_tuple else next(iter(given), entry.default)
+            merged[entry.name] = sum(values, ()) if is_tuple else next(iter(values), entry.default)
         merged["allows_none"] = NoneType in inner
         return Expectation(**merged)
     if origin is Literal:
@@ -249,11 +223,11 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
     # known for a number, and for an array whose annotation fixes all sizes. Without `dims`, the
     # size None stands for an unknown shape.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
-    known = tuple(size for size in sizes if isinstance(size, int))
-    has_shape = annotation in (int, float) or len(known) == len(sizes)
+    fixed = tuple(size for size in sizes if isinstance(size, int))
+    has_shape = annotation in (int, float) or len(fixed) == len(sizes)
     return Expectation(
         unit,
-        shapes=(known,) if has_shape else (),
+        shapes=(fixed,) if has_shape else (),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,
         is_flag=annotation is bool,

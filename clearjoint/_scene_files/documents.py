@@ -25,34 +25,28 @@ from jaxtyping import PyTree
 from .._fields.checks import require
 
 Keys: TypeAlias = tuple[str | int, ...]
-"""Keys of tables and indices of lists that lead to a location."""
 NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
 """Pattern of one key or index, with or without quotation marks."""
 KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
 """Pattern of one key or index of a written path: in brackets, after a dot, or at the beginning."""
 SHORT = reprlib.Repr()
-"""Makes the texts of values in error messages, without the middle of long texts and the end of long
-lists."""
+"""Makes the texts of values in error messages."""
 SHORT.maxlist = SHORT.maxtuple = 12
 SHORT.maxstring = SHORT.maxother = 60
 
 
 def split(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path: ("joints", "crank pin", "axis", "0") for
-    "joints.crank pin.axis[0]".
+    """Return the keys and indices of a written path, all as texts: ("joints", "pin", "axis", "0")
+    for "joints.pin.axis[0]", or for "joints['pin'].axis[0]" as `clearjoint.parameters` returns it.
 
-    All are returned as texts, also the indices. Keys that contain dots, brackets or quotation marks
-    are in quotation marks. Keys and indices may also be in brackets, as in
-    "joints['crank pin'].clearance", the form that `clearjoint.parameters` returns. Characters that
-    don't belong to a path, such as a second dot in a row, are skipped.
+    Characters that don't belong to a path, such as a second dot in a row, are skipped.
     """
     names = map("".join, KEY.findall(text))
     return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, as `split` does, which must not skip
-    characters."""
+    """Return the keys and indices of a written path, in which `split` must not skip characters."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -61,11 +55,8 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 
 def written(keys: Keys) -> str:
-    """Return the written path of keys and indices, such as "joints.crank pin.axis[0]".
-
-    Keys that contain dots, brackets or quotation marks are quoted. A key with both kinds of
-    quotation marks can't be read back by `keys_of`.
-    """
+    """Return the written path of keys and indices, in which keys with dots, brackets or quotation
+    marks are quoted. A key with both kinds of marks can't be read back by `keys_of`."""
 
     def quoted(key: str) -> str:
         mark = '"' if "'" in key else "'"
@@ -76,9 +67,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the existing beginning of a path: its keys, and indices as integers, before the first
-    one that the tables and lists lack."""
-    found: list[str | int] = []
+    """Return the beginning of a path that exists in nested tables, with indices as integers."""
+    steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
             content = content[key]
@@ -87,31 +77,22 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
             content = content[key]
         else:
             break
-        found.append(key)
-    return tuple(found)
+        steps.append(key)
+    return tuple(steps)
 
 
 class Source:
-    """The text of a file, in which error messages find the line of a value.
-
-    - `changes`: changes that the command line makes, such as "joints.pin.clearance=2mm", by the
-      keys of the changed value.
-
-    **Arguments:** `text`: the text; `suffix`: ".toml" or ".json"; lines are found in TOML only.
-    """
+    """The text of a file, in which error messages find the line of a value, and the `changes` that
+    the command line makes, by the keys of the changed value."""
 
     def __init__(self, text: str, suffix: str):
         self._text, self._is_toml = text, suffix == ".toml"
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return the text that a message adds to the path of the file for the value at `keys`.
-
-        This is " with --set …" for a value that the command line sets. Otherwise it is ", line 12",
-        say: the line of the statement that sets the value or the closest table around it. It is
-        empty if the line is unknown: in JSON, in TOML of more than 100 000 characters, and if no
-        key is in the file.
-        """
+        """Return what a message adds to the path of the file for the value at `keys`: the change of
+        the command line that sets it, or the line of the statement that sets it or the closest
+        table around it; an empty text if the line is unknown."""
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
@@ -127,8 +108,6 @@ class Source:
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
-            """Return the largest number of lines, at most `limit`, that are valid TOML if parsed
-            alone, and their tables."""
             for size in range(limit, 0, -1):
                 with suppress(tomllib.TOMLDecodeError):
                     return size, tomllib.loads("\n".join(lines[:size]) + "\n")
@@ -150,12 +129,7 @@ class Source:
 
 @dataclass
 class FileLocation:
-    """Location of a value in a file.
-
-    - `file`: path of the file.
-    - `keys`: keys of tables and indices of lists that lead to the value.
-    - `source`: text of the file, if known.
-    """
+    """Location of a value in a file, given by keys of tables and indices of lists."""
 
     file: str
     keys: Keys = ()
@@ -170,14 +144,12 @@ class FileLocation:
         return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
-        """Raise a `ValueError` that names this location, the `value` found there, what was
-        `expected`, and the `remedy`: what the user can do."""
+        """Raise a `ValueError` that names this location, the `value` found, and the `remedy`."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
     @contextmanager
     def in_errors(self) -> Iterator[None]:
-        """Return a context in which messages of `ValueError` begin with this location, for errors
-        of functions that know nothing of the file."""
+        """Return a context in which messages of `ValueError` begin with this location."""
         try:
             yield
         except ValueError as error:
@@ -185,7 +157,6 @@ class FileLocation:
 
 
 def _shown(value: object) -> str:
-    """Return the text of a value for a message; of a table only the keys are shown."""
     if isinstance(value, Mapping):
         return f"a table with {SHORT.repr(list(value))}" if value else "an empty table"
     return SHORT.repr(value)
@@ -197,12 +168,10 @@ def listed(names: Iterable[str]) -> str:
 
 
 Document: TypeAlias = dict[str, object]
-"""Content of a file, as parsed: nested dictionaries (tables), lists, numbers, texts, true and
-false, None for JSON's null, and dates and times of TOML."""
+"""Content of a file, as parsed: nested dictionaries, lists and values."""
 Units: TypeAlias = Mapping[Keys, str]
 """Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
 SUFFIXES = ".toml", ".json"
-"""Suffixes of the files that can be read and written."""
 SCHEMA = "$schema"
 """The key under which a JSON file names its JSON Schema."""
 DEEPEST = 32
@@ -225,11 +194,7 @@ def suffix_of(path: Path) -> str:
 
 
 def read_document(path: Path) -> tuple[Document, FileLocation]:
-    """Read a TOML or JSON file; return its tables and their location, for error messages.
-
-    **Raises:** `ValueError` for another suffix, for bytes that are not UTF-8, for a file of more
-    than 200 MB, and as `parse`; `OSError` for a file that can't be read.
-    """
+    """Read a TOML or JSON file; return its tables and their location, for error messages."""
     suffix, location = suffix_of(path), FileLocation(str(path))
     content = read_bytes(path, 200_000_000)
     try:
@@ -250,12 +215,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def parse(text: str, suffix: str, file: str) -> Document:
-    """Parse the text of a file and return its tables, without the key `SCHEMA`.
-
-    **Raises:** `ValueError` with line and column for text that is not valid; also for more than
-    `DEEPEST` nested tables and lists, for JSON that is not an object, and for a whole number of
-    more digits than Python converts (4300 by default).
-    """
+    """Parse the text of a file and return its tables, without the key `SCHEMA`."""
     try:
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
         if suffix == ".json":
@@ -278,7 +238,6 @@ def parse(text: str, suffix: str, file: str) -> Document:
 
 
 def _depth(content: object) -> int:
-    """Return how deeply tables and lists are nested: 1 for one that contains no other."""
     if not isinstance(content, dict | list):
         return 0
     entries = content.values() if isinstance(content, dict) else content
@@ -286,8 +245,8 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text. An object with a repeated key is refused: the module
-    `json` would silently take the last value of the key; `tomllib` refuses repeated keys."""
+    """Return the content of a JSON text. An object with a repeated key is refused as by `tomllib`:
+    the module `json` would silently take the last value."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:
@@ -304,13 +263,8 @@ def _parsed_json(text: str) -> object:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """Return the text of a file with the given tables; TOML has the `units` in comments.
-
-    **Arguments:** `schema`: name of the JSON Schema file to which the text refers for editors, or
-    None.
-
-    **Raises:** `ValueError` for JSON with a number that is infinite or NaN, which JSON lacks.
-    """
+    """Return the text of a file with the given tables, with the `units` in comments of TOML, and
+    with a reference to the JSON Schema file `schema`, if any."""
     if suffix == ".json":
         whole = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

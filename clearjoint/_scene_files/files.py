@@ -1,7 +1,4 @@
-"""Save scenes and states to TOML and JSON files, and load them.
-
-A table of a file contains the arguments with which a class makes an object.
-"""
+"""Save scenes and states to TOML and JSON files, and load them."""
 
 import json
 import math
@@ -48,27 +45,17 @@ from .schema import scene_schema
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts a scene, a state and the objects in them to tables.
-
-    - `units`: units of the converted values, by the keys that lead to them; "1" for a value without
-      unit.
-    - `user_classes`: user-defined classes among those of the converted objects.
-    """
+    """Converts objects to tables, and collects the units of the values, by the keys that lead to
+    them, and the user-defined classes among those of the objects."""
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the table of an object: the arguments with which its constructor makes the object
-        again.
+        """Return the arguments with which the constructor makes an object again.
 
-        The values are those of the object's fields with the names of the arguments. Left out are
-        arguments whose value and default are both ``None``, empty dictionaries whose default is
-        empty or ``None``, and arguments that have a default but no field.
-
-        **Raises:** `ValueError` for arguments without default that the object does not store in a
-        field of the same name, for a class with an argument named `kind`, and for values that a
-        file can't hold.
+        Left out are arguments whose value and default are both ``None``, empty dictionaries whose
+        default is empty or ``None``, and arguments that have a default but no field.
         """
         kind = type(instance)
         if not is_from_package(kind):
@@ -92,7 +79,6 @@ class Writer:
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
-        """Return a value as a number, text, list or table, and add its unit to `units`."""
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
         self.units[location.keys] = expected.unit or "1"
@@ -105,7 +91,7 @@ class Writer:
             for key in value:
                 if not isinstance(key, str):
                     location.refuse(key, "a name", "use text for the keys of dictionaries")
-            return {key: self._value(one, inner, location.at(key)) for key, one in value.items()}
+            return {key: self._value(item, inner, location.at(key)) for key, item in value.items()}
         if isinstance(value, tuple | list):
             # Rows of an array have the unit of the whole array.
             inner = expected.item or expected
@@ -135,11 +121,9 @@ class Writer:
 
 
 ARRAYS = np.ndarray | np.generic | jax.Array
-"""Types of arrays and of single numbers of NumPy and JAX."""
 FORMAT = 1
 """The version of the file format."""
 VERSION, STATE = "format", "state"
-"""Keys of the version of the format, and of the state."""
 MOST_ASSEMBLED = 50
 """Largest number of bodies of a scene whose file may omit states of bodies: to assemble a chain of
 20 bodies takes 20 s, and the time grows faster than the number of bodies."""
@@ -155,15 +139,14 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
 
     **Arguments:**
 
-    - `scene`, `state`: the mechanism and its state.
-    - `path`: path of the file, with the suffix ".toml" or ".json"; an existing file is overwritten.
+    - `path`: with the suffix ".toml" or ".json"; an existing file is overwritten.
     - `schema`: whether to write the JSON Schema (`scene_schema`) to the same folder, by which
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
-    **Raises:** `ValueError` for another suffix, for a state that lacks bodies of the scene, has
-    others or infinite numbers, and for a value that a file can't hold: a function, NaN, a number
-    that JAX traces, or an object that its class does not make again from its fields. The message
-    names the location of the value. `OSError` if the file can't be written.
+    **Raises:** `ValueError` for a state that does not suit the scene, and for a value that a file
+    can't hold: a function, NaN, a number that JAX traces, or an object that its class does not make
+    again from its fields. The message names the location of the value. `OSError` if the file can't
+    be written.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -181,8 +164,10 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     # than its fields, and its objects would then not be restored.
     with quiet():
         read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
-    for one, other, at in zip((scene, state), read, (location, location.at(STATE)), strict=True):
-        difference = first_difference(one, other, at)
+    for saved, restored, at in zip(
+        (scene, state), read, (location, location.at(STATE)), strict=True
+    ):
+        difference = first_difference(saved, restored, at)
         if difference is not None:
             difference.refuse(
                 "a value that its class does not restore from arguments",
@@ -220,14 +205,14 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     ```
 
     Keys and defaults are those of the Python classes' arguments. `kind` names the class, or a
-    static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``.
-    ``{axis = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation.
-    Numbers are in SI units, or texts with a unit that pint reads. "none" is ``None``.
+    static method that makes an object: ``kind = "Body.rod"``, ``kind = "Spline.through"``. ``{axis
+    = [0, 0, 1], angle = "30 deg"}`` may replace the Euler parameters of an orientation. Numbers are
+    in SI units, or texts with a unit that pint reads. "none" is ``None``.
 
     Bodies without a state are placed at rest by following the joints from the ground. If there are
     such bodies, `assemble` then closes loops, and corrects velocities that contradict the joints
-    and drivers; it may also change the states that the file has. If the file has the states of all
-    bodies, they are returned unchanged. In a scene of more than 50 bodies, each body needs a state.
+    and drivers; it may also change the states that the file has. In a scene of more than 50 bodies,
+    each body needs a state.
 
     User-defined classes are passed in `classes`: a file never imports or runs code. `quantity`
     declares the units of their fields. The file above needs
@@ -253,46 +238,39 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
     scene, state = cj.load("pendulum.toml", classes=[Quadratic])
     ```
 
-    **Arguments:** `path`: path of the file; `classes`: user-defined classes that the file may name,
-    as "Quadratic" or "my_laws:Quadratic".
+    **Arguments:** `classes`: user-defined classes that the file may name, as "Quadratic" or
+    "my_laws:Quadratic".
 
-    **Returns:** the scene and its state, complete for all bodies.
-
-    **Raises:** `ValueError` for another suffix, for a file of more than 200 MB, for `classes` that
-    are no collection of classes, and for content that does not describe a scene. The message about
-    the content names the location in the file, the value found there, the expected values and a
-    remedy. `OSError` for a file that can't be read.
+    **Raises:** `ValueError` for a file of more than 200 MB, and for content that does not describe
+    a scene. The message names the location in the file, the value found there, the expected values
+    and a remedy. `OSError` for a file that can't be read.
     """
     makers((), classes)  # raises an error for wrong classes
     document, location = read_document(Path(path))
     return scene_of_document(document, classes, location)
 
 
-def first_difference(one: object, other: object, location: FileLocation) -> FileLocation | None:
-    """Return the location of the first difference of two objects, ``None`` if they are equal.
-
-    Fields and entries are compared recursively. Floats are equal if their bits are equal, arrays of
-    NumPy and JAX if their shapes, dtypes and bits are equal.
-    """
+def first_difference(first: object, second: object, location: FileLocation) -> FileLocation | None:
+    """Return the location of the first difference of two objects, ``None`` if they are equal:
+    floats and arrays bit by bit, arrays also in shape and dtype."""
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
-    are_arrays = isinstance(one, ARRAYS) and isinstance(other, ARRAYS)
-    are_tables = isinstance(one, Mapping) and isinstance(other, Mapping)
-    if not (are_arrays or are_tables or type(one) is type(other)):
+    are_arrays = isinstance(first, ARRAYS) and isinstance(second, ARRAYS)
+    are_tables = isinstance(first, Mapping) and isinstance(second, Mapping)
+    if not (are_arrays or are_tables or type(first) is type(second)):
         return location
-    entries, others = _entries(one), _entries(other)
+    entries, others = _entries(first), _entries(second)
     if not (entries or others):  # two values without parts, or two empty containers
-        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (one, other))]
-        by_bits = are_arrays or isinstance(one, float)
-        return None if (bits[0] == bits[1] if by_bits else one == other) else location
+        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (first, second))]
+        by_bits = are_arrays or isinstance(first, float)
+        return None if (bits[0] == bits[1] if by_bits else first == second) else location
     if set(entries) != set(others):
         return location
     pairs = ((entries[key], others[key], location.at(key)) for key in entries)
-    return next((found for pair in pairs if (found := first_difference(*pair))), None)
+    return next((difference for pair in pairs if (difference := first_difference(*pair))), None)
 
 
 def _entries(node: object) -> dict:
-    """Return the parts of an object by key, entries or fields; none of a value such as a number."""
     if isinstance(node, Mapping):
         return dict(node)
     if isinstance(node, tuple | list):
@@ -316,27 +294,22 @@ def scene_of_document(
     reader = Reader(classes)
     # All other keys of the file are arguments of `Scene`.
     sections = {key: item for key, item in document.items() if key not in (VERSION, STATE)}
-    given, state_location = document.get(STATE, {}), location.at(STATE)
-    if not isinstance(given, dict):
-        state_location.refuse(given, "a table", "write [state.bodies.<name>] for each body")
+    state_table, state_location = document.get(STATE, {}), location.at(STATE)
+    if not isinstance(state_table, dict):
+        state_location.refuse(state_table, "a table", "write [state.bodies.<name>] for each body")
     # A file may omit the state of any body, and the whole section: `_completed` finds them.
     scene = reader.instance(Scene, sections, location, other_keys=(VERSION, STATE))
-    state = reader.instance(State, {"bodies": {}} | given, state_location)
-    known = list(scene.bodies)
+    state = reader.instance(State, {"bodies": {}} | state_table, state_location)
+    bodies = list(scene.bodies)
     for name in state.bodies:
-        if name not in known:
-            remedy = nearest(name, known, "add the body, or leave its state out")
-            expected = f"one of the scene's {listed(known)}"
+        if name not in bodies:
+            remedy = nearest(name, bodies, "add the body, or leave its state out")
+            expected = f"one of the scene's {listed(bodies)}"
             state_location.at("bodies").refuse(name, expected, remedy)
     return scene, _completed(scene, state, state_location)
 
 
 def _completed(scene: Scene, state: State, location: FileLocation) -> State:
-    """Return `state`, or an assembled state if it lacks bodies of the scene.
-
-    The missing states are found along the joints. Together with the given ones they are the first
-    guess of `assemble`, which may move all bodies, also those whose states the file has.
-    """
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:
         return state

@@ -1,8 +1,7 @@
 """Make objects from the tables of a file, whose entries are the arguments of constructors.
 
-A table such as ``{kind = "Log"}`` names its class under "kind". If an argument can only be an
-object of one class, its table need not name the class. The options of an argument are a fixed set
-of texts, each of which stands for a value.
+If an argument can only be an object of one class, its table need not name the class under "kind".
+The options of an argument are a fixed set of texts, each of which stands for a value.
 """
 
 import math
@@ -37,7 +36,6 @@ from .documents import FileLocation, existing, listed, split
 KIND = "kind"
 """The key under which a table names its class."""
 EULER_PARAMETERS = (4,)
-"""Shape of an orientation."""
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:\s+|(?=\D)|$)(.*)")
@@ -47,29 +45,19 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, four numbers, scalar first, of a rotation by `angle`, rad, about
-    `axis`, (3,) of any length but zero.
-
-    In a file, a table with these two arguments may replace Euler parameters.
-    """
+    """Return the Euler parameters, scalar first, for which a table with `axis` and `angle`, rad,
+    stands."""
     return tuple(rotation(axis, angle).tolist())
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Makes objects from the content of a file.
-
-    - `classes`: user-defined classes that the file may name, besides those of the package.
-    """
+    """Makes objects from the content of a file, which may name the user-defined `classes`."""
 
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value of a file to the Python value for which it stands.
-
-        **Returns:** an object, a tuple, a dictionary, an array, a number, a text, true or false; or
-        ``None``, for JSON's null, and for the text "none" where no texts are allowed.
-        """
+        """Convert a value of a file to the Python value for which it stands."""
         value = self._item(content, expected, location)
         # A tuple of objects stays a tuple; other tuples are rows of numbers and become arrays.
         rows = value if isinstance(value, tuple) else ()
@@ -112,14 +100,6 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
-        """Convert a table to an object, to Euler parameters, or to a dictionary.
-
-        If `expected.by_name` is set, the keys are names that the user has chosen, such as those of
-        bodies, and the table becomes a dictionary. In all other cases, the table becomes an object
-        of the class that it names, or of the only class that is allowed. If there is no such class,
-        a table with an axis and an angle becomes Euler parameters where these are allowed, and any
-        table becomes a dictionary where anything is allowed.
-        """
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:
@@ -146,44 +126,34 @@ class Reader:
         other_keys: tuple[str, ...] = (),
     ) -> PyTree:
         """Make an object from a table with the arguments of its class or static method.
-
-        **Arguments:**
-
-        - `make`: the class, or a static method that returns an object of its class.
-        - `content`: arguments by name, as parsed.
-        - `location`: location of the table.
-        - `other_keys`: further keys that the table in the file may have, for messages.
-
-        **Raises:** `ValueError` for unknown and missing arguments, and for values that are not as
-        expected or that the class refuses.
-        """
-        known = arguments(make)
-        given = {}  # arguments as Python values
+        `other_keys`: further keys that the table in the file may have, for messages."""
+        signature = arguments(make)
+        values = {}  # arguments as Python values
         for name, item in content.items():
             if name == KIND:
                 continue
-            if name not in known:
-                keys = [KIND, *known, *other_keys]
+            if name not in signature:
+                keys = [KIND, *signature, *other_keys]
                 remedy = nearest(name, keys, "leave it out")
                 location.at(name).refuse(item, f"one of the keys {listed(keys)}", remedy)
-            given[name] = self.value(item, known[name], location.at(name))
+            values[name] = self.value(item, signature[name], location.at(name))
         # Classes with the arguments `quantity` and `unit` are reductions: results that are updated
         # at every step, such as the peak of a quantity. The unit may be omitted: it is then that of
         # the quantity.
-        unit = getattr(given.get("quantity"), "unit", None)
-        is_required = "unit" in known and known["unit"].default is REQUIRED
-        if is_required and "unit" not in given and unit is not None:
-            given["unit"] = unit
+        unit = getattr(values.get("quantity"), "unit", None)
+        is_required = "unit" in signature and signature["unit"].default is REQUIRED
+        if is_required and "unit" not in values and unit is not None:
+            values["unit"] = unit
         missing = [
-            f"{name} ({one.unit})" if one.unit else name
-            for name, one in known.items()
-            if one.default is REQUIRED and name not in given
+            f"{name} ({expectation.unit})" if expectation.unit else name
+            for name, expectation in signature.items()
+            if expectation.default is REQUIRED and name not in values
         ]
         if missing:
             names = ", ".join(missing)
             raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
         try:
-            made = CHECKED.get(make, make)(**given)
+            made = CHECKED.get(make, make)(**values)
         except (ValueError, TypeError) as error:
             # The message names an argument as "Argument `joints['pin'].first` must be ...". These
             # keys lead from the table to the location of the wrong value.
@@ -192,8 +162,8 @@ class Reader:
             raise ValueError(f"{location.at(*keys)}: {error}") from error
         # Not every constructor checks the classes of its arguments. Where objects are allowed,
         # ``None``, numbers or options may be allowed too; these are no objects of the classes.
-        for name, item in given.items():
-            allowed, stored = known[name], getattr(made, name, None)
+        for name, item in values.items():
+            allowed, stored = signature[name], getattr(made, name, None)
             is_other = (
                 stored is None
                 or isinstance(item, Mapping)
@@ -209,9 +179,6 @@ class Reader:
 
 
 def _text(content: str, expected: Expectation, location: FileLocation) -> object:
-    """Return the value for which a text in a file stands: that of an option; the text itself where
-    any text is allowed; ``None`` for "none"; or a number, as of "0.3 mm", unless there are options.
-    """
     options = expected.options or {}
     if content in options:
         return options[content]
@@ -224,15 +191,8 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number of a text such as "0.3 mm" in an SI unit.
-
-    The number is rounded once, after the conversion of the unit, so that "0.3 mm" gives the same
-    float as 3e-4.
-
-    **Raises:** `ValueError` for a text without a number or of more than 200 characters, for a
-    finite number that is too large for a float, for a unit that is unknown or not a multiple of
-    `unit`, such as degC for K, and for a unit where none is declared (None).
-    """
+    """Return the number of a text such as "0.3 mm" in an SI unit, rounded once, after the
+    conversion of the unit, so that "0.3 mm" gives the same float as 3e-4."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

@@ -1,13 +1,13 @@
 """Robots as trees of links and joints, whatever the format of their files, and their scenes.
 
-A link has a frame. A joint gives the frame of its child link relative to the frame of its parent
-link while the joint is at zero. Links that are fixed to each other form one body, named after the
-first of them, the carrier.
+A joint gives the frame of its child link relative to the frame of its parent link while the joint
+is at zero. Links that are fixed to each other form one body, named after the first of them, the
+carrier.
 
 The frames of all bodies are parallel to the root link's frame while all joints are at zero. The
 components of a joint's axis are then the same in both bodies, and the angle of a joint, of a
-backlash and of a drive without `orientation` is zero where the file's is. With body frames
-parallel to those of the links, a joint's frame that is turned about its axis would shift the zero.
+backlash and of a drive without `orientation` is zero where the file's is. With body frames parallel
+to those of the links, a joint's frame that is turned about its axis would shift the zero.
 """
 
 import math
@@ -46,7 +46,6 @@ HINGES = "revolute", "continuous"
 FLOATING = "floating"
 """Type of joints that leave the child free; the scene has no joint for them."""
 FIXED = "fixed"
-"""Type of joints that hold the child on the parent."""
 IDEAL = {
     **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
     "prismatic": (PrismaticJoint, 1),
@@ -56,20 +55,16 @@ IDEAL = {
 }
 """Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
 TYPES = *IDEAL, FLOATING
-"""Types of joints that a scene can represent."""
 BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, in the arguments of a joint's play. The class `Backlash` has
-the name `play` for this angle."""
+"""Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
     *("first", "second", "axis_first", "axis_second", "play", "play_length"),
 }
-"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass, since they follow from the
-file or, for the angle of a backlash, have the name `BACKLASH`."""
+"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass."""
 ROUNDING = 0.5e-9
-"""Relative error of moments of inertia that is allowed for the rounding of written numbers, less
-than that which `Body` allows."""
+"""Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
 ZERO = 1e-14
 """Ratio of a moment or product of inertia to the largest moment below which it counts as zero."""
 
@@ -111,12 +106,8 @@ class LinkPose:
 
 
 class Inertial(NamedTuple):
-    """Mass of a link and its distribution.
-
-    - `mass`: kg, not negative.
-    - `centre`: (3,) m, the centre of mass in the link's frame.
-    - `tensor`: (3, 3) kg m^2, about the centre of mass in the link's axes; None if unknown.
-    """
+    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the inertia tensor (3, 3),
+    kg m^2, about the centre in the link's axes; None if unknown."""
 
     mass: float
     centre: np.ndarray
@@ -133,12 +124,8 @@ class RobotLink(NamedTuple):
 class RobotJoint(NamedTuple):
     """A joint of the tree.
 
-    - `name`: of the joint.
-    - `kind`: type of the joint, such as those of `TYPES`.
-    - `parent`, `child`: names of the links.
     - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
     - `axis`: (3,) in the child's axes, any length.
-    - `limits`: None if the file gives none.
     """
 
     name: str
@@ -152,13 +139,7 @@ class RobotJoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the user for the bodies of a robot.
-
-    - `merge_fixed`: whether links with mass that are fixed to their parents are parts of them.
-    - `free_root`: whether the root is a free body; else it is the ground.
-    - `balance_inertia`: whether impossible inertias are replaced, as by MuJoCo's `balanceinertia`.
-    - `bound_mass`, `bound_inertia`: least mass, kg, and principal moment, kg m^2, of a body.
-    """
+    """Choices of the user for the bodies of a robot, see `load_urdf`."""
 
     merge_fixed: bool = True
     free_root: bool = False
@@ -171,12 +152,8 @@ class Options:
 class Carrier:
     """Links that form one body, or belong to the ground.
 
-    - `body`: name of the body.
-    - `pose`: (4, 4) m, from the frame of the first link to that of the root if all joints are at
-      zero.
-    - `links`: names of the links, the first one first.
-    - `centre`: (3,) m, the body's centre of mass in the frame of the first link; the origin of that
-      frame for the ground.
+    - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
+    - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
     """
 
     body: str
@@ -188,15 +165,9 @@ class Carrier:
 class Robot:
     """A tree of links, with the body to which each link belongs.
 
-    - `links`, `joints`: by name.
     - `root`: the only link that is no joint's child.
-    - `carriers`: the body of each link, by the link's name; links of one body share the object.
+    - `carriers`: the body of each link; links of one body share the object.
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
-
-    **Arguments:** `links`, `joints`: in the order of the file; `location`: the file, for messages;
-    `options`: choices of the user.
-
-    **Raises:** `ValueError` for repeated names, and for joints that don't form a tree.
     """
 
     def __init__(
@@ -232,8 +203,8 @@ class Robot:
             carrier.centre = self._centre(carrier)
 
     def _joints_by_child(self) -> dict[str, RobotJoint]:
-        """Return the joints by the names of their child links; they must lead from one root to
-        every other link once."""
+        """Return the joints by their child links, to each of which they must lead once from one
+        root."""
         of_child: dict[str, RobotJoint] = {}
         for joint in self.joints.values():
             at = self.location.at(joint.name)
@@ -254,14 +225,11 @@ class Robot:
         return of_child
 
     def _is_part(self, joint: RobotJoint) -> bool:
-        """Return whether the child of a joint is a part of its parent's body."""
         inertial = self.links[joint.child].inertial
         has_mass = inertial is not None and inertial.mass > 0.0
         return joint.kind == FIXED and (self.options.merge_fixed or not has_mass)
 
     def _body_name(self, link: str) -> str:
-        """Return the name of the body that a link begins. "ground" is the name of the fixed body;
-        a moving link of that name is the body "ground link"."""
         name = f"{GROUND} link" if link == GROUND else link
         if link == GROUND and name in self.links:
             remedy = "rename one of the links"
@@ -276,16 +244,14 @@ class Robot:
     def massive(self, carrier: Carrier) -> dict[str, Inertial]:
         """Return the inertias of the links of a carrier that have any, by the links' names."""
         inertials = {name: self.links[name].inertial for name in carrier.links}
-        return {name: one for name, one in inertials.items() if one is not None}
+        return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return the centre of mass of a carrier, (3,) m in the frame of its first link.
-
-        Without mass it is the centre of its first link that has an <inertial>, or the origin.
-        """
+        """Return the centre of mass of a carrier in the frame of its first link; without mass that
+        of its first link that has an <inertial>, or the origin."""
         inertials = self.massive(carrier)
-        centres = [_moved(self.poses[name], one.centre) for name, one in inertials.items()]
-        masses = np.array([one.mass for one in inertials.values()])
+        centres = [_moved(self.poses[name], part.centre) for name, part in inertials.items()]
+        masses = np.array([part.mass for part in inertials.values()])
         if not centres:
             return np.zeros(3)
         # Relative to the first centre, so that a single link's centre is not rounded.
@@ -300,8 +266,8 @@ class Robot:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Return a point, (3,) m in the frame of the carrier's first link, from the centre of mass
-        in body axes."""
+        """Return a point, in the frame of the carrier's first link, from the centre of mass in body
+        axes."""
         x, y, z = _rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 
@@ -312,7 +278,7 @@ def scene_of(
     """Return the scene of a robot, and its state at rest with all joints at zero."""
     location = robot.location
     hinges = [joint.name for joint in robot.joints.values() if joint.kind in HINGES]
-    play = {name: _checked(name, given, hinges, location) for name, given in play.items()}
+    play = {name: _checked(name, settings, hinges, location) for name, settings in play.items()}
     carriers = robot.moving()
     if not carriers:
         remedy = "pass free_root=True, which makes the root a body, or correct the joints"
@@ -320,19 +286,19 @@ def scene_of(
     bodies = _bodies(robot, carriers)
     joints = {}
     for joint in robot.joints.values():
-        given = play.get(joint.name)
+        settings = play.get(joint.name)
         # A clearance replaces the ideal joint, a backlash is added to it.
-        has_backlash = given is not None and BACKLASH in given
-        scene_joint = _joint(joint, robot, None if has_backlash else given)
+        has_backlash = settings is not None and BACKLASH in settings
+        scene_joint = _joint(joint, robot, None if has_backlash else settings)
         if scene_joint is not None:  # floating joints and joints within a body have none
             joints[joint.name] = scene_joint
         # Only hinges pass `_checked`, and without a clearance they are always revolute joints.
-        if given is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
+        if settings is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
             name, at = f"{joint.name} {BACKLASH}", location.at(joint.name)
             if name in robot.joints:
                 expected = f"no joint {name!r}, which is the name of the backlash"
                 at.refuse(name, expected, "rename that joint")
-            joints[name] = _backlash(joint, scene_joint, given, at)
+            joints[name] = _backlash(joint, scene_joint, settings, at)
     state = {
         carrier.body: body_state(tuple(_moved(carrier.pose, carrier.centre)))
         for carrier in carriers
@@ -342,7 +308,6 @@ def scene_of(
 
 
 def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
-    """Return the bodies of a robot, by name, as `load_urdf` describes."""
     options, bodies = robot.options, {}
     balanced: list[str] = []
     bounded: list[str] = []
@@ -350,10 +315,10 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
         location = robot.location.at(carrier.links[0])
         inertials = robot.massive(carrier)
         if options.balance_inertia:
-            possible = {name: _balanced(one) for name, one in inertials.items()}
-            balanced += [name for name, one in possible.items() if one is not inertials[name]]
+            possible = {name: _balanced(part) for name, part in inertials.items()}
+            balanced += [name for name, part in possible.items() if part is not inertials[name]]
             inertials = possible
-        mass = sum(one.mass for one in inertials.values())
+        mass = sum(part.mass for part in inertials.values())
         tensor = _tensor(robot, carrier, inertials)
         if mass < options.bound_mass or np.linalg.eigvalsh(tensor)[0] < options.bound_inertia:
             bounded.append(carrier.body)
@@ -386,8 +351,8 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
-    """Return the inertia of a carrier about its centre of mass, (3, 3) kg m^2 in the axes of its
-    first link, by the parallel-axis theorem."""
+    """Return the inertia of a carrier about its centre of mass, in the axes of its first link, by
+    the parallel-axis theorem."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
@@ -401,15 +366,14 @@ def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -
 
 
 def _is_possible(tensor: np.ndarray) -> bool:
-    """Return whether a rigid body can have an inertia tensor (3, 3), apart from rounding."""
     least, middle, largest = np.linalg.eigvalsh(tensor)
     excess = largest - least - middle
     return least >= -ROUNDING * abs(largest) and excess <= ROUNDING * largest
 
 
 def _balanced(inertial: Inertial) -> Inertial:
-    """Return an inertia whose principal moments are their mean if no rigid body has them, otherwise
-    the same object. It is what MuJoCo's compiler does with `balanceinertia`."""
+    """Return the inertia that MuJoCo's `balanceinertia` makes: the principal moments are their mean
+    if no rigid body has them; otherwise it is the same object."""
     tensor = inertial.tensor
     if tensor is None or _is_possible(tensor):
         return inertial
@@ -417,7 +381,6 @@ def _balanced(inertial: Inertial) -> Inertial:
 
 
 def _bounded(tensor: np.ndarray, least: float) -> np.ndarray:
-    """Return a tensor (3, 3) whose principal moments are at least `least`, kg m^2."""
     moments, axes = np.linalg.eigh(tensor)
     return axes @ np.diag(np.maximum(moments, least)) @ axes.T
 
@@ -425,19 +388,18 @@ def _bounded(tensor: np.ndarray, least: float) -> np.ndarray:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Check the inertia of a body, (3, 3) kg m^2, so that the message names the links with mass and
-    the options."""
+    """Check the inertia of a body so that the message names the links with mass and the options."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     whole = f" of links {', '.join(names)} together" if len(names) > 1 else ""
-    found = f"principal moments {', '.join(f'{x:.4g}' for x in moments)} kg m^2"
+    actual = f"principal moments {', '.join(f'{x:.4g}' for x in moments)} kg m^2"
     if not _is_possible(tensor):
         expected = f"an inertia{whole} such that no principal moment exceeds the sum of the others"
         remedy = "correct it, or pass balance_inertia=True to replace impossible inertias"
-        at.refuse(found, expected, remedy)
+        at.refuse(actual, expected, remedy)
     if not moments[0] > ZERO * moments[-1]:
         expected = f"an inertia{whole} with positive moments about all axes"
-        at.refuse(found, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
+        at.refuse(actual, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
 
 
 def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
@@ -448,43 +410,36 @@ def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
     return {element.name: element for element in elements}
 
 
-def _checked(name: str, given: Play, hinges: list[str], location: FileLocation) -> Play:
-    """Return the arguments of the play of the joint `name`, one of `hinges`, with texts such as
-    "0.1 deg" converted to numbers in SI units."""
+def _checked(name: str, settings: Play, hinges: list[str], location: FileLocation) -> Play:
     if name not in hinges:
         remedy = nearest(name, hinges, "leave it out")
         location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
-    if not isinstance(given, Mapping):
+    if not isinstance(settings, Mapping):
         remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
-        location.at(name).refuse(given, "arguments by name", remedy)
-    kind = Backlash if BACKLASH in given else ClearanceJoint
+        location.at(name).refuse(settings, "arguments by name", remedy)
+    kind = Backlash if BACKLASH in settings else ClearanceJoint
     expected = arguments(kind)
-    known = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
+    allowed = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
     if kind is Backlash:
-        known[BACKLASH] = expected["play"]
-    for argument in given:
-        if argument not in known:
+        allowed[BACKLASH] = expected["play"]
+    for argument in settings:
+        if argument not in allowed:
             # The message lists the backlash too, because it may have been meant.
-            known |= {BACKLASH: Expectation()}
-            remedy = nearest(argument, known, "leave it out")
-            location.at(name).refuse(argument, f"one of the arguments {listed(known)}", remedy)
+            allowed |= {BACKLASH: Expectation()}
+            remedy = nearest(argument, allowed, "leave it out")
+            location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
     # Only texts are converted here. The constructors check all other values.
     reader, at = Reader(()), location.at(name)
     return {
-        key: reader.value(value, known[key], at.at(key)) if isinstance(value, str) else value
-        for key, value in given.items()
+        key: reader.value(value, allowed[key], at.at(key)) if isinstance(value, str) else value
+        for key, value in settings.items()
     }
 
 
 def _backlash(
-    joint: RobotJoint, hinge: RevoluteJoint, given: Play, location: FileLocation
+    joint: RobotJoint, hinge: RevoluteJoint, settings: Play, location: FileLocation
 ) -> Backlash:
-    """Return a `Backlash` between the bodies of a hinge, about the hinge's axis.
-
-    If neither a law nor a stiffness is given, the stiffness follows from the joint's effort limit,
-    as `load_urdf` describes.
-    """
-    options = {key: value for key, value in given.items() if key != BACKLASH}
+    options = {key: value for key, value in settings.items() if key != BACKLASH}
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
         effort = math.inf if joint.limits is None else joint.limits.effort
@@ -492,21 +447,18 @@ def _backlash(
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
         with location.in_errors():  # before the division by the angle
-            angle = as_number(given[BACKLASH], BACKLASH, "rad")
+            angle = as_number(settings[BACKLASH], BACKLASH, "rad")
             require_positive(BACKLASH, angle, "give an angle in rad")
         # The limit turns the joint past the end of the play by a tenth of it: the elastic
         # deflection of the surfaces in contact (flanks) is small compared with the play.
         options["torsional_stiffness"] = effort / (0.1 * float(angle))
     with location.in_errors():
-        return Backlash(hinge.first, hinge.second, play=given[BACKLASH], **axes, **options)
+        return Backlash(hinge.first, hinge.second, play=settings[BACKLASH], **axes, **options)
 
 
 def _joint(
     joint: RobotJoint, robot: Robot, play: Play | None
 ) -> AbstractConstraint | AbstractContactJoint | None:
-    """Return the joint of the scene for a joint of a robot: a `ClearanceJoint` with the arguments
-    `play`, or an ideal joint; ``None`` for a floating joint, and if both links belong to one body.
-    """
     parent, child = robot.carriers[joint.parent], robot.carriers[joint.child]
     location = robot.location.at(joint.name)
     if joint.kind not in TYPES:
@@ -535,15 +487,11 @@ def _joint(
 
 
 def _moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return a point (3,), m, after the transformation with a homogeneous matrix (4, 4)."""
     return _rounded(pose[:3, :3]) @ point + pose[:3, 3]
 
 
 def _rounded(numbers: np.ndarray) -> np.ndarray:
-    """Return numbers, such as those of a rotation matrix, with at most 15 decimals.
-
-    Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
-    """
+    """Restore the exact zeros of a quarter turn, which make the compiled program smaller."""
     return np.round(numbers, 15) + 0.0  # no negative zeros
 
 

@@ -1,8 +1,6 @@
 """Make the JSON Schema of scene files, with which editors complete and check them.
 
-A table of a file contains the arguments of a class, so that the schema follows from the classes.
-Each class has a definition, its part of the schema, to which the schemas of arguments refer by the
-name of the class.
+Each class has a definition, its part of the schema, to which the schemas of arguments refer.
 """
 
 from dataclasses import dataclass, field
@@ -15,24 +13,19 @@ from .documents import SCHEMA
 from .reading import ABSENT, EULER_PARAMETERS, KIND, axis_and_angle
 
 Schema: TypeAlias = dict[str, object]
-"""A JSON Schema, or a part of one, as a dictionary."""
 NUMBER: Schema = {"type": ["number", "string"]}
 """Schema of a number, which may be a text with a unit."""
 ROWS = "numbers"
-"""Name of the definition, in the schema, of a number or of nested lists of numbers."""
+"""Name of the definition of a number or of nested lists of numbers."""
 
 
 def scene_schema(classes: Classes = ()) -> Schema:
-    """Return the JSON Schema (2020-12) of scene files, made from the classes' arguments and units.
+    """Return the JSON Schema (2020-12) of scene files, as a dictionary for `json.dump`.
 
     With it, editors complete and check TOML and JSON files. `save(..., schema=True)` writes the
     schema to the folder of a scene file, and a reference to it into the scene file.
 
     **Arguments:** `classes`: user-defined classes that files may name.
-
-    **Returns:** a dictionary for `json.dump`.
-
-    **Raises:** `ValueError` unless `classes` is a collection of classes.
 
     >>> schema = cj.scene_schema()
     >>> schema["$schema"]
@@ -53,13 +46,9 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Collects the schemas of all classes to which the schema of a file refers.
-
-    - `classes`: user-defined classes that files may name, besides those of the package.
-    - `definitions`: schemas of classes and of static methods that return objects, by their names in
-      files; also that of numbers, under `ROWS`. The schema of a class is added when another schema
-      first refers to it.
-    """
+    """Collects the definitions to which the schema of a file refers: the schemas of makers, by
+    their names in files, and that of numbers, under `ROWS`. The schema of a class is added when
+    another schema first refers to it."""
 
     classes: Classes
     definitions: Schema = field(
@@ -73,8 +62,7 @@ class Catalogue:
         return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
-        """Return the schemas of the arguments of a class or of a static method, by name, with their
-        units as descriptions."""
+        """Return the schemas of a maker's arguments by name, with their units as descriptions."""
         return {
             name: self._value(expected)
             | ({} if expected.unit is None else {"description": f"unit: {expected.unit}"})
@@ -82,7 +70,6 @@ class Catalogue:
         }
 
     def _value(self, expected: Expectation) -> Schema:
-        """Return the schema of the values that an argument may have according to `expected`."""
         if expected.allows_anything:
             return {}
         ways: list[Schema] = []
@@ -104,38 +91,37 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all classes and static methods whose objects have
-        one of the given base classes. Definitions that are missing are added."""
+        """Return references to the definitions of all makers of the `families`, adding missing
+        ones."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
             names.setdefault(make, []).append(name)
-        for make, known in names.items():
-            if known[-1] not in self.definitions:
-                self.definitions[known[-1]] = {}  # the definition may refer to itself
-                properties = {KIND: {"enum": sorted(known)}} | self.properties(make)
+        for make, aliases in names.items():
+            if aliases[-1] not in self.definitions:
+                self.definitions[aliases[-1]] = {}  # the definition may refer to itself
+                properties = {KIND: {"enum": sorted(aliases)}} | self.properties(make)
                 # Classes with the arguments `quantity` and `unit` are reductions: results that are
                 # updated at every step, such as the peak of a quantity. The unit may be omitted,
                 # since the reader then takes that of the quantity.
                 omitted = "unit" if "quantity" in properties else None
-                given = {name: one for name, one in arguments(make).items() if name != omitted}
-                needed = [name for name, one in given.items() if one.default is REQUIRED]
+                required = [n for n, e in arguments(make).items() if e.default is REQUIRED]
+                needed = [name for name in required if name != omitted]
                 summary = (make.__doc__ or "").strip().split("\n")[0]
                 definition = _table(properties, needed) | {"description": summary}
-                self.definitions[known[-1]] = definition
+                self.definitions[aliases[-1]] = definition
         # The class that a table has if it does not name one. Another argument may allow further
         # classes, so that the definition itself doesn't require the name.
         implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
-        references = {make: _reference(known[-1]) for make, known in names.items()}
+        references = {make: _reference(aliases[-1]) for make, aliases in names.items()}
         # Editors that follow older drafts ignore what stands beside "$ref", but not beside "allOf".
         return [
-            one if make is implied else {"allOf": [one], "required": [KIND]}
-            for make, one in references.items()
+            reference if make is implied else {"allOf": [reference], "required": [KIND]}
+            for make, reference in references.items()
         ]
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    """Return the schema of a table with the keys of `properties` and no others."""
     return {
         "type": "object",
         "properties": properties,
@@ -158,11 +144,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes.
-
-    If `shapes` is empty, any shape is allowed, and also true and false, because the `shapes` of an
-    argument that is true or false are empty too.
-    """
+    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes. Without
+    any, true and false are allowed too, because the `shapes` of a flag are empty."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

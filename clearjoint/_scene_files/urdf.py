@@ -1,7 +1,6 @@
 """Load robots from URDF files, with play in given joints.
 
-Play is either a radial clearance of a joint or a backlash, a free angle of rotation. This module
-parses the XML; `robots` makes the scene. Every message names the file and the element.
+This module parses the XML; `robots` makes the scene. Every message names the file and the element.
 """
 
 import math
@@ -34,8 +33,7 @@ from .robots import (
 )
 
 LARGEST_FILE = 50_000_000
-"""Size in bytes above which files are refused, since they could exhaust the memory: parsed they are
-far larger."""
+"""Size in bytes above which files are refused, since parsed they are far larger."""
 READ = {"link": {"inertial"}, "joint": {"origin", "parent", "child", "axis"}}
 """Tags of the elements of links and of joints that a scene carries over."""
 TITLES = {
@@ -49,12 +47,10 @@ TITLES = {
 }
 """Names, in messages, of elements of links and joints that a scene lacks, by their tags."""
 XACRO = "if the file is a xacro file, expand it with `xacro FILE > robot.urdf` and load that"
-"""Remedy for a file with unexpanded macros."""
 
 
 def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
-    """Return the limits of the joints of a URDF file, by the joints' names. Joints without limits
-    are left out.
+    """Return the limits of those joints of a URDF file that have any, by name.
 
     A scene has no joint limits. Use them for the torque of a `Motor`, or to check a computed
     motion.
@@ -66,8 +62,7 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
     print(limits["elbow"].effort, limits["elbow"].velocity)  # N m, rad/s
     ```
 
-    **Raises:** `ValueError` for a file that can't be parsed, or of more than 50 MB; `OSError` for a
-    file that does not exist.
+    **Raises:** `ValueError` and `OSError` as `load_urdf`.
     """
     joints = _parsed(Path(path)).joints
     return {joint.name: joint.limits for joint in joints if joint.limits is not None}
@@ -76,8 +71,7 @@ def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
 def urdf_links(
     path: FilePath, *, merge_fixed: bool = True, free_root: bool = False
 ) -> dict[str, LinkPose]:
-    """Return where the frames of the links of a URDF file are in the scene of `load_urdf`, by the
-    links' names.
+    """Return where the frames of the links of a URDF file are in the scene of `load_urdf`, by name.
 
     Use it for points of links that are parts of other bodies, such as a tool or a sensor.
 
@@ -88,9 +82,7 @@ def urdf_links(
     print(tool.body, tool.point, tool.orientation)
     ```
 
-    **Arguments:** `path`: path of the file; `merge_fixed`, `free_root`: as for `load_urdf`.
-
-    **Raises:** `ValueError` and `OSError` as `load_urdf`.
+    **Arguments:**, **Raises:** see `load_urdf`.
     """
     content, location = _parsed(Path(path)), FileLocation(str(path))
     options = Options(merge_fixed=merge_fixed, free_root=free_root)
@@ -109,7 +101,8 @@ def load_urdf(
     bound_mass: float = 0.0,
     bound_inertia: float = 0.0,
 ) -> tuple[Scene, State]:
-    """Read a robot from a URDF file, with play in some of its joints.
+    """Read a robot from a URDF file, with play in some of its joints. Return the scene, and its
+    state at rest with all joints at zero.
 
     ```python
     import clearjoint as cj
@@ -136,7 +129,6 @@ def load_urdf(
 
     **Arguments:**
 
-    - `path`: path of the file.
     - `play`: a dictionary of arguments for each revolute or continuous joint with play, by the
       joint's name. Numbers may be texts with units. There are two kinds:
         - Arguments of a `ClearanceJoint`, which replaces the joint. Bodies, points and axes are
@@ -145,8 +137,7 @@ def load_urdf(
         - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
           scene with a name such as "elbow backlash"; the joint stays. By default its
           `torsional_stiffness` is such that the joint's effort limit in the file deflects the
-          surfaces in contact (flanks) by a tenth of the backlash. Without an effort limit, a
-          `torsional_stiffness` or a `law` must be given.
+          surfaces in contact (flanks) by a tenth of the backlash.
     - `gravity`: (3,) m/s^2, or ``None``.
     - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
       whose reaction can then be observed. Merged links make runs faster.
@@ -157,10 +148,9 @@ def load_urdf(
       of a body, as for MuJoCo's compiler. Smaller ones are increased, also those of moving links
       without mass.
 
-    **Returns:** the scene, and its state at rest with all joints at zero.
-
-    **Raises:** `ValueError`, with the file and the element, for a file that can't be read, a robot
-    that a scene can't represent, and invalid `play`. `OSError` for a file that does not exist.
+    **Raises:** `ValueError`, with the file and the element, for a file of more than 50 MB or that
+    can't be read, a robot that a scene can't represent, and invalid `play`. `OSError` for a file
+    that does not exist.
 
     **Warns:** `NotCarriedOverWarning` lists the contents of the file that the scene lacks: limits
     (see `urdf_limits`), damping and friction, mimics, shapes and others; and the links and bodies
@@ -179,21 +169,18 @@ def load_urdf(
 
 
 def _not_carried_over(robot: Robot, omitted: Mapping[str, list[str]]) -> str:
-    """Return a text that lists the contents of the file that the scene lacks; empty if none."""
     grounded = [name for name, carrier in robot.carriers.items() if carrier.body == GROUND]
-    massive = [name for name in grounded if (one := robot.links[name].inertial) and one.mass > 0.0]
+    inertials = {name: robot.links[name].inertial for name in grounded}
+    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
     listed_parts = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
     named = [f"{title} of {', '.join(names)}" for title, names in listed_parts.items() if names]
     return "; ".join([*named, *sorted(title for title, names in listed_parts.items() if not names)])
 
 
 class Content(NamedTuple):
-    """Content of a URDF file.
-
-    - `links`, `joints`: in the order of the file.
-    - `omitted`: names of the links and joints with an element that a scene lacks, by the title of
-      the element in messages; no names for elements of the robot itself.
-    """
+    """Content of a URDF file: links and joints in its order, and the names of those with an element
+    that a scene lacks, by the element's title in messages; no names for elements of the robot
+    itself."""
 
     links: list[RobotLink]
     joints: list[RobotJoint]
@@ -228,11 +215,8 @@ def _parsed(path: Path) -> Content:
 
 
 def _root(content: bytes, location: FileLocation) -> Element:
-    """Return the element <robot> of a URDF file.
-
-    Tags and attributes keep their prefixes, and a default namespace has no effect, as in other
-    readers of URDF, which ignore namespaces.
-    """
+    """Return the element <robot> of a URDF file. Namespaces are ignored, as by other readers of
+    URDF: tags and attributes keep their prefixes, and a default namespace has no effect."""
     parser, builder = expat.ParserCreate(), TreeBuilder()
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
@@ -248,7 +232,6 @@ def _root(content: bytes, location: FileLocation) -> Element:
 
 
 def _attribute(element: Element, name: str, location: FileLocation) -> str:
-    """Return an attribute, not empty and without macros, of an element that must have it."""
     value = element.get(name, "")
     if not value:
         expected = f"an attribute `{name}` of <{element.tag}>"
@@ -261,11 +244,7 @@ def _attribute(element: Element, name: str, location: FileLocation) -> str:
 def _numbers(
     element: Element | None, name: str, default: str | None, count: int, location: FileLocation
 ) -> np.ndarray:
-    """Return the numbers in an attribute of an element, (count,).
-
-    **Arguments:** `element`: None if the file has none; `default`: text of a missing attribute;
-    None if it must exist.
-    """
+    """Return the (count,) numbers of an attribute, or of `default`, None if it must exist."""
     text = default if element is None else element.get(name, default)
     if element is not None:
         location = location.at(element.tag, name)
@@ -284,12 +263,10 @@ def _numbers(
 def _number(
     element: Element | None, name: str, default: str | None, location: FileLocation
 ) -> float:
-    """Return the only number in an attribute of an element, as `_numbers` does."""
     return float(_numbers(element, name, default, 1, location)[0])
 
 
 def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
-    """Return the homogeneous matrix (4, 4), m, of an <origin> element; the identity for None."""
     from scipy.spatial.transform import Rotation
 
     rpy = _numbers(origin, "rpy", "0 0 0", 3, location)
@@ -301,7 +278,6 @@ def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
 
 
 def _inertial(link: Element, location: FileLocation) -> Inertial | None:
-    """Return the inertia of a link in its frame; None without an <inertial>."""
     inertial = link.find("inertial")
     if inertial is None:
         return None
@@ -323,17 +299,18 @@ def _inertial(link: Element, location: FileLocation) -> Inertial | None:
 
 
 def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
-    links = []
+    links = {}
     for tag in ("parent", "child"):
         element = joint.find(tag)
         if element is None:
             location.refuse(None, f'an element <{tag} link="...">', "add it")
-        links.append(_attribute(element, "link", location.at(tag)))
+        links[tag] = _attribute(element, "link", location.at(tag))
     limit = joint.find("limit")
     return RobotJoint(
         name,
         _attribute(joint, "type", location),
-        *links,
+        parent=links["parent"],
+        child=links["child"],
         pose=_pose(joint.find("origin"), location),
         axis=_numbers(joint.find("axis"), "xyz", "1 0 0", 3, location),
         limits=None if limit is None else _limits(limit, location),

@@ -1,7 +1,4 @@
-"""Make the arrows of forces in a view, and colour journals by their contact.
-
-A view has N frames, each of which shows the mechanism at one instant.
-"""
+"""Make the arrows of forces in a view, and colour journals by their contact."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -16,26 +13,18 @@ from .proportions import Proportions
 from .sketching import SketchingPen
 
 LONGEST = 0.3
-"""Length of the longest arrow, as a fraction of the size of the mechanism, which is the diagonal of
-the box around it."""
+"""Length of the longest arrow, as a fraction of the size of the mechanism."""
 MODE_NAMES = {
     MotionMode.FREE_FLIGHT: "free flight",
     MotionMode.ONE_BASE: "contact at one end",
     MotionMode.LINE_CONTACT: "contact along a line",
     MotionMode.OPPOSITE_SIDES: "contact at opposite sides",
 }
-"""Texts of the motion modes in a legend."""
 
 
 class Arrows(NamedTuple):
-    """Arrows of the forces in a view, and their scale.
-
-    - `parts`: solids of the arrows.
-    - `scale`: length of the arrow of the largest force divided by that force, m/N, before long
-      arrows are cut. It is the scale passed to `arrows`; if none was passed, it is chosen, and is 1
-      without forces.
-    - `note`: the scale as a line of the legend; empty without arrows.
-    """
+    """Arrows of the forces, their `scale` before long arrows are cut, m/N, and a `note` on it for
+    the legend. Without forces the scale is 1."""
 
     parts: list[DrawnPart]
     scale: float
@@ -48,15 +37,10 @@ def arrows(
     """Return arrows of the contact forces on the second body of each joint, which end at the
     contact points, and arrows of the loads, which start at the points of application.
 
-    Lengths are proportional to forces, with one exception: if no scale is given, and the largest
-    force is more than five times the median of all forces that are not zero, as in an impact during
-    a motion along the wall, lengths are proportional to the square root of forces. Small forces are
-    then visible too.
-
-    **Arguments:** `pen`: has the journals as they are drawn, and the loads; `observation`: the
-    contact forces at the times of the frames, None to draw loads only; `scale`: length of an arrow
-    divided by its force, m/N, or None for one by which the largest force has the length `LONGEST`
-    times the size of the mechanism. For a given scale, longer arrows are cut to this length.
+    Lengths are proportional to forces, with one exception: if no scale, m/N, is given, and the
+    largest force is more than five times the median of all forces that are not zero, as in an
+    impact during a motion along the wall, lengths are proportional to the square root of forces.
+    Small forces are then visible too.
     """
     contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
     all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]
@@ -96,8 +80,7 @@ def arrows(
 
 
 def newtons(force: float) -> str:
-    """Return the text of a force, N, rounded to three significant digits, with a prefix of the
-    unit: "12.3 kN"."""
+    """Return the text of a force, N, with a prefix of the unit: "12.3 kN"."""
     from matplotlib.ticker import EngFormatter
 
     return EngFormatter("N")(float(f"{force:.3g}"))
@@ -107,7 +90,7 @@ def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return where the contact forces act, and the forces on the second body of each joint: (N, 3)
-    m and N in global axes, by names such as "pin V" for the contact "V" of the joint "pin".
+    m and N, by names such as "pin V" for the contact "V" of the joint "pin".
 
     Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
     """
@@ -137,12 +120,11 @@ def _contact_forces(
 def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
-    """Give journals and balls the colours of their motion modes.
+    """Give journals and balls the colours of their motion modes; return all parts, and the modes
+    that occur, sorted by number.
 
     A joint without observed motion modes, such as a ball in a socket, has the mode 1 (contact at
     one end) if one of its contacts touches, else 0 (free flight).
-
-    **Returns:** all parts, and the motion modes that occur in any frame, sorted by number.
     """
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
     # Only joints with a journal have observed modes.

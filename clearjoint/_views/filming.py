@@ -1,8 +1,7 @@
 """Draw pictures and animations of a view by matplotlib.
 
-A view consists of solids (`DrawnPart`), each with a triangle mesh and a pose in every frame. Their
-triangles are projected on the pixels of the picture. Each pixel has the colour of the triangle that
-is nearest there: an order of whole triangles would show some through walls.
+Each pixel has the colour of the triangle that is nearest there: matplotlib's order of whole
+triangles would show some through walls.
 """
 
 import shutil
@@ -34,18 +33,11 @@ SAMPLES = 4 * DPI
 MOST_POINTS = 1_000_000
 """Largest number of points whose depths are computed at once, apart from those of one triangle."""
 FRAMES_PER_SECOND = 25
-"""Number of frames that an animation shows in a second."""
 
 
 class Film:
-    """A matplotlib figure of a view, in which `show` draws one frame.
-
-    Triangles that face away from the camera are omitted.
-
-    **Arguments:** `parts`: solids with a pose for each frame; `camera`: positions of the viewer and
-    of the picture's middle; `legend`: texts and colours on the left of the picture; `times`: times
-    of the frames, (N,) s, None for a single state; `samples`: computed points per inch.
-    """
+    """A matplotlib figure of a view, in which `show` draws one frame. Triangles that face away from
+    the camera are omitted."""
 
     def __init__(
         self,
@@ -89,8 +81,8 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Draw the parts in frame `k` and, unless the view is of a single state, the frame's time
-        as text."""
+        """Draw the parts in frame `k` and, unless the view is of a single state, the frame's
+        time."""
         height, width = self._shape
         # `nearest` has the inverse distance of the nearest opaque triangle at each point.
         picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)
@@ -124,14 +116,13 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
-        """Return the key by which parts are sorted before they are painted in frame `k`: the
-        transparent ones last, from the farthest to the nearest, over what is behind them."""
+        """Return the key by which parts are sorted before they are painted: the transparent ones
+        last, from the farthest to the nearest, over what is behind them."""
         centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
         return part.opacity < 1.0, float(centre @ self._view[2])
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write an animation of the frames with the indices `frames` to a GIF or, with ffmpeg, an
-        MP4 file."""
+        """Write an animation of some frames to a GIF or, with ffmpeg, an MP4 file."""
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
             has_ffmpeg = shutil.which("ffmpeg") is not None
@@ -150,9 +141,8 @@ def _covered(
     """Yield the points of a grid that triangles cover, for some triangles at a time: the number of
     the point, row by row; the index of the triangle; and its value there.
 
-    **Arguments:** `corners`: of the F triangles, counter-clockwise, in points from the lower left
-    of the grid; `values`: at the corners, between which they are interpolated linearly; `width`,
-    `height`: numbers of points in a row and in a column.
+    `corners` are counter-clockwise, in points from the lower left of the grid. Between them, the
+    `values` are interpolated linearly.
     """
     a, b, c = (corners[:, j] for j in range(3))
     # Each triangle covers, in each row between its lowest and its highest corner, the points
@@ -201,8 +191,8 @@ def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _time_text(time: float, whole: float) -> str:
-    """Return the text of a time, s, with the unit and the digits that suit a run of duration
-    `whole`, s: one unit of the last digit is at most a hundredth of the duration."""
+    """Return the text of a time, s, in a run of duration `whole`, s: one unit of the last digit is
+    at most a hundredth of the duration."""
     whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))

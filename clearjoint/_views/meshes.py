@@ -1,8 +1,4 @@
-"""Triangle meshes of simple solids, and the solids of a view. Lengths are in m.
-
-A solid has its own axes x, y and z; a pose, a homogeneous matrix (4, 4), places it in space.
-
-A view has N frames, each of which shows the mechanism at one instant; a single state is one frame.
+"""Triangle meshes of simple solids, and the solids of a view.
 
 Functions that make solids by the package trimesh raise `ImportError` if it is not installed.
 """
@@ -25,25 +21,21 @@ ROUND = 32
 
 
 class Mesh(NamedTuple):
-    """Triangle mesh of the surface of a solid.
-
-    - `vertices`: (V, 3) m.
-    - `faces`: (F, 3), indices of the three vertices of each triangle, counter-clockwise seen from
-      outside.
-    """
+    """Vertices (V, 3), m, and faces (F, 3) of the surface of a solid: indices of the three vertices
+    of each triangle, counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "V 3"]
     faces: Int[np.ndarray, "F 3"]
 
     def moved(self, pose: Float[np.ndarray, "4 4"]) -> "Mesh":
-        """Return the mesh with vertices transformed by the homogeneous matrix `pose`, (4, 4)."""
+        """Return the mesh with transformed vertices."""
         return Mesh(self.vertices @ pose[:3, :3].T + pose[:3, 3], self.faces)
 
 
 @runtime_checkable
 class HasTriangles(Protocol):
-    """An object, such as a mesh of trimesh, with `vertices`, (V, 3) m, and `faces`, (F, 3) indices
-    of the three vertices of each triangle."""
+    """An object, such as a mesh of trimesh, with `vertices`, (V, 3) m, and `faces`, (F, 3)
+    indices."""
 
     vertices: ArrayLike
     faces: ArrayLike
@@ -55,10 +47,7 @@ a tuple of two arrays: vertices, (V, 3) m, and faces, (F, 3)."""
 
 
 def needed(package: str) -> ModuleType:
-    """Import and return a package of the extra `view`, such as "trimesh".
-
-    **Raises:** `ImportError` that names the extra, if the package can't be imported.
-    """
+    """Import and return a package of the extra `view`; an `ImportError` names the extra."""
     try:
         return importlib.import_module(package)
     except ImportError as error:
@@ -68,29 +57,28 @@ def needed(package: str) -> ModuleType:
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """Return a cylinder about z, centred at the origin; `radius` and `length` in m."""
+    """Return a cylinder about z, centred at the origin."""
     return _of(_creation().cylinder(radius, length, sections=ROUND))
 
 
 def tube(inner: float, outer: float, length: float) -> Mesh:
-    """Return a tube about z with open ends, centred at the origin; radii `inner` and `outer`, and
-    `length`, in m."""
+    """Return a tube about z with open ends, centred at the origin."""
     return _of(_creation().annulus(inner, outer, length, sections=2 * ROUND))
 
 
 def ball(radius: float) -> Mesh:
-    """Return a ball about the origin; `radius` in m."""
+    """Return a ball about the origin."""
     return _of(_creation().icosphere(subdivisions=2, radius=radius))
 
 
 def box(sides: Sequence[float]) -> Mesh:
-    """Return a box centred at the origin; `sides`: its lengths along x, y and z, m."""
+    """Return a box centred at the origin, with `sides` along x, y and z."""
     return _of(_creation().box(sides))
 
 
 def pyramid(height: float, width: float, depth: float) -> Mesh:
     """Return a pyramid with its tip at the origin and its base, of `width` along x and `depth`
-    along y, at z = `height`; all in m."""
+    along y, at z = `height`."""
     signs = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
     base = [(0.5 * width * x, 0.5 * depth * y, height) for x, y in signs]
     sides = [(0, 1 + (k + 1) % 4, 1 + k) for k in range(4)]
@@ -105,11 +93,8 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1.
-
-    **Arguments:** `radius`: radius of the helix, m; `wire`: radius of the wire, m; `length`: length
-    of the drawn spring, m, at which the wire is round: a pose stretches the mesh along z to the
-    drawn length; `turns`: number of turns of the helix.
+    """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1. At the
+    drawn `length`, to which a pose stretches the mesh, the `wire`, given by its radius, is round.
     """
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
@@ -132,11 +117,8 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
-    """Return a spur gear about z, centred at the origin, with the middle of a tooth on the x axis.
-
-    **Arguments:** `radius`: pitch radius, m, negative for an internal gear; `teeth`: number of
-    teeth; `width`: of the gear along z, m.
-    """
+    """Return a spur gear about z, centred at the origin, with the middle of a tooth on the x axis;
+    `radius` of the pitch circle, negative for an internal gear, and `width` along z."""
     module = 2.0 * abs(radius) / teeth  # m
     pitch = 2.0 * np.pi / teeth  # rad
     # Each tooth has four corners: root, tip, tip, root. Their angles are measured in pitches from
@@ -154,13 +136,8 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a plate perpendicular to z, centred at the origin.
-
-    Straight lines from the origin to the corners of the outline must lie inside the outline.
-
-    **Arguments:** `rim`: (N, 2) m, corners of the outline, counter-clockwise around the origin;
-    `width`: of the plate along z, m.
-    """
+    """Return a plate of a `width` along z, centred at the origin. Straight lines from there to the
+    corners of the `rim`, counter-clockwise, must lie inside the rim."""
     # Triangles from the rim to the centre.
     count = len(rim)
     first = np.arange(count)
@@ -169,34 +146,25 @@ def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 
 
 def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a ring about z, centred at the origin, between edges with `inner` and `outer` corners,
-    (N, 2) m each, counter-clockwise, where corners with the same index are at the same angle."""
+    """Return a ring about z, centred at the origin, between edges with corners, counter-clockwise,
+    where corners with the same index are at the same angle."""
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
 
 def _extruded(
     corners: Float[np.ndarray, "N 2"], faces: Int[np.ndarray, "F 3"], width: float
 ) -> Mesh:
-    """Return the solid of thickness `width` with the cross-section of triangles: `corners` (N, 2),
-    m, and their indices, `faces` (F, 3)."""
     solid = _creation().extrude_triangulation(corners, faces, width)
     return _of(solid).moved(pose_at((0.0, 0.0, -0.5 * width)))
 
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
-    """Return the outline of the region that is enclosed by tangents at given distances from the
-    origin.
+    """Return the corners, at the angles 0, 2 pi/N, ..., of the region that is enclosed by tangents
+    perpendicular to these directions, at given distances from the origin.
 
-    The support function of a shape is the distance from the origin to the tangent of the shape that
-    is perpendicular to a direction, as a function of this direction. If the distances are the
-    support function of a convex shape, the outline is that of the shape. If the support function of
-    a shape nowhere exceeds the distances, the shape is inside the outline. Both hold up to the
-    error of replacing the outline by straight lines between N corners.
-
-    **Arguments:** `distances`: (N,) m, positive, from the origin to the tangents that are
-    perpendicular to the directions at the angles 0, 2 pi/N, ...
-
-    **Returns:** (N, 2) m, corners of the outline at the same angles.
+    If the distances are the support function of a convex shape, the distance of the tangent as a
+    function of its direction, the outline is that of the shape; if a shape's support function
+    nowhere exceeds them, the shape is inside the outline.
     """
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
     # A ray from the origin in the k-th direction meets the j-th tangent after the length d / c,
@@ -210,8 +178,8 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
-    """Return the convex hull of balls with radius `radius`, m, around all points (N, 3), m: a
-    rounded rod for two points, a rounded plate for three."""
+    """Return the convex hull of balls around all points: a rounded rod for two points, a rounded
+    plate for three."""
     trimesh = needed("trimesh")
     knob = _creation().icosphere(subdivisions=1, radius=radius).vertices
     return _of(trimesh.convex.convex_hull((points[:, None] + knob[None]).reshape(-1, 3)))
@@ -223,13 +191,11 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(*needed("trimesh").util.append_faces(vertices, faces))
 
 
-def given_mesh(argument: str, value: MeshLike) -> Mesh:
+def as_mesh(argument: str, value: MeshLike) -> Mesh:
     """Check a mesh that a user passes as the given argument, and return it as a `Mesh`.
 
     **Raises:** `ValueError` for a missing file, for an object that is not a `MeshLike`, and for
-    arrays with wrong shapes, with faces that are not indices of vertices, or with vertices that are
-    not finite; `ImportError` for a file if the package trimesh is not installed; the errors of
-    trimesh for a file that it can't read.
+    wrong arrays; the errors of trimesh for a file that it can't read.
     """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and such an object becomes a pair of arrays.
@@ -254,9 +220,9 @@ def given_mesh(argument: str, value: MeshLike) -> Mesh:
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return homogeneous matrices (N, 4, 4) of rotations whose third columns are the unit vectors
-    `axes`, (N, 3), and whose first columns are along the components of `start`, (N, 3),
-    perpendicular to them; by default, directions are chosen."""
+    """Return poses of rotations whose third columns are the unit vectors `axes`, and whose first
+    columns are along the components of `start` perpendicular to them; by default, directions are
+    chosen."""
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
@@ -267,17 +233,15 @@ def frames(
 
 
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
-    """Return a rotation matrix (3, 3) whose third column is along an axis (3,) of any length, and
-    whose first is along the component of `start` perpendicular to it, by default a chosen
-    direction."""
+    """Return the rotation matrix of `frames` for one axis (3,) of any length."""
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]
     return frames(rows / np.linalg.norm(rows), near)[0, :3, :3]
 
 
 def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
-    """Return the homogeneous matrix of a rotation (3, 3), by default none, followed by a
-    translation to `point` (3,), m."""
+    """Return the pose of a rotation (3, 3), by default none, followed by a translation to
+    `point`."""
     pose = np.eye(4)
     pose[:3, 3] = np.asarray(point, dtype=float)
     if rotation is not None:
@@ -294,7 +258,7 @@ def _of(shape: HasTriangles) -> Mesh:
 
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
-    """Return the triangles (F, 3) between successive rings of `corners` vertices each. Vertices are
+    """Return the triangles (F, 3) between successive rings of `corners` vertices each, which are
     numbered ring by ring."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners
@@ -320,10 +284,9 @@ GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
 FORCE, LOAD = "#D55E00", "#7A1F8C"
 """Colours of the arrows of contact forces and of loads."""
 MODES = {0: "#FFF3D6", 1: "#E69F00", 2: "#8A3B00", 3: "#000000"}
-"""Colours of a journal by the number of its `MotionMode`, from free flight to contact at opposite
-sides: darker for more contact."""
+"""Colours of a journal by the number of its `MotionMode`: darker for more contact."""
 CLEAR = 0.3
-"""Opacity of transparent parts, from 0, invisible, to 1, opaque."""
+"""Opacity of transparent parts."""
 
 
 @dataclass(frozen=True)
@@ -333,10 +296,9 @@ class DrawnPart:
     - `name`: name of its body, joint or force; for the arrow of a contact force, that of the joint
       and the label of the contact.
     - `mesh`: triangles in the solid's own axes, m.
-    - `poses`: homogeneous matrices from the solid's axes to global axes: (N, 4, 4), one for each
-      frame, or (1, 4, 4) for a solid at rest. The matrices may also stretch the solid.
-    - `colour`: "#rrggbb".
-    - `opacity`: from 0.0, invisible, to 1.0, opaque.
+    - `poses`: (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest. They may also
+      stretch the solid.
+    - `colour`: "#rrggbb". `opacity`: from 0.0, invisible, to 1.0, opaque.
     - `modes`: (N,) keys of `MODES`, whose colours replace `colour` in each frame; ``None`` for a
       solid of one colour.
     - `is_journal`: whether the solid is the journal or ball of a clearance joint.
@@ -363,11 +325,7 @@ def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
     """Return the poses of a solid, from z = 0 to z = 1 in its own axes, that connects two moving
-    points, such as a spring: stretched from `starts` to `ends`, (N, 3) m, with its x and y times
-    `width`.
-
-    **Returns:** (N, 4, 4), or (1, 4, 4) if all poses are equal.
-    """
+    points, such as a spring, with its x and y times `width`; (1, 4, 4) if all poses are equal."""
     along = ends - starts
     # A minimum of 1e-12 m, since equal points have no direction.
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
@@ -379,8 +337,7 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, (M, 3) m in global axes, of boxes around all parts, with edges parallel
-    to the parts' own axes, in the frames `instants`. The camera must show them."""
+    """Return the corners, (M, 3) m, of boxes around all parts in the frames `instants`."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)

@@ -2,10 +2,7 @@
 
 The page is made by the package k3d. Pages of the package viser are smaller (1.00 against 1.46 MB
 for 12 bodies in 500 frames) and are shown sooner (after 1.8 against 2.5 s), but k3d shows the time
-of the run, writes the file without a web server, opens no port, and depends on ipywidgets alone,
-which notebooks have.
-The file contains each solid once, and its pose in each frame: 501 frames of a four-bar, a
-slider-crank or the robot arm, with arrows and colours of contact, are 1.3 to 1.5 MB.
+of the run, writes the file without a web server, and depends on ipywidgets alone.
 """
 
 import json
@@ -22,12 +19,8 @@ from .proportions import FIELD_OF_VIEW, Camera
 
 @dataclass(frozen=True)
 class Legend:
-    """Legend of a view.
-
-    - `title`: title of the view.
-    - `entries`: pairs of a colour "#rrggbb" and its meaning.
-    - `notes`: lines of text below the entries, such as scales.
-    """
+    """Legend of a view: its title, pairs of a colour "#rrggbb" and its meaning, and lines of text
+    such as scales."""
 
     title: str
     entries: tuple[tuple[str, str], ...]
@@ -41,13 +34,8 @@ def page(
     times: np.ndarray | None,
     height: int,
 ) -> str:
-    """Return the HTML text of a page that shows a view and needs no network.
-
-    **Arguments:** `camera`: first position of the viewer, which the reader can change; `times`: of
-    the frames, (N,) s, or ``None`` for a single state; `height`: of the view in a notebook, pixels.
-
-    **Raises:** `ImportError` without the package k3d.
-    """
+    """Return the HTML text of a page that shows a view; `camera`: first position of the viewer;
+    `height`: of the view in a notebook, pixels."""
     k3d = needed("k3d")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Given trait value dtype")  # k3d's own conversions
@@ -84,7 +72,6 @@ def _script(name: str) -> str:
 
 
 def _drawable(part: DrawnPart, k3d):
-    """Return a part as a mesh of the package `k3d`, with its poses and colours in all frames."""
     mesh = k3d.mesh(
         part.mesh.vertices.astype(np.float32),
         part.mesh.faces.astype(np.uint32),

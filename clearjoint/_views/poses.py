@@ -1,4 +1,4 @@
-"""Compute positions and orientations of all bodies in the frames that `clearjoint.view` shows."""
+"""Compute positions and orientations of all bodies in the frames of a view."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,30 +14,26 @@ from .._model.scene import Scene
 
 @dataclass(frozen=True)
 class BodyPoses:
-    """Poses of all bodies and of the ground in N frames.
-
-    - `times`: (N,) s, of the frames, or ``None`` for a single state (N = 1).
-    - `poses`: homogeneous matrices (N, 4, 4) from body axes to global axes, m, by the body's name.
-    """
+    """Poses (N, 4, 4) of all bodies and of the ground in N frames at `times`, (N,) s or ``None``
+    for a single state."""
 
     times: Float[np.ndarray, " N"] | None
     poses: Mapping[str, Float[np.ndarray, "N 4 4"]]
 
     def point(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Return the global positions (N, 3), m, of a point of a body, `local` (3,) m in body
-        axes."""
+        """Return the positions (N, 3), m, of a point of a body, `local` (3,) in body axes."""
         pose = self.poses[body]
         return pose[:, :3, :3] @ np.asarray(local, dtype=float) + pose[:, :3, 3]
 
     def direction(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Return the global unit vectors (N, 3) of a direction, `local` (3,) in body axes."""
+        """Return the unit vectors (N, 3) of a direction, `local` (3,) in body axes."""
         vector = np.asarray(local, dtype=float)
         return self.poses[body][:, :3, :3] @ (vector / np.linalg.norm(vector))
 
 
 def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
     """Return the poses of the bodies and of the ground in a single state, or in states at N
-    `times`, whose arrays have the times as first axis."""
+    `times`."""
     from scipy.spatial.transform import Rotation
 
     ground = np.tile(np.eye(4), (1 if times is None else len(times), 1, 1))
@@ -52,8 +48,7 @@ def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
 
 
 def initial_state(scene: Scene) -> tuple[State, bool]:
-    """Return a state at rest to show a scene for which the user gives no state, and whether the
-    state satisfies all joints.
+    """Return a state at rest to show a scene without a state, and whether it satisfies all joints.
 
     The bodies are placed by following the joints from the ground. If loops stay open, `assemble`
     closes them. If it can't, the result is the state with open loops, and false.
@@ -75,11 +70,8 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
-    """Choose the instants of a run that become frames: at most `most` of its times, about equally
-    spaced, with the first and, unless `most` is 1, the last time.
-
-    **Returns:** indices (M,) of the chosen times, rising.
-    """
+    """Return the indices (M,) of the instants that become frames: at most `most`, about equally
+    spaced in time, with the first and, unless `most` is 1, the last."""
     if len(times) <= most:
         return np.arange(len(times))
     wanted = np.linspace(times[0], times[-1], most)
@@ -91,11 +83,11 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Check that a state has exactly the bodies of a scene and, if times are given, one position of
-    each body for each time, which a trajectory that a user made may lack."""
-    found, known = sorted(states.bodies), sorted(bodies)
+    """Check that a state has exactly the bodies of a scene and one position of each body for each
+    time, which a trajectory that a user made may lack."""
+    in_motion, in_scene = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
-    require(found == known, "motion", found, f"of the scene's bodies {known}", remedy)
+    require(in_motion == in_scene, "motion", in_motion, f"of the scene's bodies {in_scene}", remedy)
     if times is not None:
         expected = f"of shape ({len(times)}, 3), one row for each time"
         remedy = "pass a State, or a trajectory whose arrays have the times as first axis"

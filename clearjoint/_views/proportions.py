@@ -20,22 +20,21 @@ from .poses import BodyPoses
 
 BORE = 2.4
 """Drawn radius of a bearing whose true radius is unknown, in radii of the bar by which a body is
-drawn. By default, bearings of known radius are enlarged until the smallest has about this drawn
-radius, unless it is larger already."""
+drawn; also the least drawn radius of bearings of known radius, by default."""
 
 
 @dataclass(frozen=True)
 class Proportions:
     """Sizes and scales of a view.
 
-    - `size`: diagonal of the box around the mechanism, m.
-    - `bar`: radius of the bar by which a body is drawn, m.
+    - `size`: diagonal of the box around the mechanism.
+    - `bar`: radius of the bar by which a body is drawn.
     - `bearing_scale`: drawn size divided by true size of bearings and sockets. The drawn radius of
       a journal or a ball is that of its bearing or socket less the drawn clearance.
     - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
-    - `front`: (3,) unit vector in global axes, the main direction of the joint axes. The viewer is
-      in this direction, before the camera is tilted.
-    - `up`: (3,) unit vector in global axes, the upward direction.
+    - `front`: unit vector to the viewer before the camera is tilted, the main direction of the
+      joint axes.
+    - `up`: unit vector upwards.
     - `planar`: whether nearly all joint axes are parallel.
     """
 
@@ -48,8 +47,7 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Return the drawn radius, m, of a bearing with the true `radius`, m, or None if this is
-        unknown."""
+        """Return the drawn radius of a bearing with the true `radius`, None if unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -60,15 +58,13 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the sizes and scales for a view of a scene, as it is in the first frame.
+    """Return the sizes and scales for a view of a scene, as it is in the first frame. `noted` has
+    the points and axes of the scene's elements (markers), and the radii and clearances of its
+    bearings and sockets (bores). Scales that are None are chosen so that bearings and clearances
+    are visible.
 
-    **Arguments:** `noted`: points and axes of the scene's joints and forces (markers), and radii
-    and clearances of its bearings and sockets (bores); `bearing_scale`, `clearance_scale`: drawn
-    size divided by true size. With None, scales of at least 1 are chosen so that all bearings, and
-    the clearance that is largest relative to its drawn bearing, are visible.
-
-    **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance, with a given
-    or a chosen scale, would exceed 0.9 times the drawn radius of its bearing.
+    **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance would exceed
+    0.9 times the drawn radius of its bearing.
     """
     size = _size(scene, poses, noted)
     # Bars are thick enough to be seen in a view of the whole mechanism, and thin beside its links.
@@ -95,10 +91,9 @@ def proportions(
 class BodySolid(NamedTuple):
     """A homogeneous box or cylinder with the mass and moments of inertia of a body.
 
-    - `axes`: (3, 3), with the unit vectors along the axes of the solid as columns, in body axes.
-    - `sides`: (3,) m, lengths of the solid along these axes.
-    - `round`: whether the solid is a cylinder about the third axis instead of a box; the first two
-      sides are then its diameter.
+    - `axes`: unit vectors along the axes of the solid as columns, in body axes. `sides`: (3,) m.
+    - `round`: whether the solid is a cylinder about the third axis; the first two sides are then
+      its diameter.
     """
 
     axes: np.ndarray
@@ -107,13 +102,9 @@ class BodySolid(NamedTuple):
 
 
 def equivalent_solid(body: Body) -> BodySolid:
-    """Return the homogeneous solid with a body's mass and moments of inertia.
-
-    The solid is a cylinder if exactly one pair of principal moments is equal, and a box otherwise.
-    Moments count as equal if they differ by at most a thousandth. The solid represents a body whose
-    shape is unknown. For moments that no real solid has, sides whose square would be negative are
-    zero.
-    """
+    """Return the homogeneous solid with a body's mass and moments of inertia: a cylinder if exactly
+    one pair of principal moments is equal, to a thousandth, and a box otherwise. For moments that
+    no real solid has, sides whose square would be negative are zero."""
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
@@ -136,12 +127,8 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Return the size of the mechanism in the first frame: the diagonal, m, of a box around it,
-    whose edges are parallel to the global axes.
-
-    It contains all points of joints and forces and, of bodies with at most one such point, the
-    middles of the faces of their equivalent solids. If all these points coincide, the size is 1 m.
-    """
+    """Return the diagonal, m, of a box around the mechanism in the first frame; 1 m if it has no
+    extent."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -155,9 +142,8 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """Return the main direction of the joint axes in the first frame, (3,) unit vector in global
-    axes, and whether nearly all joint axes are parallel; the Z axis and false without joint axes.
-    """
+    """Return the main direction of the joint axes in the first frame, and whether nearly all are
+    parallel; the Z axis and false without joint axes."""
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:
@@ -174,12 +160,11 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector, (3,) in global axes: the first suitable one of the direction
-    against gravity, Y and Z, or X if none of them is suitable.
+    """Return the upward unit vector: the first suitable one of the direction against gravity, Y and
+    Z, or X if none of them is suitable.
 
-    The direction against gravity is not suitable without gravity. For a planar mechanism,
-    directions within 60 degrees of the line of sight, which is along `front`, are not suitable
-    either, because they would not point upwards in the picture.
+    For a planar mechanism, directions within 60 degrees of the line of sight, which is along
+    `front`, are not suitable, because they would not point upwards in the picture.
     """
     against = np.zeros(3) if scene.gravity is None else -np.asarray(scene.gravity, dtype=float)
     x, y, z = np.eye(3)
@@ -191,7 +176,6 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
 
 
 def _rounded(number: float) -> float:
-    """Return a positive number rounded down to two significant digits."""
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
     # Against rounding errors, 1e-9 keeps numbers that have two digits already, and `round` removes
     # digits such as the last one of 0.30000000000000004.
@@ -206,12 +190,8 @@ show more at the sides."""
 
 
 class Camera(NamedTuple):
-    """Camera of a view, in global axes.
-
-    - `eye`: (3,) m, position of the viewer.
-    - `target`: (3,) m, point in the middle of the picture.
-    - `up`: (3,) unit vector, upward direction in the picture.
-    - `reach`: half the height of the picture in the plane of the target, m.
+    """Camera of a view: positions of the viewer (`eye`) and of the middle of the picture
+    (`target`), upward direction, and half the height of the picture in the plane of the target, m.
     """
 
     eye: np.ndarray
@@ -221,16 +201,13 @@ class Camera(NamedTuple):
 
     def axes(self) -> np.ndarray:
         """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-        viewer, in global axes."""
+        viewer."""
         return _axes(self.eye - self.target, self.up)
 
 
 def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
-    """Return a camera that shows all parts in all frames, or in 120 frames of a longer run, with
-    the mechanism in the middle.
-
-    Arrows of forces, which are recognised by their colours, do not belong to the mechanism: the
-    picture contains them, but its middle is that of the mechanism without them.
+    """Return a camera that shows all parts with the mechanism in the middle. Arrows of forces,
+    which are recognised by their colours, do not belong to the mechanism, but are in the picture.
     """
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
     # picture. Coordinates below are to the right, upwards and to the viewer, m.
@@ -260,20 +237,15 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the perspective projection (..., N, 2), m, of points (..., N, 3), m, relative to the
-    target, to the plane through the target; the viewer is at `distance`, m.
-
-    Coordinates are to the right, upwards and to the viewer.
-    """
+    """Return the projection (..., N, 2), m, of points (..., N, 3), m, from a viewer at `distance`,
+    m, to the plane through the target. Coordinates are to the right, upwards and to the viewer,
+    from the target."""
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return the direction from the mechanism to the viewer, (3,) in global axes, of any length.
-
-    The direction is perpendicular to `proportions.up` and near `proportions.front` where possible,
-    and is then tilted to the right and upwards.
-    """
+    """Return the direction from the mechanism to the viewer, of any length: perpendicular to `up`
+    and near `front` where possible, and then tilted to the right and upwards."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Components of the direction to the right and upwards; the component along `front` is 1.
@@ -288,6 +260,4 @@ def _direction(proportions: Proportions) -> np.ndarray:
 
 
 def _axes(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-    viewer, from directions (3,) that need not be perpendicular."""
     return frame_about(towards, np.cross(up, towards)).T

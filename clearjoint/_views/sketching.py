@@ -1,9 +1,4 @@
-"""Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances.
-
-Joints and forces draw themselves by calling the methods of a pen with `Marker` objects. A marker is
-a point of a body, with a direction if the symbol has an axis. A view has N frames, each of which
-shows the mechanism at one instant; symbols are fixed to bodies, or have a pose in each frame.
-"""
+"""Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -13,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.types import ArrayLike, Single, Triple
 from .._math.rotations import transverse_axes
@@ -49,11 +45,10 @@ CORNERS = 180
 class DrawnJournal:
     """A journal as it is drawn, with enlarged eccentricity.
 
-    - `ends`: (2, N, 3) m in global axes, centres of the journal's end circles, the bases V and W,
-      in each frame. The drawn cylinder is longer: it protrudes beyond both.
-    - `poses`: (N, 4, 4), homogeneous matrices to global axes from axes at the journal's middle,
-      with z along the journal's axis and x in the direction of the profile's angle zero.
-    - `radius`: drawn radius, m, of the circle from which the journal deviates.
+    - `ends`: (2, N, 3), centres of the bases V and W. The drawn cylinder protrudes beyond both.
+    - `poses`: (N, 4, 4), from axes at the journal's middle, with z along the journal's axis and x
+      in the direction of the profile's angle zero.
+    - `radius`: drawn radius of the circle from which the journal deviates.
     - `profile`: deviation of the true journal from its circle; None for a circle.
     - `scale`: drawn size of the deviation divided by its true size.
     """
@@ -67,11 +62,11 @@ class DrawnJournal:
     def touching_point(
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
-        """Return the point at which the drawn journal touches the drawn bearing in each frame,
-        (N, 3) m in global axes.
+        """Return the point at which the drawn journal touches the drawn bearing in each frame, (N,
+        3).
 
         **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
-        base W; `normal`: (N, 3) unit vectors in global axes, from the axis to the contact points.
+        base W; `normal`: unit vectors from the axis to the contact points.
         """
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
         if self.profile is None:
@@ -88,28 +83,21 @@ class DrawnJournal:
 
 
 NEAR = 1e-3
-"""Coordinates of the points of a body are rounded to multiples of this fraction of the size of the
-mechanism, to find equal points."""
+"""Points of a body that differ by at most this fraction of the size of the mechanism are equal."""
 
 
 class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
-    Joints and forces call the methods from `mark` to `gear`. Each of these methods adds solids, or
-    for `load` a load without a solid, and notes the points of its markers, each for the marker's
-    body. The method `body` then draws a body as a bar: the convex hull of balls around the noted
-    points, which is a rounded rod for two points and a rounded plate for three. The radius of the
-    balls is that of the bar, `proportions.bar`, to which the sizes of most symbols are
-    proportional.
+    Joints and forces call the methods from `mark` to `gear`, each of which adds solids (`load` only
+    a load) and notes the points of its markers. The method `body` then draws a body as a bar: the
+    convex hull of balls around the noted points. The radius of the balls is that of the bar, to
+    which the sizes of most symbols are proportional.
 
     - `element`: name of the joint or force that is being drawn; the caller sets it.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
-    - `loads`: for each load, the name of its element, and a pair of arrays in global axes: points,
-      (N, 3) in metres, and forces, (N, 3) in newtons, for the N frames.
+    - `loads`: for each load, the name of its element, and points, (N, 3) m, and forces, (N, 3) N.
     - `drawn`: names of the joints and forces that have been drawn.
-
-    **Arguments:** `poses`: of the bodies in each frame; `proportions`: sizes of the symbols;
-    `colours`: colour "#rrggbb" of each body and of the ground, by name.
     """
 
     def __init__(self, poses: BodyPoses, proportions: Proportions, colours: Mapping[str, str]):
@@ -119,7 +107,6 @@ class SketchingPen(AbstractPen):
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
         self._bar = proportions.bar
-        """Radius of the bars by which bodies are drawn, m."""
         # Solids that are fixed to bodies. All those with the same body, colour and opacity become
         # one part.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
@@ -138,42 +125,37 @@ class SketchingPen(AbstractPen):
         ]
         return fixed + self._moving
 
+    @override
     def mark(self, marker: Marker) -> None:
-        """Draw a small ball at a marker."""
         self._fix(marker, meshes.ball(1.3 * self._bar), METAL)
         self._hold(marker)
 
+    @override
     def weld(self, first: Marker, second: Marker) -> None:
-        """Draw a cube at the first of two markers that are fixed to each other."""
         self._fix(first, meshes.box([2.6 * self._bar] * 3), METAL)
         self._hold(first, second)
 
+    @override
     def pin(self, first: Marker, second: Marker) -> None:
-        """Draw a pin along the axis of the first of two markers that coincide, long enough to
-        protrude from the bars of both bodies."""
         self._fix(first, meshes.cylinder(0.7 * self._bar, 6.0 * self._bar), METAL)
         for marker in (first, second):
             # The stands of the ground are behind the mechanism, as seen by the viewer.
             behind = 3.5 * self._bar if marker.body == GROUND else 0.0
             self._hold(self._moved_back(marker, behind))
 
+    @override
     def ball(self, first: Marker, second: Marker) -> None:
-        """Draw the ball of a spherical joint at the first of two markers, larger than the bars."""
         self._fix(first, meshes.ball(1.6 * self._bar), METAL)
         self._hold(first, second)
 
+    @override
     def cross(self, first: Marker, second: Marker) -> None:
-        """Draw the cross of a universal joint: a pin along the axis of each marker."""
         for marker in (first, second):
             self._fix(marker, meshes.cylinder(0.6 * self._bar, 6.0 * self._bar), METAL)
         self._hold(first, second)
 
+    @override
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a thin rail along the axis of the marker `rail`, and a block at the marker `block`.
-
-        The rail is somewhat longer than the motion of the block along it. If `turning` is true, a
-        sleeve, which can also turn about the rail, replaces the block.
-        """
         bar, axis = self._bar, rail.along()
         low, high = self._range(rail, block, axis)
         middle = np.asarray(rail.point) + axis * (0.5 * (low + high))
@@ -190,34 +172,29 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(block.body, shape, poses, self._colours[block.body]))
         self._hold(rail, block)
 
+    @override
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Draw a transparent square perpendicular to the axis of the marker `plane`, and a ball at
-        the marker `point`, which moves in the plane."""
         square = meshes.box((10.0 * self._bar, 10.0 * self._bar, 0.2 * self._bar))
         self._fix(plane, square, opacity=CLEAR)
         self._fix(point, meshes.ball(1.2 * self._bar), METAL)
         self._hold(plane, point)
 
+    @override
     def rod(self, first: Marker, second: Marker) -> None:
-        """Draw a thin cylinder between two markers."""
         rod = meshes.cylinder(0.5 * self._bar, 1.0).moved(pose_at((0.0, 0.0, 0.5)))
         self._span(rod, *self._ends(first, second))
 
+    @override
     def spring(self, first: Marker, second: Marker) -> None:
-        """Draw a coil between two markers."""
         start, end = self._ends(first, second)
         # The wire is round at the mean length, and stretched with the spring in other frames.
         length = max(float(np.linalg.norm(end - start, axis=1).mean()), self._bar)
         self._span(meshes.coil(1.2 * self._bar, 0.25 * self._bar, length), start, end)
 
+    @override
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Add a load to `loads`, with its force in each frame; in a single state, at time zero.
-
-        The arrow is made later, when the scale of forces is known.
-
-        **Arguments:** `marker`: the point of application; `force`: (3,) N in global axes, or a
-        function that returns it from the time in s.
-        """
+        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. The
+        arrow is made later, when the scale of forces is known."""
         points = self._poses.point(marker.body, marker.point)
         if callable(force):
             times = np.zeros(1) if self._poses.times is None else self._poses.times
@@ -227,6 +204,7 @@ class SketchingPen(AbstractPen):
         self.loads.append((self.element, (points, np.broadcast_to(forces, points.shape))))
         self._hold(marker)
 
+    @override
     def bearing(
         self,
         bearing: Marker,
@@ -239,15 +217,10 @@ class SketchingPen(AbstractPen):
     ) -> None:
         """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
 
-        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`. The radius of
-        the bearing, if known, and the length are multiplied by `Proportions.bearing_scale`. The
-        drawn bearing has this length, and the drawn journal is longer. Deviations from circles are
-        enlarged like the eccentricity, so that the drawn journal touches the drawn wall where the
-        true journal touches the true wall.
-
-        **Arguments:** `bearing`, `journal`: centres and axes of the two; `radius`: radius of the
-        bearing, m, None if unknown; `clearance`: radial clearance, m; `length`: of the journal, m;
-        `profiles`: deviations of the bearing and of the journal from circles, None for a circle.
+        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`, the radius of
+        the bearing, if known, and the length by `Proportions.bearing_scale`. Deviations from
+        circles are enlarged like the eccentricity, so that the drawn journal touches the drawn wall
+        where the true journal touches the true wall.
         """
         wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
@@ -297,9 +270,8 @@ class SketchingPen(AbstractPen):
         self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
         self._hold(bearing, around=outer)
 
+    @override
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Draw the socket as a transparent ball, and the ball in it with enlarged eccentricity;
-        `radius` of the socket and `clearance` in m."""
         bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
         self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
         inner = meshes.ball(bore - float(clearance) * scale)
@@ -310,15 +282,8 @@ class SketchingPen(AbstractPen):
         self._hold(socket, around=bore)
         self._hold(ball)
 
+    @override
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two parallel plates that guide the marker `runner` of another body between them.
-
-        The plates are somewhat longer than the path of the runner.
-
-        **Arguments:** `middle`: a point midway between the plates; `runner`: centre of the guided
-        part; `normal`: of the plates, (3,) in the axes of the body of `middle`, any length;
-        `distance`: between the inner faces of the plates, m.
-        """
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -337,13 +302,8 @@ class SketchingPen(AbstractPen):
         self._shaped.add(middle.body)
         self._hold(middle._replace(point=centre))
 
+    @override
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a box, such as one that slides between walls.
-
-        **Arguments:** `centre`: of the box, with an axis; `normal`: (3,) in body axes,
-        perpendicular to this axis, any length; `length`: of the box along the axis, m; `height`: of
-        the box along the normal, m.
-        """
         along, across = centre.along(), _unit(normal)
         frame = np.stack([along, across, np.cross(along, across)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._bar))
@@ -351,21 +311,17 @@ class SketchingPen(AbstractPen):
         self._shaped.add(centre.body)
         self._hold(centre)
 
+    @override
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder with a `radius`, m, about the direction `Proportions.front` in the first
-        frame. For a planar mechanism, this is perpendicular to the plane of motion."""
+        """Draw a cylinder about the direction `Proportions.front` in the first frame, for a planar
+        mechanism perpendicular to the plane of motion."""
         axis = self._components(centre.body, self._sizes.front)
         pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
         self._hold(centre)
 
+    @override
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Draw a spur gear about the axis of the marker `centre`.
-
-        **Arguments:** `radius`: of the pitch circle, m, negative for an internal gear; `teeth`:
-        number of teeth; `phase`: angle of the middle of a tooth about the axis, rad, from the first
-        of the two vectors that `transverse_axes` returns for the axis.
-        """
         frame = _transverse_frame(centre.along(), float(phase))
         wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
         self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
@@ -373,16 +329,10 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a body as a bar around the points of its joints and forces, and in two cases also
-        its equivalent solid.
-
-        The equivalent solid is the homogeneous cylinder or box with the body's mass and moments of
-        inertia, around the centre of mass. It is drawn if the body has at most one point of a joint
-        or force, or if these points are close together: along every body axis they span less than
-        half the solid's longest side. The bar then also reaches the centre of mass, and is left
-        out if all points coincide with it. As an exception, a body with a block, a gear or walls,
-        and at most one point, gets neither bar nor solid.
-        """
+        """Draw a body as a bar around the points of its joints and forces, and its equivalent solid
+        if it has at most one such point, or if they are close together: along every body axis they
+        span less than half the solid's longest side. The bar then also reaches the centre of mass.
+        A body with a block, a gear or walls, and at most one point, gets neither bar nor solid."""
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
         if name in self._shaped and len(points) <= 1:
@@ -395,12 +345,9 @@ class SketchingPen(AbstractPen):
             self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
-        """Draw the homogeneous cylinder or box with a body's mass and moments of inertia.
-
-        Sides that are shorter than the diameter of a bar, 2 `_bar`, are drawn with this length. The
-        solid is transparent, unless its two shorter sides are at most as long as this diameter. A
-        second call for the same body draws nothing.
-        """
+        """Draw the homogeneous cylinder or box with a body's mass and moments of inertia, once. It
+        is at least as thick as a bar, and transparent unless its two shorter sides are at most that
+        thick."""
         if name in self._solid:
             return
         self._solid.add(name)
@@ -412,21 +359,17 @@ class SketchingPen(AbstractPen):
         self._add(name, shape.moved(pose), opacity=1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
-        """Draw a black ball, larger than the bar, at a body's centre of mass."""
+        """Draw a black ball at a body's centre of mass."""
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
-    def given(self, name: str, mesh: Mesh) -> None:
+    def shape(self, name: str, mesh: Mesh) -> None:
         """Draw a mesh that the user passes, in body axes, as the shape of a body."""
         self._add(name, mesh)
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """Draw a stand, which is a pyramid, below each point of the ground's joints and forces.
-
-        Its tip is at the point, or for a bearing at the outside of the wall.
-
-        **Arguments:** `down`: unit vector from the tip to the base of a stand, (3,) in global axes.
-        """
+        """Draw a stand, which is a pyramid with its tip at the point, or for a bearing at the
+        outside of the wall, below each point of the ground's elements. `down`: unit vector."""
         # The columns are the axes of the pyramid: to the side, near the line of sight, and down.
         # The small number prevents a division by zero if `front` is parallel to `down`.
         frame = frame_about(down, self._sizes.front + 1e-6)
@@ -436,8 +379,7 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners, (`CORNERS`, 2) m, of the drawn cross-section of a bearing or journal
-        that deviates by `profile` from a circle; the profile's angle zero is on the x axis."""
+        """Return the corners of a drawn cross-section that deviates by `profile` from a circle."""
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
@@ -451,8 +393,6 @@ class SketchingPen(AbstractPen):
         return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to a body; the mesh is in body axes, m; the colour is by default that of the
-        body."""
         key = body, colour or self._colours[body], opacity
         self._fixed.setdefault(key, []).append(mesh)
 
@@ -463,24 +403,17 @@ class SketchingPen(AbstractPen):
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
     def _ends(self, first: Marker, second: Marker) -> tuple[np.ndarray, np.ndarray]:
-        """Extend the hulls of the bodies to both markers, and return their positions in each frame,
-        (N, 3) m in global axes."""
         self._hold(first, second)
         start, end = (self._poses.point(marker.body, marker.point) for marker in (first, second))
         return start, end
 
     def _span(self, mesh: Mesh, starts: np.ndarray, ends: np.ndarray) -> None:
-        """Draw a solid, from z = 0 to z = 1 in its own axes, stretched from `starts` to `ends`, (N,
-        3) m in global axes."""
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of the markers' bodies to the markers' points, and add the current
-        `element` to `drawn`.
-
-        **Arguments:** `around`: distance, m, at which the hull ends before a point, such as the
-        outer radius of a bearing; zero to reach the point.
-        """
+        """Extend the hulls of the markers' bodies to the markers' points, or to a distance `around`
+        before them, such as the outer radius of a bearing, and add the current `element` to
+        `drawn`."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -501,20 +434,18 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _moved_back(self, marker: Marker, distance: float) -> Marker:
-        """Return a marker that is moved along its axis by a distance, m, away from the viewer in
-        the first frame."""
+        """Return a marker that is moved along its axis away from the viewer in the first frame."""
         axis = marker.along()
         towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
         behind = (-axis if towards_viewer >= 0.0 else axis) * distance
         return marker._replace(point=np.asarray(marker.point) + behind)
 
     def _components(self, body: str, direction: np.ndarray) -> np.ndarray:
-        """Return the components in body axes, (3,), of a global direction in the first frame."""
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest coordinate, m, of the marker `runner` in all frames,
-        along an axis in the body of `base` through the marker `base`."""
+        """Return the range of the marker `runner`, m, along an axis of `base` through that
+        marker."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -525,27 +456,23 @@ def sketch(
     scene: Scene,
     poses: BodyPoses,
     proportions: Proportions,
-    given: Mapping[str, Mesh],
+    shapes: Mapping[str, Mesh],
     *,
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows, and return the pen with which they are drawn.
-
-    **Arguments:** `given`: meshes that replace the drawn bodies, by the body's name; `centres`,
-    `solids`: whether to add a ball at each centre of mass, and the homogeneous solid with each
-    body's mass and moments of inertia.
-    """
+    """Draw all parts of a scene except arrows, and return the pen. `shapes`: meshes that replace
+    the drawn bodies; `centres`, `solids`: whether to add centres of mass and equivalent solids."""
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
-    for name, mesh in given.items():
-        pen.given(name, mesh)
+    for name, mesh in shapes.items():
+        pen.shape(name, mesh)
     for family in (scene.joints, scene.forces):
         for name, element in family.items():
             pen.element = name
             element.draw(pen)
     # Bodies last: their hulls contain the points of all elements.
     for name, body in scene.bodies.items():
-        if name not in given:
+        if name not in shapes:
             pen.body(name, body)
         if centres:
             pen.centre_of_mass(name)
@@ -556,11 +483,8 @@ def sketch(
 
 
 def colours(bodies: Collection[str]) -> dict[str, str]:
-    """Return the colour "#rrggbb" of each body and of the ground, by name.
-
-    Further bodies have lighter and darker shades of the colours `BODIES`; more than 63 bodies, the
-    first colours again.
-    """
+    """Return the colour "#rrggbb" of each body and of the ground: the colours `BODIES`, then
+    lighter and darker shades of them, and from the 64th body on the first ones again."""
     shades = cycle([_mixed(colour, *mix) for mix in MIXTURES for colour in BODIES])
     return dict(zip(bodies, shades, strict=False)) | {GROUND: GROUND_COLOUR}
 
@@ -581,9 +505,8 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a matrix (3, 3) whose columns are the axes of a gear, a bearing or a journal: the
-    third is the axis of rotation `along`, and the first is turned about it by `phase`, rad, from
-    the first vector of `transverse_axes`, from which joints measure angles of profiles and teeth.
-    """
+    """Return a matrix (3, 3) whose third column is the axis of rotation `along`. The first is
+    turned about it by `phase`, rad, from the vector from which joints measure angles of profiles
+    and teeth."""
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

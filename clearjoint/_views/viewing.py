@@ -19,7 +19,7 @@ from .._simulation.results.nonsmooth_solution import NonsmoothSolution
 from .._simulation.results.observe import Observation, observe
 from .._simulation.results.solution import Solution, Trajectory
 from .arrows import MODE_NAMES, arrows, coloured_by_mode, newtons
-from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, given_mesh
+from .meshes import FORCE, LOAD, MODES, DrawnPart, Mesh, MeshLike, as_mesh
 from .page import Legend, page
 from .poses import BodyPoses, body_poses, initial_state, instants_to_show, require_bodies
 from .proportions import Camera, Proportions, camera, proportions
@@ -27,7 +27,6 @@ from .sketching import colours, sketch
 
 T = TypeVar("T")
 Viewable = State | Solution | NonsmoothSolution | Trajectory
-"""Types from which `view` takes positions and orientations of the bodies."""
 
 
 @dataclass(eq=False, repr=False)
@@ -35,14 +34,12 @@ class View:
     """A three-dimensional view of a mechanism, made by `view`. Notebooks display it.
 
     - `parts`: the drawn solids.
-    - `times`: (N,) s, of the N frames, each of which shows the mechanism at one instant; ``None``
-      for a single state.
+    - `times`: (N,) s, of the N frames; ``None`` for a single state.
     - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
       its `notes`.
     - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
       bearings.
-    - `force_scale`: the scale passed to `view`, m/N; if none was passed, the length of the arrow of
-      the largest force divided by that force, or 1 without forces.
+    - `force_scale`: length of an arrow divided by its force, m/N; 1 without forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar
@@ -70,21 +67,13 @@ class View:
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
         """Write the view to a file: ".html" for an interactive page, ".gif" or ".mp4" for an
-        animation (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
+        animation of at most 100 frames (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
+        Return its path.
 
-        **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one. Pages
-        show all frames, and animations at most 100 of them.
-
-        **Returns:** the path of the file.
+        **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one.
 
         **Raises:** `ValueError` for another suffix, for an animation of a single state, and for an
         MP4 without ffmpeg; `ImportError` for a page without the package k3d.
-
-        ```python
-        import clearjoint as cj
-
-        cj.view(*cj.mechanisms.four_bar()).save("four_bar.png")
-        ```
         """
         file = Path(file)
         suffix, suffixes = file.suffix.lower(), (".html", ".gif", ".mp4", ".png", ".pdf", ".svg")
@@ -111,7 +100,6 @@ class View:
         return file
 
     def _repr_html_(self) -> str:
-        """Return the HTML that notebooks show."""
         content = html.escape(self.html, quote=True)
         return (
             f'<iframe srcdoc="{content}" width="100%" height="{self._height}" '
@@ -142,18 +130,16 @@ def view(
     """Show a mechanism in three dimensions, in one state or along a run.
 
     A notebook displays the result; `View.save` writes it as a page that works offline, an animation
-    or a picture.
+    or a picture. The page has a slider for the time (`view.html#t=0.25` starts at 0.25 s), a
+    playback with variable speed, and a legend with all scales.
 
     A body is drawn as a bar or a plate around the points of its joints. A body with a single joint
     is drawn as the homogeneous cylinder or box with its mass and moments of inertia. Pins, balls,
-    rails, springs and gears are symbols. Bearings are open cylinders; the eccentricities of the
-    journals are scaled by `clearance_scale`. Along a run, the colour of a journal shows its
-    `MotionMode` (free flight, contact at one end, along a line, or at opposite sides). Arrows show
-    the contact forces on the second body of each joint, with their tips at the contact points, and
-    the loads, which start at the points of application. The page has a slider
-    for the time (`view.html#t=0.25` starts at 0.25 s), a playback with variable speed, and a legend
-    with all scales. Joints of the class `Backlash`, whose contacts transmit a couple, are not
-    drawn.
+    rails, springs and gears are symbols; joints of the class `Backlash` are not drawn. Bearings are
+    open cylinders, in which the eccentricities of the journals are enlarged. Along a run, the
+    colour of a journal shows its `MotionMode`. Arrows show the contact forces on the second body of
+    each joint, with their tips at the contact points, and the loads, which start at the points of
+    application.
 
     ```python
     import clearjoint as cj
@@ -164,18 +150,15 @@ def view(
 
     **Arguments:**
 
-    - `scene`: the mechanism.
-    - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`. By default,
-      bodies are arranged by following the joints from the ground. If loops stay open, `assemble`,
-      which compiles a program, closes them. Loops that it can't close are shown open, and the
-      legend says so.
-    - `observation`: result of `observe` at the instants of the motion; ``None`` for a `State` or
-      without a motion. By default, `view` observes a solution by a program that is compiled once
-      for all scenes with the same structure; a `Trajectory` is shown without contact forces.
+    - `motion`: a `State`; a solution with saved states or steps; or a `Trajectory`, which is shown
+      without contact forces. By default, bodies are arranged by following the joints from the
+      ground. If loops stay open, `assemble` closes them. Loops that it can't close are shown open,
+      and the legend says so.
+    - `observation`: result of `observe` at the instants of the motion, by default computed for a
+      solution.
     - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
-      motion modes. A `NonsmoothSolution` is shown without arrows of contact forces, since its
-      contacts have impulses instead. Arrows of loads are always drawn; for a single state they
-      show the loads at time zero.
+      motion modes. A `NonsmoothSolution` has impulses instead of contact forces, so their arrows
+      are left out.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a tuple of these two arrays.
@@ -183,22 +166,16 @@ def view(
       bearings. By default both are chosen so that clearances and bearings are visible.
     - `force_scale`: length of an arrow divided by its force, m/N. Arrows longer than 0.3 times the
       diagonal of the box around the mechanism are cut to this length. By default, the arrow of the
-      largest force has this length, and lengths are proportional to forces; but if the largest
-      force is more than five times the median of all forces that are not zero, as in an impact,
-      lengths are proportional to the square root of forces. The legend says whether arrows are cut
-      or lengths are not proportional to forces.
+      largest force has this length, and lengths are proportional to forces, or to their square
+      roots if the largest force exceeds five times the median. The legend says so.
     - `centres_of_mass`: whether to add a black ball at each centre of mass.
     - `inertias`: whether to add the homogeneous solid with each body's mass and moments of inertia.
     - `title`: title of the legend.
     - `height`: height of the view in a notebook, pixels.
 
-    **Returns:** a `View`.
-
-    **Raises:** `ValueError` for a motion of another type, without states, with positions of a wrong
-    shape or with bodies that are not exactly those of the scene; for an observation at other
-    instants than those of the motion, or if an observation is passed with a `State` or without a
-    motion; for a number of frames below 1; and for meshes or scales that can't be drawn.
-    `ImportError` without the package trimesh of the extra `view`.
+    **Raises:** `ValueError` for a motion without states or with other bodies than the scene; for an
+    observation at other instants, or of a single state; and for meshes or scales that can't be
+    drawn. `ImportError` without the package trimesh of the extra `view`.
     """
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
@@ -206,8 +183,8 @@ def view(
     poses, observed, notes = _poses(scene, motion, observation, forces, frames)
     noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
-    given = _given(scene, meshes, sizes)
-    pen = sketch(scene, poses, sizes, given, centres=centres_of_mass, solids=inertias)
+    shapes = _shapes(scene, meshes, sizes)
+    pen = sketch(scene, poses, sizes, shapes, centres=centres_of_mass, solids=inertias)
     # Rigid contacts have impulses, so the contact forces in their observation are meaningless.
     pushing = None if isinstance(motion, NonsmoothSolution) else observed
     force_arrows = arrows(pen, pushing, sizes, force_scale)
@@ -226,8 +203,16 @@ def view(
     if force_arrows.parts:
         notes.append(force_arrows.note)
     legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
-    scales = sizes.clearance_scale, sizes.bearing_scale, force_arrows.scale
-    return View(parts, poses.times, legend, *scales, camera(parts, sizes), height)
+    return View(
+        parts,
+        poses.times,
+        legend,
+        clearance_scale=sizes.clearance_scale,
+        bearing_scale=sizes.bearing_scale,
+        force_scale=force_arrows.scale,
+        _camera=camera(parts, sizes),
+        _height=height,
+    )
 
 
 def _poses(
@@ -237,16 +222,12 @@ def _poses(
     forces: bool,
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `frames` frames, the observation at the same times,
-    and notes for the legend.
-
-    The observation is None if `forces` is false, for a single state and, unless it is given, for a
-    trajectory and for a scene without contacts.
-    """
+    """Return the poses of the bodies in at most `frames` frames, the observation at the same times
+    or None, and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
-        given, expected = type(observation).__name__, "None for a single state"
-        require(observation is None, "observation", given, expected, remedy)
+        kind, expected = type(observation).__name__, "None for a single state"
+        require(observation is None, "observation", kind, expected, remedy)
     if motion is None:
         state, fits = initial_state(scene)
         text = "state found from the joints" if fits else "joints are not closed"
@@ -265,11 +246,11 @@ def _poses(
     chosen = instants_to_show(times, frames)
     shown = _at(trajectory, chosen)
     if observation is not None:
-        given = np.asarray(observation.times)
-        fits = given.shape == times.shape and np.allclose(given, times, rtol=1e-9, atol=0.0)
+        observed = np.asarray(observation.times)
+        fits = observed.shape == times.shape and np.allclose(observed, times, rtol=1e-9, atol=0.0)
         expected = f"of the motion's {len(times)} instants"
         remedy = "pass the result of observe(scene, solution), or nothing"
-        require(fits, "observation", f"of {given.size} instants", expected, remedy)
+        require(fits, "observation", f"of {observed.size} instants", expected, remedy)
         observation = _at(observation, chosen)
     elif forces and not isinstance(motion, Trajectory) and scene.contact_joints():
         observation = observe(scene, motion, shown)
@@ -282,8 +263,7 @@ def _at(recorded: T, chosen: np.ndarray) -> T:
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
-    """Return the saved states of a run, or the states at its steps if no states were saved; a
-    trajectory is returned as it is."""
+    """Return the saved states of a run, or the states at its steps if no states were saved."""
     if isinstance(motion, Trajectory):
         return motion
     remedy = "pass a State, the result of simulate(), or a Trajectory"
@@ -300,17 +280,14 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     )
 
 
-def _given(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
-    """Return the meshes of bodies that the user of `view` passes, in m in body axes, by body.
-
-    A mesh whose size differs from that of the mechanism by more than a factor of 50, as for a mesh
-    in mm, is refused.
-    """
+def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
+    """Return the meshes of bodies that the user of `view` passes. A mesh whose size differs from
+    that of the mechanism by more than a factor of 50, as for a mesh in mm, is refused."""
     checked = {}
     for name, value in meshes.items():
-        known = sorted(scene.bodies)
-        require(name in scene.bodies, "meshes", name, f"by names of bodies {known}", "rename it")
-        mesh = given_mesh(f"meshes[{name!r}]", value)
+        bodies = sorted(scene.bodies)
+        require(name in scene.bodies, "meshes", name, f"by names of bodies {bodies}", "rename it")
+        mesh = as_mesh(f"meshes[{name!r}]", value)
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))  # diagonal of its box, m
         is_usual = sizes.size / 50.0 <= size <= sizes.size * 50.0
         expected = f"about as large as the mechanism, {sizes.size:.3g} m"

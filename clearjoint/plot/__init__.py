@@ -1,13 +1,5 @@
 """Figures of simulated mechanisms with clearance joints.
 
-The functions in the tables draw existing data, such as an `Observation`, a `Solution`, a `Fit` or
-the data set of a sweep, into given matplotlib axes, the argument `axes`, or into new ones, and
-return the axes. Two of them always make a new figure: `fitted` returns its axes, `report` the
-figure itself. Of the functions that are not in the tables, some draw in the same way,
-`journal_frames` draws into a figure, `animate_journal` writes a GIF, and some return the numbers to
-draw, such as `enclosed_energy`. No function simulates or shows anything; only `animate_journal` and
-`report` write files. Arguments are in SI units; axes have units with suitable prefixes.
-
 | of a run | functions |
 |---|---|
 | path of the journal in the bearing | `journal_orbit`, `orbit_in_contact`, `eccentricities` |
@@ -32,24 +24,47 @@ draw, such as `enclosed_energy`. No function simulates or shows anything; only `
 | measurements and the fitted model | `fitted`, `correlations` |
 | accuracy over the length of a record | `record_length`, `growth`, `integration_error` |
 
-Curves also differ by line style, and areas by grey value and hatching, for print without colours.
-The argument `window` is the start and the end of the drawn time, s; by default all is drawn. An
-`observation` is from `cj.observe`, along ``solution.steps.between()`` or at other instants that
-resolve free flights and impacts; `joint` is the name of a joint with contacts, `body` that of a
-body, `variable` that of an output of a sweep, and `section`, where a text, that of a `Section` in
-`Saving`. A lane is one run of a sweep.
+The functions draw existing data into the given matplotlib `axes`, or into new ones, and return the
+axes. Only `animate_journal` and `report` write files. Arguments are in SI units; axes have units
+with suitable prefixes, lengths in a bearing mm, or µm for a clearance below 0.2 mm. Curves also
+differ by line style, and areas by hatching, for print without colours.
 
-**Examples** in docstrings of this module assume these lines, after the lines of examples in the
-docstring of `clearjoint`, which import packages and define `scene`, `state`, `stiffness`, `times`
-and `x`:
+These arguments mean the same in all functions:
+
+- `observation`: from `cj.observe`, along ``solution.steps.between()`` or at other instants that
+  resolve free flights and impacts.
+- `joint`, `body`: name of a joint with contacts, and of a body. `base`: "V" or "W", the end circles
+  of the journal.
+- `clearance`: radial clearance, m. Where it may be left out, it is that of the observed joint.
+- `window`: start and end of the drawn time, s; by default all is drawn.
+- `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of each
+  axis that is not drawn: ``dataset.sel(restitution=0.9)``.
+- `lane`: data set of one lane, a run of a sweep: ``dataset.isel(clearance=3)``.
+- `axis`: name of the swept parameter to draw over; by default the only axis of the sweep. A zipped
+  sweep, whose axes vary together, needs a name.
+
+A scale over a sweep is logarithmic if all values are positive and the largest exceeds 12 times the
+smallest; for a swept parameter also if its values form a geometric series. Lanes that failed or
+have not run yet are crosses at the lower edge.
+
+**Raises:** `ValueError` for unknown names, for a joint that lacks the journal or the contacts to
+draw, for a window without drawn times, for an output that is not one number for each drawn value,
+and for other than polar axes
+where polar ones are needed.
+
+**Examples** in docstrings of this module assume these lines, after those in the docstring of
+`clearjoint`:
 
 >>> pendulum, hanging = cj.mechanisms.double_pendulum()
 >>> save = cj.Saving(np.linspace(0, 0.02, 2001), steps=True, impacts=True)
 >>> solution = cj.simulate(pendulum, hanging, 0.02, save=save, progress=False)
 >>> observed = cj.observe(pendulum, solution, solution.steps.between())
+>>> swing = cj.simulate(scene, state, 0.5, save=cj.Saving(np.linspace(0, 0.5, 101)), progress=False)
 >>> values = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
->>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
->>> found = cj.sweep(scene, state, 0.5, {"stiffness": values}, speed, progress=False)
+>>> rate = cj.quantities.Velocity("ball", "x")
+>>> turns = cj.Section(rate, {"x": (x, "m"), "speed": (rate, "m/s")}, count=3)
+>>> save, speed = cj.Saving(sections={"turns": turns}), {"speed": cj.Peak(rate, "m/s")}
+>>> found = cj.sweep(scene, state, 2.0, {"stiffness": values}, speed, save=save, progress=False)
 >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
 >>> unknown, guess = {"stiffness": stiffness}, {"stiffness": 90.0}
 >>> fit = cj.identify(scene, state, data, unknown, guess=guess, progress=False)

@@ -1,8 +1,4 @@
-"""Draw still pictures and animations of a journal that moves in its bearing.
-
-Each of the journal's two end circles, its bases V and W, has a picture of its own, which shows the
-circle in the cross-section of the bearing.
-"""
+"""Draw still pictures and animations of a journal that moves in its bearing."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,12 +16,11 @@ from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Clearance in the pictures, as a fraction of the radius of the bearing. True clearances, at most a
-few hundredths of the radius, would hardly be visible."""
+"""Clearance in the pictures, in radii of the bearing. True clearances, at most a few hundredths of
+the radius, would hardly be visible."""
 NOTE = f"clearance drawn larger, as {DRAWN_GAP:g} of the bearing's radius"
-"""Text on the pictures."""
 WALL = 0.14
-"""Thickness of the bearing's wall in the pictures, as a fraction of the radius of the bearing."""
+"""Thickness of the bearing's wall in the pictures, in radii of the bearing."""
 Instants = Sequence[float] | np.ndarray
 """Times (M,) to draw, s."""
 
@@ -42,25 +37,18 @@ def journal_frames(
 ) -> Figure:
     """Draw the journal in its bearing, with one picture for each instant and each base.
 
-    The bases V and W are the journal's two end circles. In each pair of rows, the upper one shows
-    base V, the lower one base W. Clearance and eccentricity are enlarged by the same factor, so
-    that the drawn clearance is 0.3 of the bearing's radius. The journal is dark in contact and
-    light in flight.
+    In each pair of rows, the upper one shows base V, the lower one base W. Clearance and
+    eccentricity are enlarged by the same factor, so that the drawn clearance is 0.3 of the
+    bearing's radius. The journal is dark in contact and light in flight.
 
     **Arguments:**
 
-    - `clearance`: radial clearance of the joint, m.
-    - `instants`: (M,) times, s. Each picture shows the observed time that is nearest to its
-      instant.
-    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
-      label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
-      bearing's frame.
+    - `instants`: (M,) times, s, of which the nearest observed ones are shown.
+    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
     - `columns`: number of instants in a row; further instants continue in a new pair of rows.
     - `figure`: empty figure to draw into; a new one by default.
 
     **Returns:** the figure.
-
-    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
@@ -100,23 +88,14 @@ def animate_journal(
     frames_per_second: int = 15,
 ) -> None:
     """Write a GIF file in which the journal moves in its bearing, base V on the left, base W on the
-    right.
-
-    The bases are the journal's end circles. Clearance and eccentricity are enlarged by the same
-    factor, so that the drawn clearance is 0.3 of the bearing's radius. The journal is dark in
-    contact and light in flight.
+    right, drawn as by `journal_frames`.
 
     **Arguments:**
 
-    - `clearance`: radial clearance of the joint, m.
     - `file`: path of the file to write, with the suffix ".gif".
-    - `instants`: (M,) times, s, one for each frame. A frame shows the observed time that is nearest
-      to its instant.
-    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
-      label, see `journal_frames`.
+    - `instants`: (M,) times, s, one for each frame, of which the nearest observed ones are shown.
+    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
     - `frames_per_second`: number of frames that the animation shows in a second.
-
-    **Raises:** `ValueError` for an unknown joint, and for a joint without a journal.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
@@ -148,10 +127,7 @@ def animate_journal(
 
 
 class Picture:
-    """Circle of a journal inside the ring of its bearing, on given axes; `show` moves the journal.
-
-    Lengths on the axes are in radii of the bearing.
-    """
+    """Circle of a journal inside the ring of its bearing. Lengths are in radii of the bearing."""
 
     def __init__(self, axes: Axes):
         axes.add_patch(Annulus((0.0, 0.0), 1.0 + WALL, WALL, facecolor=GREY, edgecolor="none"))
@@ -163,8 +139,7 @@ class Picture:
         axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
 
     def show(self, offset: np.ndarray, touching: bool) -> None:
-        """Move the journal's centre to `offset` (2,), in radii of the bearing; colour it dark if
-        `touching`, else light."""
+        """Move the journal's centre to `offset` (2,); colour it dark if `touching`, else light."""
         self._journal.set_center((float(offset[0]), float(offset[1])))
         self._journal.set_facecolor(DARK if touching else LIGHT)
         self._centre.set_data(offset[:1], offset[1:])
@@ -172,5 +147,4 @@ class Picture:
 
 
 def _nearest(times: np.ndarray, instants: Instants) -> list[int]:
-    """Return, for each of M instants, the index of the nearest of the (N,) observed times."""
     return [int(np.argmin(np.abs(times - instant))) for instant in instants]

@@ -1,10 +1,5 @@
 """Draw fits to measurements, the accuracy of estimated parameters, and the length of record that a
-single run can fit.
-
-The accuracy of a parameter is that of its coordinate, the parameter's value on its scale. On the
-scale `Log` the coordinate is the logarithm of the value: a small error of the logarithm is the
-relative error of the value.
-"""
+single run can fit."""
 
 from collections.abc import Collection, Iterable
 from functools import cached_property
@@ -36,7 +31,8 @@ from .style import (
 
 
 class FittedModel(Protocol):
-    """The properties of `clearjoint.results.Fit` that figures show."""
+    """The properties of `clearjoint.results.Fit` that figures show: a protocol, so that figures do
+    not import the identification of parameters."""
 
     @property
     def measurements(self) -> Measurements:
@@ -50,13 +46,12 @@ class FittedModel(Protocol):
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Values (N,) that the fitted model predicts at the N sample times of a series, by name of
-        the series, in its SI unit."""
+        """Predicted values (N,) at the N sample times of each series, in its SI unit."""
         ...
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
-        """(prediction - measured value) / noise, (N,), by name of the series."""
+        """(prediction - measured value) / noise, (N,), of each series."""
         ...
 
     @property
@@ -66,27 +61,21 @@ class FittedModel(Protocol):
 
 
 def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
-    """Draw each measured series over time with the fitted prediction, and below it the residuals.
+    """Draw each measured series over time with the fitted prediction, and below it the residuals,
+    which are divided by the noise. The grey band should contain 95 % of the residuals.
 
-    **Arguments:**
+    **Arguments:** `fit`: from `cj.identify`; `series`: names of the measured series to draw, by
+    default all.
 
-    - `fit`: from `cj.identify`.
-    - `series`: names of the measured series to draw; by default all.
-
-    **Returns:** array (2, number of series) of the axes in a new figure. The array has a column for
-    each series; in the figure, two series are side by side, and further ones below them. The first
-    row of the array has the axes with measurement and prediction, the second row those with the
-    residuals, which are divided by the noise. A grey band from -2 to 2 should contain 95 % of the
-    residuals.
-
-    **Raises:** `ValueError` for unknown names of series, and for an empty list.
+    **Returns:** array (2, number of series) of the axes in a new figure, with measurement and
+    prediction in the first row, and residuals in the second.
 
     >>> axes = plot.fitted(fit)
     """
-    known = list(fit.measurements.series)
-    names = known if series is None else list(series)
-    is_valid = bool(names) and set(names) <= set(known)
-    require(is_valid, "series", names, "names of series", f"choose from {', '.join(known)}")
+    measured = list(fit.measurements.series)
+    names = measured if series is None else list(series)
+    is_valid = bool(names) and set(names) <= set(measured)
+    require(is_valid, "series", names, "names of series", f"choose from {', '.join(measured)}")
     columns = min(2, len(names))
     blocks = -(-len(names) // columns)  # rows of series, rounded up
     figure, grid = plt.subplots(
@@ -114,8 +103,6 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
 
 
 def _draw(fit: FittedModel, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
-    """Draw a series and its prediction into the axes `above`, and the residuals into `below`, over
-    times with the factor and the label of `times`."""
     series = fit.measurements.series[name]
     scaled_times = series.times * times.factor
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -140,8 +127,6 @@ def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
 
     **Arguments:** `fit`: from `cj.identify`.
 
-    **Returns:** the axes. Rows and columns are the p parameters; numbers are between -1 and 1.
-
     >>> axes = plot.correlations(fit)
     """
     numbers, names = fit.correlation, [shown(name) for name in fit.parameters]
@@ -165,17 +150,17 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. This is the standard deviation of the parameter's coordinate,
-    the value on its scale: for the scale `Log` the relative error, for `Linear` the error in
-    multiples of the scale's `unit`. The line is thin and faint where the standard deviation exceeds
-    `report.limits`, above which an estimate carries no information; dotted horizontal lines show
-    these limits. A line begins with the shortest record that determines the parameter at all.
+    parameters are estimated together. This is the standard deviation of the value on the
+    parameter's scale: for the scale `Log` the relative error, for `Linear` the error in multiples
+    of the scale's `unit`. The line is thin and faint above the dotted line at `report.limits`,
+    where an estimate carries no information. A line begins with the shortest record that determines
+    the parameter at all.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone.
 
     **Returns:** the axes, which show the time of the record's last sample in ms (the record's
-    length only if the run starts at time 0), and the standard deviation on a logarithmic scale.
+    length only if the run starts at time 0).
 
     >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
@@ -200,15 +185,13 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw how far small changes of parameters and of the initial velocity displace the bodies.
 
-    Each parameter has a line over time: the root mean square displacement of points of the bodies
-    per unit of the parameter's coordinate (for the scale `Log`, per relative change). A further
-    line is the displacement per m/s of initial velocity. Vertical lines mark the times beyond which
-    a fit by a single run may not converge from a wrong guess, or integration errors are too large;
-    a time that the record does not reach has no line.
+    Each parameter has a line over time: the root mean square displacement, m, of points of the
+    bodies per unit of the parameter on its scale (for the scale `Log`, per relative change). A
+    further line is the displacement per m/s of initial velocity. Vertical lines mark the times
+    beyond which a fit by a single run may not converge from a wrong guess, or integration errors
+    are too large.
 
     **Arguments:** `horizon`: from `cj.fit_horizon`.
-
-    **Returns:** the axes, which show time in ms, displacements in m on a logarithmic scale.
 
     >>> axes = plot.growth(limits)
     """
@@ -218,17 +201,11 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Draw the integration errors of a run's outputs, and of their derivatives by the parameters,
-    over time.
-
-    Errors of outputs are in units of the measurement noise, errors of derivatives are relative;
-    both are upper bounds. Vertical lines mark the times beyond which a fit by a single run may not
-    converge from a wrong guess, or these errors are too large; a time that the record does not
-    reach has no line.
+    """Draw upper bounds of the integration errors of a run's outputs, in units of the measurement
+    noise, and of their derivatives by the parameters, relative, over time. Vertical lines are those
+    of `growth`.
 
     **Arguments:** `horizon`: from `cj.fit_horizon`.
-
-    **Returns:** the axes, which show time in ms, errors on a logarithmic scale.
 
     >>> axes = plot.integration_error(limits)
     """
@@ -246,8 +223,6 @@ def _over_time(
     title: str | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw curves (N,) over the N times of `horizon` on a logarithmic scale, and its limits as
-    vertical lines; `title`: of the legend."""
     axes = axes_or_new(axes)
     times = horizon.times * 1e3  # ms
     # A logarithmic axis has no zero: values of zero, as at the start, are gaps.

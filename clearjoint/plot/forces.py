@@ -1,10 +1,4 @@
-"""Draw forces of contacts over time and over the penetration, and phases of the motion over time.
-
-The contacts of a revolute joint with clearance have the labels "V" and "W" of the journal's end
-circles, its bases. Other contacts have other labels, such as those at shoulders, the faces that
-limit the journal's axial motion. An `Observation` has the forces of all contacts at the observed
-times.
-"""
+"""Draw forces of contacts over time and over the penetration, and phases of the motion."""
 
 import enum
 
@@ -42,16 +36,12 @@ def contact_and_reaction(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the normal force of a contact and the magnitude of an ideal joint's reaction over time.
+    The legend gives the peaks.
 
     **Arguments:**
 
     - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
     - `reaction`: name of the ideal joint and name of the body on which its force acts.
-
-    **Returns:** the axes, which show time in ms or s, forces in N or kN. The legend gives the
-    peaks.
-
-    **Raises:** `ValueError` for unknown names, and for a window without observed times.
 
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
@@ -84,28 +74,19 @@ def contact_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the normal forces of all contacts of a joint over time.
-
-    Each contact has a curve. Contacts with equal forces, such as both bases in planar motion, share
-    one curve.
+    """Draw the normal forces of all contacts of a joint over time. Contacts with equal forces, such
+    as both bases in planar motion, share one curve.
 
     **Arguments:**
 
     - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
-      default it is logarithmic if the largest force in the drawn time exceeds six times the median
-      of the peaks, or eight times the median over time of the forces in contact. A peak is the
-      largest force in one interval of contact. Without any force in the drawn time the axis is
-      always linear.
-
-    **Returns:** the axes, which show time in ms or s, force in N or kN.
-
-    **Raises:** `ValueError` unless `joint` is the name of a joint with contacts, and for a window
-    outside of the observed times.
+      default it is if the largest force exceeds six times the median of the peaks of the intervals
+      of contact, or eight times the median over time of the forces in contact.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
     contacts = observed.contacts(observation, joint)
-    forces = {_label(name): np.asarray(one.normal_force) for name, one in contacts.items()}
+    forces = {_label(name): np.asarray(contact.normal_force) for name, contact in contacts.items()}
     return _over_time(observation.times, forces, window, logarithmic, axes)
 
 
@@ -119,12 +100,7 @@ def joint_forces(
     """Draw one curve over time for each joint with contacts: the resultant of the normal forces of
     its contacts, as `quantities.ContactForce`. Joints with equal curves share one.
 
-    **Arguments:** `observation`, `logarithmic`, `window`, `axes`: see `contact_forces`.
-
-    **Returns:** the axes, which show time in ms or s, force in N or kN.
-
-    **Raises:** `ValueError` for a scene without contacts, and for a window outside of the observed
-    times.
+    **Arguments:** see `contact_forces`.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -152,7 +128,6 @@ def _over_time(
     logarithmic: bool | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw forces (N,), N, by label over `times` (N,), s, with equal curves merged into one."""
     axes = axes_or_new(axes)
     mask, drawn_times, time_label = time_axis(axes, times, window)
     curves = observed.without_twins({name: values[mask] for name, values in forces.items()})
@@ -190,21 +165,16 @@ def hysteresis(
     observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
 ) -> Axes:
     """Draw the normal force over the penetration, as a closed loop for each of the first impacts of
-    a contact.
-
-    The area inside a loop is the energy that the normal force dissipates in the impact; the legend
-    gives this energy.
+    a contact. The area inside a loop is the energy that the normal force dissipates; the legend
+    gives it.
 
     **Arguments:**
 
     - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
-    - `count`: largest number of impacts to draw, 1 or more, from the first one on.
+    - `count`: largest number of impacts to draw, from the first one on.
 
-    **Returns:** the axes, which show penetration with a suitable prefix of m, force in N or kN.
-
-    **Raises:** `ValueError` if `impacts` is empty, if `count` is not a positive integer, if the
-    contact is not observed, or if fewer than three observed instants lie in one of the drawn
-    impacts.
+    **Raises:** `ValueError` without impacts, and for fewer than three observed instants in a drawn
+    one.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
@@ -230,16 +200,10 @@ def hysteresis(
 
 
 def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> float:
-    """Return the energy that one impact dissipates by its normal force, J.
+    """Return the energy, J, that the normal force dissipates in the impact of row `index`: its
+    integral over the penetration.
 
-    It is the integral of the normal force over the penetration: the area inside a loop of
-    `hysteresis`.
-
-    **Arguments:** `observation`: from `cj.observe`, at every accepted step or at instants that
-    resolve the impact; `impacts`: table of impacts; `index`: row of the impact in the table.
-
-    **Raises:** `ValueError` if the contact is not observed, or if fewer than three observed
-    instants lie in the impact.
+    **Raises:** `ValueError` for fewer than three observed instants in the impact.
 
     >>> impacts = solution.impacts.of("shoulder", "V")
     >>> plot.enclosed_energy(observed, impacts, 0) > 0.0  # J
@@ -250,8 +214,6 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the penetration (n,), m, and the normal force (n,), N, at the observed instants in the
-    impact of row `index`, with an added zero at both ends."""
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
     in_impact = (times >= onset) & (times <= separation)
@@ -263,14 +225,10 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
 
 
 class ContactPhase(enum.IntEnum):
-    """Phase of the motion in a joint with clearance.
+    """Phase of the motion in a joint with clearance: free flight, a short impact, or following, in
+    which the journal stays at the bearing's wall. A joint whose contacts are in different phases
+    has the one with the largest number.
 
-    It is free flight, a short impact, or following, in which the journal stays at the bearing's
-    wall. If the contacts of a joint are in different phases, the phase of the joint is the one with
-    the largest number.
-
-    >>> plot.ContactPhase(1).name
-    'IMPACT'
     >>> max(plot.ContactPhase.FREE_FLIGHT, plot.ContactPhase.FOLLOWING).name
     'FOLLOWING'
     """
@@ -288,24 +246,17 @@ BAR_STYLES = {
         {"facecolor": "#9CCBE8", "edgecolor": BLUE, "linewidth": 0.4, "hatch": "////"},
     ),
 }
-"""Height of a phase's bar as a fraction of a joint's row, and the bar's matplotlib style: phases
-differ by height, grey value and hatching."""
+"""Height of a phase's bar as a fraction of a joint's row, and the bar's matplotlib style."""
 
 
 def contact_phases(observation: Observation, joint: str) -> np.ndarray:
-    """Return the phase of the motion in a joint at each of the N observed instants.
+    """Return the phase of the motion in a joint at each of the N observed instants, (N,) numbers of
+    `ContactPhase`.
 
     An interval of contact with a single compression and restitution is an impact. If the bodies
     approach again before they separate, or if the interval lasts to the end of the observation, the
-    phase is impact up to the first maximum of the penetration, and following from there on. As an
-    exception, an interval that begins at the first instant is always following as a whole. If
-    several contacts of the joint, such as those at bases V and W, are in different phases,
-    following has priority over impact, and impact over free flight.
-
-
-    **Returns:** (N,) numbers of `ContactPhase`.
-
-    **Raises:** `ValueError` unless `joint` is the name of a joint with contacts.
+    phase is impact up to the first maximum of the penetration, and following from there on. An
+    interval that begins at the first instant is following as a whole.
 
     **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
     clearances for dynamic analysis of multi-body systems*, 2006. The limit between impact and
@@ -314,7 +265,6 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle
     'FREE_FLIGHT'
-    >>> share = np.mean(phases == plot.ContactPhase.FOLLOWING)
     """
     contacts = observed.contacts(observation, joint)
     return np.max([_phases(contact) for contact in contacts.values()], axis=0)
@@ -342,20 +292,11 @@ def motion_timeline(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw when each clearance joint is in free flight, in impact, or following the wall.
+    """Draw when each joint is in free flight, in impact, or following the wall, see
+    `contact_phases`. The numbers on the right are the percentages of the drawn time in these
+    phases.
 
-    Following is a contact that lasts longer than an impact; `plot.contact_phases` defines the three
-    phases. The numbers on the right of each row are the percentages of the drawn time in free
-    flight, in impact and in following, in this order.
-
-    **Arguments:**
-
-    - `joints`: names of joints, from top to bottom; by default all with contacts.
-
-    **Returns:** the axes, which show time in ms or s, a row for each joint.
-
-    **Raises:** `ValueError` for a scene without contacts, for an unknown joint, and for a joint
-    without contacts.
+    **Arguments:** `joints`: names of joints, from top to bottom; by default all with contacts.
 
     >>> axes = plot.motion_timeline(observed)
     """

@@ -1,8 +1,6 @@
 """Draw the eccentricities of a journal's bases over time and in the bearing's cross-section.
 
-The bases V and W are the two end circles of the journal. The eccentricity of a base is the distance
-of its centre from the bearing's axis; the base touches the wall when the eccentricity exceeds the
-clearance.
+A base touches the wall when its eccentricity exceeds the clearance.
 """
 
 from collections.abc import Mapping
@@ -52,22 +50,12 @@ def eccentricities(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the eccentricities of base V and base W over time.
+    """Draw the eccentricities of both bases over time, and the clearance as a horizontal line,
+    above which a base touches the wall.
 
     Bases with the same eccentricity, as in planar motion, share one curve. If the eccentricity
     never differs from the clearance by more than 5 %, eccentricity minus clearance is drawn
     instead, so that its changes are visible.
-
-    **Arguments:**
-
-    - `clearance`: radial clearance, m, drawn as a horizontal line; above the line a base touches
-      the wall. By default the clearance of the observed joint.
-
-    **Returns:** the axes, which show time in ms or s, and either the eccentricity in mm (in µm for
-    a clearance below 0.2 mm) or eccentricity minus clearance with a suitable prefix of m.
-
-    **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
-    without observed times.
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
@@ -99,22 +87,16 @@ def eccentricities(
 def eccentricity_vectors(
     observation: Observation, joint: str, base: str, section: CrossSection | None = None
 ) -> np.ndarray:
-    """Return the vector from the bearing's axis to the centre of a base, at all observed times.
+    """Return the vector from the bearing's axis to the centre of a base, (N, 2) m, at the N
+    observed times.
 
     **Arguments:**
 
-    - `observation`: from `cj.observe`, with N observed times.
-    - `base`: "V" or "W".
-    - `section`: two perpendicular unit vectors across the bearing's axis, by their labels: (3,)
-      each in global axes, or (N, 3) if the bearing turns. By default the x and y axes of the
-      bearing's own frame, which turn with the bearing; if the bearing's axis is the z axis of its
-      body, these are the x and y axes of the body. With a `section`, the vector has the direction
-      from the bearing's axis to the contact. This differs from the direction to the centre if the
-      bearing or the journal has a profile, a deviation from its circle.
-
-    **Returns:** (N, 2) m: the components along the first and the second unit vector.
-
-    **Raises:** `ValueError` for an unknown joint or base, and for a joint without a journal.
+    - `section`: two perpendicular unit vectors across the bearing's axis, by their labels, such as
+      {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the bearing turns. By
+      default the x and y axes of the bearing's own frame, which turn with the bearing. With a
+      `section`, the vector has the direction from the bearing's axis to the contact. This differs
+      from the direction to the centre if the bearing or the journal has a profile.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
@@ -143,21 +125,10 @@ def journal_orbit(
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
     whose radius is the clearance: a base whose centre is outside the circle touches the wall.
 
-    Bases with the same path, as in planar motion, share one curve. Observed points are joined by
-    straight lines. Since accepted steps are long in free flight, observe the motion at
-    ``solution.steps.between()``, which has further instants inside the steps.
+    Bases with the same path share one curve. Since accepted steps are long in free flight, observe
+    the motion at ``solution.steps.between()``.
 
-    **Arguments:**
-
-    - `clearance`: radial clearance, m; by default the clearance of the observed joint.
-    - `section`: the two unit vectors that are drawn to the right and upwards, by label, see
-      `eccentricity_vectors`.
-
-    **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
-    0.2 mm.
-
-    **Raises:** `ValueError` for an unknown joint, for a joint without a journal, and for a window
-    without observed times.
+    **Arguments:** `section`: the directions to the right and upwards, see `eccentricity_vectors`.
 
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
@@ -190,13 +161,7 @@ def orbit_in_contact(
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
     the base touches the wall.
 
-    **Arguments:** `base`: "V" or "W"; for the other arguments see `journal_orbit`.
-
-    **Returns:** the axes, of equal scale; eccentricities in mm, or in µm for a clearance below
-    0.2 mm.
-
-    **Raises:** `ValueError` for an unknown joint or base, for a joint without a journal, and for a
-    window without observed times.
+    **Arguments:** see `journal_orbit`.
 
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
@@ -214,12 +179,9 @@ def orbit_in_contact(
 
 def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Axes:
     """Draw a circle around the origin whose radius is the clearance, and give both axes the same
-    scale. A base whose centre lies outside the circle touches the wall.
+    scale.
 
-    **Arguments:** `clearance`: radial clearance, m; `factor`: factor from m to the unit of the
-    axes, by default that to mm.
-
-    **Returns:** `axes`.
+    **Arguments:** `factor`: from m to the unit of the axes, by default that to mm.
 
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
@@ -232,16 +194,13 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """Return the factor and the unit for lengths about as large as a clearance, m: mm from 0.2 mm
-    on, else µm."""
+    """Return the factor and the unit for lengths about as large as a clearance, m."""
     return (1e3, "mm") if clearance >= 0.2e-3 else (1e6, "µm")
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
-    """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration.
-
-    This difference varies if the bearing or the journal has a profile; its median is returned.
-    """
+    """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration,
+    or the median of this difference, which varies if the bearing or the journal has a profile."""
     bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
     journals = [
         name
@@ -271,31 +230,21 @@ def orbit(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of a journal or of a base in the bearing's cross-section, for one lane (run) of
-    a sweep, with a circle whose radius is the clearance.
+    """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
+    sweep, with a circle whose radius is the clearance. A dot marks the start.
 
     **Arguments:**
 
-    - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `saved`: name of an output of the sweep. It must be a `clearjoint.Saved`, which records
+    - `saved`: name of an output of the sweep that is a `clearjoint.Saved`, which records
       quantities, called its channels, at given times.
-    - `clearance`: radial clearance, m.
-    - `channels`: names of the two channels of this `Saved` that are drawn to the right and upwards,
-      both in m, such as those of `quantities.JournalOffset`.
+    - `channels`: names of its channels that are drawn to the right and upwards, both in m, such as
+      those of `quantities.JournalOffset`.
 
-    **Returns:** the axes, of equal scale; offsets in mm, or in µm for a clearance below 0.2 mm. A
-    dot marks the start.
-
-    **Raises:** `ValueError` for unknown names of the output or of its channels, for several lanes,
-    and for a window without saved times.
-
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> x, y = [cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")]
-    >>> channels = {"x": (x, "m"), "y": (y, "m")}
-    >>> saved = cj.Saved(np.linspace(0.0, 0.02, 201), channels)
+    >>> offsets = {a: (cj.quantities.JournalOffset("shoulder", a), "m") for a in ("x", "y")}
+    >>> outputs = {"path": cj.Saved(np.linspace(0.0, 0.02, 201), offsets)}
     >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [0.5e-3])
     >>> axes = {"clearance": clearance}
-    >>> found = cj.sweep(scene, state, 0.02, axes, {"path": saved}, progress=False)
+    >>> found = cj.sweep(pendulum, hanging, 0.02, axes, outputs, progress=False)
     >>> drawn = plot.orbit(found.isel(clearance=0), "path", 0.5e-3)
     """
     names = [f"{saved}_{channel}" for channel in channels]

@@ -22,7 +22,7 @@ from .style import (
 )
 
 Curve = tuple[np.ndarray, np.ndarray]
-"""Pair of arrays: angles in rad or times in s, (N,), and the values at these, (N,) or (N, 3)."""
+"""Angles in rad or times in s, (N,), and the values at these, (N,) or (N, 3)."""
 
 
 def position(
@@ -37,14 +37,9 @@ def position(
 
     **Arguments:**
 
-    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label in the
-      legend; later curves cover earlier ones.
+    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label; later
+      curves cover earlier ones.
     - `component`: "X", "Y" or "Z" of the global frame.
-
-    **Returns:** the axes, which show time in s, position in m.
-
-    **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
-    of a curve.
 
     >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
@@ -67,17 +62,8 @@ def acceleration(
     """Draw one global component of the acceleration of a body's centre of mass over time, a curve
     for each run.
 
-    **Arguments:**
-
-    - `observations`: observation of each run, from `cj.observe`, by the curve's label in the
-      legend; later curves cover earlier ones. Observe every accepted step, so that no peak is
-      missed.
-    - `component`: "X", "Y" or "Z" of the global frame.
-
-    **Returns:** the axes, which show time in s, acceleration in m/s^2.
-
-    **Raises:** `ValueError` for an unknown body or component, and for a window outside of the times
-    of a curve.
+    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed;
+    for the others see `position`.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -98,19 +84,10 @@ def path(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
-    for each run.
+    for each run. A dot marks the start; ``axes.legend()`` adds a legend.
 
-    **Arguments:**
-
-    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label; later
-      curves cover earlier ones.
-    - `plane`: the two global coordinates, "X", "Y" or "Z", that are drawn to the right and upwards.
-
-    **Returns:** the axes, of equal scale; positions in m. A dot marks the start. No legend is
-    drawn; `axes.legend()` adds one.
-
-    **Raises:** `ValueError` for an unknown body or coordinate, and for a window without times of a
-    trajectory.
+    **Arguments:** `trajectories`: see `position`; `plane`: the two global coordinates, "X", "Y" or
+    "Z", that are drawn to the right and upwards.
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
@@ -132,7 +109,8 @@ def over_angle(
     shaft: str = "crank",
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw curves over the angle of a shaft, such as forces over the angle of a crank.
+    """Draw curves over the angle of a shaft, in degrees, such as forces over the angle of a crank.
+    ``axes.legend()`` adds a legend.
 
     **Arguments:**
 
@@ -140,9 +118,6 @@ def over_angle(
       ones.
     - `quantity`: text of the vertical axis: name and unit of the values.
     - `shaft`: name of the shaft in the text of the horizontal axis.
-
-    **Returns:** the axes, which show angle in degrees, ticks at quarter turns. No legend is drawn;
-    `axes.legend()` adds one.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
@@ -164,8 +139,6 @@ def _over_time(
     axes: Axes | None,
     width: float,
 ) -> Axes:
-    """Draw one component of vectors (N, 3) over times (N,), s; the label of the vertical axis is
-    `component`, a hyphen and `quantity`."""
     axis = _number(component)
     axes = axes_or_new(axes)
     drawn = []

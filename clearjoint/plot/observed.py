@@ -1,7 +1,4 @@
-"""Look up contacts, reactions and bodies of an observation by name, and merge equal curves.
-
-An `Observation` has contact forces, reactions and accelerations at N observed times.
-"""
+"""Look up contacts, reactions and bodies of an observation by name, and merge equal curves."""
 
 from collections.abc import Mapping
 from typing import TypeVar
@@ -16,12 +13,12 @@ T = TypeVar("T")
 
 
 def contacts(observation: Observation, joint: str) -> dict[str, ContactObservation]:
-    """Return the observations of all contacts of a joint, by the contacts' labels, such as "V"."""
+    """Return the observations of all contacts of a joint, by their labels."""
     return named("joint", joint, observation.contacts)
 
 
 def require_contacts(observation: Observation) -> None:
-    """Raise `ValueError` if an observation has no contacts that could be drawn."""
+    """Refuse an observation without contacts."""
     names, remedy = list(observation.contacts), "give a joint some clearance"
     require(len(names) > 0, "observation", names, "of a scene with contacts", remedy)
 
@@ -39,17 +36,9 @@ def spans(mask: np.ndarray) -> np.ndarray:
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-    """Merge equal curves, so that none hides another.
-
-    For example, the two end circles of a journal, its bases V and W, have equal curves in planar
-    motion. Two curves count as equal if they differ by less than a line's width: at each point by
-    at most a thousandth of the value there plus 1e-5 of the largest magnitude in all curves.
-
-    **Arguments:** `curves`: arrays of one shape, by label.
-
-    **Returns:** label and values of each remaining curve, in the given order. Merged curves have
-    the values of the first of them, and a label with all their names, such as "bases V and W".
-    """
+    """Merge equal curves, so that none hides another: two curves count as equal if they differ by
+    less than a line's width. Label and values of each remaining curve are returned; merged curves
+    have a label with all their names, such as "bases V and W"."""
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
     distinct: list[tuple[list[str], np.ndarray]] = []
     for label, values in curves.items():
@@ -69,8 +58,7 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry `name` of `family`; an unknown name is refused as that of the user's
-    `argument`."""
+    """Return the entry `name` of `family`, which the user passed as `argument`."""
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))
     return family[name]

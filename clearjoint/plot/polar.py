@@ -1,9 +1,6 @@
-"""Draw polar bars and curves around a bearing: directions of contact, and wear.
+"""Draw polar bars and curves around a bearing: directions of contact, and wear."""
 
-Bars are in equal sectors of the angle about the bearing's axis. The bases V and W are the two end
-circles of the journal.
-"""
-
+from collections.abc import Sequence
 from itertools import count, takewhile
 from typing import Literal
 
@@ -27,7 +24,7 @@ BAR_STYLES = (
     {"facecolor": LIGHT, "edgecolor": BLUE, "linewidth": 0.6},
     {"facecolor": "none", "edgecolor": VERMILLION, "linewidth": 0.6, "hatch": "////"},
 )
-"""Styles of base V and base W, which differ by grey value and hatching."""
+"""Styles of base V and base W."""
 
 
 def contact_rose(
@@ -41,28 +38,19 @@ def contact_rose(
 ) -> PolarAxes:
     """Draw in which directions, and how strongly, a journal touches its bearing, as polar bars.
 
-    The direction of a contact is that of the base's vector from `plot.eccentricity_vectors`: from
-    the bearing's axis to the centre of the base, if both surfaces are circles. The length of a bar
-    is the impulse or the largest force of the contacts with a direction in its sector.
+    The length of a bar is the impulse or the largest force of the contacts whose direction, see
+    `eccentricity_vectors`, is in its sector. Contacts at points between the bases and at shoulders
+    are left out.
 
     **Arguments:**
 
-    - `joint`: name of the clearance joint. Its contacts at points between the bases, and at
-      shoulders, which limit the axial motion, are left out.
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
-      on base V; or "force", the largest normal force of each base in each sector. If both bases
-      have equal values in all sectors, they share their bars, which show the sum of the two
-      impulses, or the force of one base.
+      on base V; or "force", the largest normal force of each base. If both bases have equal values
+      in all sectors, they share their bars, which show the sum of the two impulses, or the force of
+      one base.
     - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
-    - `section`: the two perpendicular unit vectors that are drawn to the right and upwards, by
-      label, as {"X": (1, 0, 0), "Y": (0, 1, 0)} in global axes; by default the x and y axes of the
-      bearing's frame.
+    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
     - `axes`: polar ones.
-
-    **Returns:** the axes, which show impulses with a suitable prefix of N s, forces in N or kN.
-
-    **Raises:** `ValueError` for an unknown joint, a joint without a journal, an unknown weight, a
-    number of sectors below 1, and axes that are not polar.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -84,39 +72,27 @@ def contact_rose(
         binned = binned_statistic(turns, values, kind, sectors, range=(0.0, 1.0)).statistic
         weights[f"base {base}"] = np.nan_to_num(binned)  # a sector without contact has no maximum
     axes = polar_or_new(axes)
-    directions = ("x", "y") if section is None else map(shown, section)
+    directions = ("x", "y") if section is None else [shown(name) for name in section]
     distinct = dict(without_twins(weights))
     if weight == "force":
-        return _bars(distinct, ("largest normal force", "N"), False, axes, *directions)
+        return _bars(distinct, ("largest normal force", "N"), False, axes, directions)
     # Two bases with equal impulses share one bar, whose length is twice that impulse.
     shared = len(weights) / len(distinct)
     summed = {label: shared * sizes for label, sizes in distinct.items()}
-    return _bars(summed, ("impulse", "N s"), True, axes, *directions)
+    return _bars(summed, ("impulse", "N s"), True, axes, directions)
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:
-    """Draw the volumes that one run of a sweep wears off a bearing's wall, as polar bars.
+    """Draw the volumes that one lane of a sweep wears off a bearing's wall, as polar bars over the
+    angle from the x axis of the bearing's frame. Bars of base W are stacked on those of base V.
 
-    Bars of base W are stacked on those of base V.
+    **Arguments:** `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`;
+    `axes`: polar ones.
 
-    **Arguments:**
-
-    - `lane`: data set of one lane, which is one run of a sweep, from `sweep` or `open_sweep`:
-      ``dataset.isel(clearance=3)``.
-    - `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`, which computes
-      the worn volume in each sector of the wall.
-    - `axes`: polar ones.
-
-    **Returns:** the axes, which show angle from the x axis of the bearing's frame, volumes in mm³,
-    µm³ or 10³ µm³.
-
-    **Raises:** `ValueError` for unknown names, several lanes, and axes that are not polar.
-
-    >>> scene, state = cj.mechanisms.double_pendulum()
     >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4, 2e-4])
     >>> outputs = {"wear": cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)}
     >>> axes = {"clearance": clearance}
-    >>> found = cj.sweep(scene, state, 0.02, axes, outputs, progress=False)
+    >>> found = cj.sweep(pendulum, hanging, 0.02, axes, outputs, progress=False)
     >>> drawn = plot.wear(found.isel(clearance=1), "wear")
     """
     require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
@@ -124,9 +100,10 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     for base in BASES:
         names = takewhile(lane.__contains__, (f"{output}_{base} {k}" for k in count(1)))
         sectors = [lane[name] for name in names]
-        is_single, remedy = all(one.ndim == 0 for one in sectors), "select one: dataset.isel(...)"
+        is_single = all(volume.ndim == 0 for volume in sectors)
+        remedy = "select one: dataset.isel(...)"
         require(is_single, "lane", sectors[0].dims, "a single lane", remedy)
-        volumes[f"base {base}"] = np.array([float(one) for one in sectors])
+        volumes[f"base {base}"] = np.array([float(volume) for volume in sectors])
     return _bars(volumes, ("worn volume", "m^3"), True, polar_or_new(axes))
 
 
@@ -138,8 +115,8 @@ def worn_profile(
     curves: int = 6,
     axes: Axes | None = None,
 ) -> PolarAxes:
-    """Draw the worn depth of a bearing or a journal over the angle around it, as a curve for each
-    of several numbers of cycles of the motion.
+    """Draw the worn depth of a bearing or a journal over the angle from the x axis of its frame, as
+    a curve for each of several numbers of cycles of the motion.
 
     **Arguments:**
 
@@ -149,21 +126,14 @@ def worn_profile(
       black.
     - `axes`: polar ones.
 
-    **Returns:** the axes, which show angle from the x axis of the part's frame, depth in a suitable
-    unit.
-
-    **Raises:** `ValueError` for unknown names, a number of curves below 1, and axes that are not
-    polar.
-
-    >>> found = xr.Dataset(
-    ...     {"bearing_depth": (("joint", "stage", "angle"), 1e-6 * np.ones((1, 2, 8)))},
-    ...     {"cycles": ("stage", [0.0, 10.0]), "joint": ["pin"], "angle": np.arange(8) * np.pi / 4},
-    ... )
-    >>> axes = plot.worn_profile(found, "pin")
+    >>> import xarray as xr
+    >>> depths = {"bearing_depth": (("joint", "stage", "angle"), np.full((1, 2, 8), 1e-6))}
+    >>> places = {"cycles": ("stage", [0, 10]), "joint": ["pin"], "angle": np.arange(8) * np.pi / 4}
+    >>> axes = plot.worn_profile(xr.Dataset(depths, places), "pin")
     """
     require_names(found, (f"{part}_depth", "cycles"))
-    known = [str(name) for name in found["joint"].values]
-    require(joint in known, "joint", joint, f"one of {known}", "name a joint that wears")
+    joints = [str(name) for name in found["joint"].values]
+    require(joint in joints, "joint", joint, f"one of {joints}", "name a joint that wears")
     require_count("curves", curves, "give a number of curves")
     axes = polar_or_new(axes)
     depths = found[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
@@ -187,15 +157,8 @@ def _bars(
     quantity: tuple[str, str],
     stacked: bool,
     axes: PolarAxes,
-    right: str = "x",
-    up: str = "y",
+    directions: Sequence[str] = ("x", "y"),
 ) -> PolarAxes:
-    """Draw a bar for each sector and base, and their radial scale; return the axes.
-
-    **Arguments:** `weights`: lengths (sectors,) of the bars in the SI unit, by label of the base;
-    `quantity`: name and SI unit of these lengths; `stacked`: whether the bars of one base begin at
-    the ends of the other's; `right`, `up`: names of the directions 0° and 90°.
-    """
     tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
     sectors = len(tops)
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
@@ -210,7 +173,7 @@ def _bars(
         axes.set_ylim(0.0, top)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
     axes.tick_params(axis="x", pad=5)
-    return _dressed(axes, middles, tops, f"{quantity[0]}, {unit}", right, up)
+    return _dressed(axes, middles, tops, f"{quantity[0]}, {unit}", directions)
 
 
 def _dressed(
@@ -218,14 +181,8 @@ def _dressed(
     angles: np.ndarray,
     heights: np.ndarray,
     label: str,
-    right: str = "x",
-    up: str = "y",
+    directions: Sequence[str] = ("x", "y"),
 ) -> PolarAxes:
-    """Add the legend and the texts to polar axes, and return the axes.
-
-    **Arguments:** `angles`, `heights`: (N,) rad and any unit, of the points or the outer ends of
-    the bars; `label`: text of the radial axis; `right`, `up`: names of the directions 0° and 90°.
-    """
     # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
     # they cover least of the bars.
     middles = 22.5 + 45.0 * np.arange(8)
@@ -235,7 +192,7 @@ def _dressed(
     axes.tick_params(axis="y", labelsize="small", colors=DARK)
     legend_above(axes, 2, height=1.08)  # above the text of the direction 90°
     axes.set_xlabel(label)
-    names = {0: f"{right}, ", 90: f"{up}, "}
+    names = {0: f"{directions[0]}, ", 90: f"{directions[1]}, "}
     degrees = [round(np.degrees(tick)) for tick in axes.get_xticks()]
     axes.set_xticklabels([f"{names.get(angle, '')}{angle}°" for angle in degrees])
     return axes
@@ -243,10 +200,7 @@ def _dressed(
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
     """Return the factor from the SI unit to one that suits the largest of `values`, and its name.
-
-    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten: below 1e-3 mm³,
-    volumes are shown in µm³ or in a power of ten of µm³.
-    """
+    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten."""
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

@@ -1,8 +1,5 @@
-"""Report of a run on one page: its tables and figures.
-
-The page consists of rows: a description of the scene and the run, the paths of the journals, forces
-over time, energies with a spectrum, and a table of impacts. Each row is a matplotlib `SubFigure`.
-"""
+"""Report of a run on one page: its tables and figures, in rows that are matplotlib `SubFigure`
+objects."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -41,7 +38,6 @@ Cells = Sequence[str]
 SYMBOLS = {"restitution": "c", "coefficient": "µ", "breakaway": "µ_S", "kinetic": "µ_C"}
 """Symbols of the numbers of a contact or friction law that the table shows, by field name."""
 JOINT_COLUMNS = "joint", "kind", "bodies", "play", "normal law", "friction"
-"""Titles of the columns of the table of joints with contacts."""
 IMPACT_NUMBERS = (
     ("onset, ms", "onset", 1e3, ".4f"),
     ("duration, µs", "duration", 1e6, ".1f"),
@@ -53,12 +49,11 @@ IMPACT_NUMBERS = (
 """Columns of numbers in the table of impacts: title, name in `Impacts`, factor from the SI unit,
 and format."""
 IMPACT_COLUMNS = "joint", "contact", *(title for title, *_ in IMPACT_NUMBERS)
-"""Titles of the columns of the table of impacts."""
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; if there are more than
-    `most` joints, the last row names those that are left out."""
+    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; of more than `most` joints,
+    the last row names those that are left out."""
     joints = scene.contact_joints()
     rows = [_joint_row(name, joint) for name, joint in joints.items()]
     if len(rows) <= most:
@@ -84,7 +79,6 @@ def _joint_row(name: str, joint: AbstractContactJoint) -> Cells:
 
 
 def _law(law: object) -> str:
-    """Return the class name of a law with its numbers, such as "LankaraniNikravesh, c 0.9"."""
     numbers = [
         f"{symbol} {number:.3g}"
         for field, symbol in SYMBOLS.items()
@@ -99,8 +93,6 @@ def _single_number(owner: object, field: str) -> float | None:
 
 
 def _play(joint: AbstractContactJoint) -> str:
-    """Return the joint's clearance, play and backlash with their units, such as "0.5 mm"; "yes" if
-    none of them is a single number with a unit."""
     units = {field.name: field.metadata.get("unit", "") for field in fields(joint)}
     if isinstance(joint, HasJournal):  # its clearance may be a property
         units["clearance"] = "m"
@@ -113,8 +105,7 @@ def _play(joint: AbstractContactJoint) -> str:
 
 
 def run_lines(scene: Scene, solution: Solution) -> list[str]:
-    """Return the lines of text that describe the scene, the run, its steps, its equations, and its
-    joints without contacts and its redundant constraints if there are any."""
+    """Return the lines of text that describe the scene and the run."""
     masses = sum(float(np.asarray(body.mass)) for body in scene.bodies.values())
     gravity = "no gravity"
     if scene.gravity is not None:
@@ -148,13 +139,11 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     ]
 
 
-def _counted(number: int, name: str, one: str = "", many: str = "s") -> str:
-    return f"{number} {name}{one if number == 1 else many}"
+def _counted(number: int, name: str, singular: str = "", plural: str = "s") -> str:
+    return f"{number} {name}{singular if number == 1 else plural}"
 
 
 def _tolerances(solution: Solution) -> list[str]:
-    """Return a list with the solver and its tolerances, such as "Tsit5, rtol 1e-06", or the name of
-    a given step-size controller; empty if the solution does not contain its settings."""
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
     if "solver" not in notes:
         return []
@@ -177,10 +166,8 @@ def _impacts(impacts: Impacts | None) -> str:
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
-
-    Simultaneous impacts of several contacts of a joint, such as both ends of a journal, share a
-    row, which has the numbers of the one with the largest peak force.
-    """
+    Simultaneous impacts of a joint, such as at both ends of a journal, share the row of the
+    largest."""
     force = impacts.peak_force
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
@@ -223,7 +210,7 @@ TITLE = 26
 LINE = 0.145
 """Height of a line of text, inches."""
 PAGE = (8.27, 11.69)
-"""Width and height, inches: A4."""
+"""Width and height of A4, inches."""
 MOST_ROWS = 8
 """Largest number of impacts that a table lists; twice as many joints with contacts."""
 LETTERS = 112
@@ -244,35 +231,27 @@ def report(
 ) -> Figure:
     """Draw a report of a run on one page: descriptions of scene and run, paths of the journals in
     their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
-    energies, the spectrum of one quantity, and the largest impacts.
-
-    In a scene without journals, the paths of the bodies' centres replace the orbits, or the bodies'
-    angular velocities over time if the centres hardly move. A scene without contacts has no forces
-    and phases, and a solution without recorded impacts has no table of them.
+    energies, the spectrum of one quantity, and the largest impacts. Parts that the scene or the
+    solution lacks are left out; without journals, the motion of the bodies is drawn.
 
     **Arguments:**
 
-    - `scene`: the simulated scene. `solution`: with saved states, best from a run with
-      ``Saving(np.linspace(0, end, count), steps=True, impacts=True)`` and
-      ``Settings(ledger=True)``. If the accepted steps are saved (``steps=True``), orbits, forces
-      and phases are drawn at the ends of the steps and at further times inside them
-      (`Trajectory.between`), which resolves impacts; if not, at the saved times only.
+    - `solution`: with saved states, best from a run with ``Saving(np.linspace(0, end, count),
+      steps=True, impacts=True)`` and ``Settings(ledger=True)``. Without the accepted steps
+      (``steps=True``), orbits, forces and phases are drawn at the saved times only, which may miss
+      impacts.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
-      one, see `plot.series`. By default it is the velocity component of the last body's centre that
-      changes most, or a component of this body's angular velocity if its centre has a constant
-      velocity.
+      one, see `plot.series`. By default it is the component of the last body's velocity, or angular
+      velocity, that changes most.
 
     **Returns:** the figure, of size A4.
 
-    **Raises:** `ValueError` for another suffix, for results that are not a `Solution`, for a
-    solution without states, for a quantity without a unit, and for a quantity of an element that
-    the scene lacks.
+    **Raises:** `ValueError` for another suffix, for results that are not a `Solution` or have no
+    states, and for a quantity without a unit.
 
-    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
-    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
-    >>> figure = plot.report(scene, solution, "ball.pdf", title="Ball on a spring")
+    >>> figure = plot.report(scene, swing, "ball.pdf", title="Ball on a spring")
     """
     if file is not None:
         suffix, remedy = Path(file).suffix.lower(), "name a PNG or a PDF"
@@ -310,13 +289,8 @@ def report(
 
 
 class _Part(NamedTuple):
-    """A row of the page.
-
-    - `height`: inches. Texts have exactly this height; figures share the rest of the page in
-      proportion to their heights.
-    - `draw`: function that draws the row.
-    - `is_text`: whether the row consists of lines of text and a table.
-    """
+    """A row of the page. Texts have exactly their `height`, inches; figures share the rest of the
+    page in proportion to theirs."""
 
     height: float
     draw: Callable[[SubFigure], None]
@@ -324,7 +298,6 @@ class _Part(NamedTuple):
 
 
 def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part]:
-    """Return the rows of the page from top to bottom, without those that would be empty."""
     if solution.steps is not None and len(solution.steps) > 1:
         path = solution.steps.between()
     else:
@@ -348,12 +321,6 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
 def _record(
     scene: Scene, solution: Solution, quantity: Quantity | None, unit: str | None
 ) -> xr.DataArray:
-    """Return the values (N,) over "time", s, of the quantity whose spectrum the page shows, at the
-    saved states, or at the ends of the steps if no states are saved.
-
-    By default it is the component of the last body's velocity that changes most, or of its angular
-    velocity (spin) if its centre has a constant velocity.
-    """
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
@@ -369,10 +336,8 @@ def _record(
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
     """Return a row of the page with lines of text and, unless there are no `rows`, a table below.
-
-    The columns are as wide as their longest texts where the page has space for all of them;
-    otherwise the widest columns are made narrower, and their texts broken into lines.
-    """
+    If the page has no space for all columns, the widest are made narrower, and their texts
+    broken."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     head = line = len(lines) + 0.4
@@ -416,9 +381,8 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
 
 
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
-    """Draw the paths of the two journals with the largest forces in their bearings (orbits), and
-    the contact directions of the journal with the largest force; without journals, the paths of the
-    bodies."""
+    """Draw the orbits of the two journals with the largest forces, and the contact directions of
+    the first; without journals, the paths of the bodies."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)
@@ -446,12 +410,8 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres of mass, projected on the coordinate plane in which
-    they extend farthest.
-
-    If no coordinate of any centre varies by more than a fiftieth of the largest extent, the bodies
-    do little more than turn: draw the magnitudes of their angular velocities over time instead.
-    """
+    """Draw the paths of the bodies' centres on the coordinate plane in which they extend farthest.
+    If the bodies do little more than turn, draw their angular velocities over time instead."""
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
     spread = np.ptp(np.concatenate(list(paths.values())), axis=0)
@@ -475,8 +435,7 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def draw_over_time(row: SubFigure, observed: Observation) -> None:
-    """Draw the normal forces over time, and below them when each joint is in free flight, in impact
-    or in lasting contact."""
+    """Draw the normal forces over time, and below them the phases of the motion of each joint."""
     # Relative heights: the lower axes have a row for each joint.
     heights = 1.6, 0.4 + 0.2 * len(observed.contacts)
     above, below = row.subplots(2, 1, sharex=True, height_ratios=heights)
@@ -490,8 +449,8 @@ def draw_over_time(row: SubFigure, observed: Observation) -> None:
 
 
 def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -> None:
-    """Draw the energies and the error of their balance on the left, and on the right the amplitude
-    spectrum of `record` (N,) over "time", s, or a note if its times don't suit a spectrum."""
+    """Draw the energies and the error of their balance, and beside them the amplitude spectrum of
+    `record` (N,) over "time", s, or a note if its times don't suit a spectrum."""
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))
@@ -508,8 +467,8 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
 
 
 def _small(axes: Axes) -> None:
-    """Make the lines of axes thinner, for the small figures of the page, and rasterise those of
-    more than 5000 points so that a PDF file stays small."""
+    """Make lines thinner, and rasterise those of more than 5000 points so that a PDF file stays
+    small."""
     for line in axes.get_lines():
         line.set_linewidth(0.6 * line.get_linewidth())
         line.set_rasterized(len(np.asarray(line.get_xdata())) > 5000)

@@ -1,8 +1,4 @@
-"""Draw Poincaré sections of a run, of a lane, which is one run of a sweep, and of all lanes of a
-sweep (bifurcation diagrams).
-
-A section records quantities, its channels, at each upward zero crossing of another quantity.
-"""
+"""Draw Poincaré sections of a run or of a lane, and bifurcation diagrams of a sweep."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -37,15 +33,11 @@ def poincare_map(
     x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
 ) -> Axes:
     """Draw the points of a Poincaré map: one dot for a motion that repeats from each point to the
-    next, n dots for one that repeats after n points, and a cloud for a chaotic motion.
+    next, n dots for one that repeats after n points, and a cloud for a chaotic motion. Later points
+    are darker.
 
-    **Arguments:**
-
-    - `x`, `y`: (N,) coordinates of the points in the order of time, in any units.
-    - `labels`: texts of the horizontal and the vertical axis, with units.
-
-    **Returns:** the axes. Later points are darker; a colour bar gives their numbers from 1 on,
-    unless there is only one point.
+    **Arguments:** `x`, `y`: (N,) coordinates of the points in the order of time; `labels`: texts of
+    the horizontal and the vertical axis, with units.
 
     >>> axes = plot.poincare_map(np.zeros(20), np.linspace(0, 1, 20), ("x / mm", "v / (m/s)"))
     """
@@ -55,7 +47,6 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
-    """Draw points, in the units of `labels`, whose colours show their `numbers` (N,)."""
     axes = axes_or_new(axes, (5.4, 4.8))
     shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
@@ -76,7 +67,7 @@ def poincare_section(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw two quantities at the section crossings of a run: a few dots for a periodic motion, a
-    cloud for a chaotic one.
+    cloud for a chaotic one. Later points are darker.
 
     **Arguments:**
 
@@ -88,13 +79,10 @@ def poincare_section(
     - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
       joint with this clearance.
 
-    **Returns:** the axes. They have equal scales with a `clearance`, or if both channels have the
-    same unit and their largest magnitudes differ by at most a factor of 20. Later points are
-    darker; a colour bar gives the number of each crossing among all recorded ones, unless there is
-    only one point.
+    **Returns:** the axes, with equal scales for channels of the same unit and a similar size.
 
-    **Raises:** `ValueError` for unknown channels, a section with a single channel, a `clearance`
-    with channels that are not lengths, and if all crossings are earlier than `after`.
+    **Raises:** `ValueError` for a section with a single channel, a `clearance` with channels that
+    are not lengths, and if all crossings are earlier than `after`.
 
     >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
     >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
@@ -103,11 +91,11 @@ def poincare_section(
     >>> axes.get_xlabel()
     'x, µm'
     """
-    known = list(section.channels)
-    chosen = tuple(known[:2]) if channels is None else tuple(channels)
-    is_valid = len(chosen) == 2 and set(chosen) <= set(known)
+    recorded = list(section.channels)
+    chosen = tuple(recorded[:2]) if channels is None else tuple(channels)
+    is_valid = len(chosen) == 2 and set(chosen) <= set(recorded)
     remedy = "record two channels and name them"
-    require(is_valid, "channels", chosen, f"two of those of the section, {known}", remedy)
+    require(is_valid, "channels", chosen, f"two of those of the section, {recorded}", remedy)
     drawn = [(name, crossings.values[name], section.channels[name][1]) for name in chosen]
     return section_points(crossings.times, drawn, after, clearance, axes)
 
@@ -121,29 +109,15 @@ def poincare_section_of_lane(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two quantities at the section crossings of one lane of a sweep.
+    """Draw two quantities at the section crossings of one lane of a sweep, see `poincare_section`.
 
-    **Arguments:**
+    **Arguments:** `section`: name under which the `Section` was passed to `Saving`; for the others
+    see `poincare_section`.
 
-    - `lane`: data set of one lane, from `sweep` or `open_sweep`: ``dataset.isel(clearance=3)``.
-    - `channels`: names of the section's channels that are drawn to the right and upwards.
-    - `after`: time, s; earlier crossings are omitted. `clearance`: radius of a circle to draw, m,
-      see `plot.poincare_section`.
+    **Raises:** `ValueError` also for a lane that has not run yet.
 
-    **Returns:** the axes, see `plot.poincare_section`.
-
-    **Raises:** `ValueError` for unknown names, for several lanes, for a lane that has not run yet,
-    for a `clearance` with channels that are not lengths, and if all crossings are earlier than
-    `after`.
-
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> x, speed = cj.quantities.Position("ball", "x"), cj.quantities.Velocity("ball", "x")
-    >>> still = cj.Section(speed, {"x": (x, "m"), "speed": (speed, "m/s")}, count=3)
-    >>> save, outputs = cj.Saving(sections={"still": still}), {"speed": cj.Peak(speed, "m/s")}
-    >>> axes = {"stiffness": stiffness}
-    >>> found = cj.sweep(scene, state, 2.0, axes, outputs, save=save, progress=False)
     >>> lane = found.sel(stiffness=100.0)
-    >>> drawn = plot.poincare_section_of_lane(lane, "still", ("x", "speed"))
+    >>> drawn = plot.poincare_section_of_lane(lane, "turns", ("x", "speed"))
     """
     names = [f"{section}_{channel}" for channel in channels]
     require_names(lane, (*names, f"{section}_count", f"{section}_time"))
@@ -169,11 +143,8 @@ def section_points(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two channels of section crossings at `times` (N,), s, as points, and return the axes.
-
-    **Arguments:** `channels`: name, values (N,) and SI unit of each; for the others, and for
-    errors, see `poincare_section`.
-    """
+    """Draw two channels of section crossings at `times` (N,), s: name, values (N,) and SI unit of
+    each. For the other arguments, see `poincare_section`."""
     times, units = np.asarray(times), [unit for *_, unit in channels]
     kept = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
@@ -217,37 +188,17 @@ def bifurcation(
     number: bool = False,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw a bifurcation diagram: a quantity at the section crossings over a swept parameter.
-
-    Each dot is a crossing. Parameters with periodic motions have few different dots, which form
-    curves; those with chaotic motions have a cloud. Lanes that failed or have not run yet are
-    crosses at the lower edge of the axes.
+    """Draw a bifurcation diagram: a quantity at the section crossings over a swept parameter. Each
+    dot is a crossing. Parameters with periodic motions have few different dots, which form curves;
+    those with chaotic motions have a cloud.
 
     **Arguments:**
 
-    - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
-      each axis that is not drawn.
-    - `section`: name under which the `Section` was passed to `Saving`. `channel`: name of the
-      section's channel to draw.
-    - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep. A
-      zipped sweep, whose axes vary together, needs a name.
+    - `section`: name under which the `Section` was passed to `Saving`; `channel`: the one to draw.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 
-    **Returns:** the axes. The scale of the parameter or the channel is logarithmic if all its
-    values are positive and the largest exceeds 12 times the smallest one; that of the parameter
-    also if its values form a geometric series.
-
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
-    `axis` of which a single value is selected, and if another axis has several values left.
-
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> position = cj.quantities.Position("ball", "x")
-    >>> still = cj.Section(cj.quantities.Velocity("ball", "x"), {"x": (position, "m")}, count=3)
-    >>> save, axes = cj.Saving(sections={"still": still}), {"stiffness": stiffness}
-    >>> found = cj.sweep(scene, state, 2.0, axes, {"speed": speed}, save=save, progress=False)
-    >>> drawn = plot.bifurcation(found, "still", "x")
+    >>> drawn = plot.bifurcation(found, "turns", "x")
     """
     axis = only_axis(dataset, axis)
     variable = f"{section}_{channel}"

@@ -59,10 +59,7 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Ax
 
 
 def polar_or_new(axes: Axes | None) -> PolarAxes:
-    """Give polar axes grid lines at every 45°, and return them: `axes`, or new ones for None.
-
-    **Raises:** `ValueError` for axes that are not polar.
-    """
+    """Give polar axes, by default new ones, grid lines at every 45°, and return them."""
     if axes is None:
         figure = plt.figure(figsize=(4.8, 5.0), layout="constrained")
         axes = figure.add_subplot(projection="polar")
@@ -76,11 +73,7 @@ def polar_or_new(axes: Axes | None) -> PolarAxes:
 
 
 def dress(axes: Axes, x: str, y: str) -> Axes:
-    """Give axes the common look of figures, and return them.
-
-    The texts `x` and `y` become the labels, in several lines if they are long. A faint grid lies
-    behind the curves, and the frame has no lines above and on the right.
-    """
+    """Give axes labels, broken into lines if they are long, and the common look of figures."""
     axes.set_xlabel(broken(x))
     axes.set_ylabel(broken(y))
     axes.grid(True, color="0.9", linewidth=0.8)
@@ -92,12 +85,8 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 def draw_lines(
     axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
 ) -> None:
-    """Draw curves that differ by colour and line style, also from lines already on the axes.
-
-    With more than six lines on the axes, the colours and styles of `LINES` repeat.
-
-    **Arguments:** `curves`: label, x (N,) and y (N,) of each curve; `linewidth`: points.
-    """
+    """Draw curves, each with label, x (N,) and y (N,), that differ by colour and line style, also
+    from lines already on the axes."""
     for label, x, y in curves:
         colour = next_colour(axes)
         style = dict(LINES)[colour]
@@ -112,12 +101,8 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes.
-
-    **Arguments:** `columns`: number of columns; `handles`: drawn samples, by default those of all
-    labelled curves; `handlelength`: length of the samples in font sizes; `height`: lower edge of
-    the legend as a fraction of the axes' height.
-    """
+    """Add a legend without a frame above the axes, with the lower edge at `height` in heights of
+    the axes, for all labelled curves or given `handles`."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
         # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
         # from the legend.
@@ -141,8 +126,6 @@ ROOM = "room of the legend"
 
 
 def _legend_box(axes: Axes, _room: Axes, renderer: RendererBase | None) -> Bbox:
-    """Return the box of the legend of `axes`, in fractions of the figure; an empty box on the upper
-    edge of the axes without a visible legend."""
     legend = axes.get_legend()
     box = Bbox([[axes.bbox.x0, axes.bbox.y1], [axes.bbox.x1, axes.bbox.y1]])
     if legend is not None and legend.get_visible():
@@ -151,8 +134,7 @@ def _legend_box(axes: Axes, _room: Axes, renderer: RendererBase | None) -> Bbox:
 
 
 def fit_labels(figure: Figure) -> None:
-    """Break labels that are longer than their axes into lines, so that none reaches into another
-    panel."""
+    """Break labels that are longer than their axes into lines."""
     figure.draw_without_rendering()
     for axes in figure.findobj(Axes):
         for label, vertical in ((axes.xaxis.label, False), (axes.yaxis.label, True)):
@@ -168,16 +150,9 @@ def fit_labels(figure: Figure) -> None:
 def limit_to_window(
     axes: Axes, times: np.ndarray, window: TimeSpan | None, factor: float = 1.0
 ) -> np.ndarray:
-    """Limit a time axis to a window, if one is given.
-
-    **Arguments:** `times`: (N,), increasing, and `window`, both in s; `factor`: from s to the unit
-    of the axis.
-
-    **Returns:** mask (N,) of the times to draw: those in the window and the nearest one on either
-    side, so that curves reach the window's edges; all times without a window.
-
-    **Raises:** `ValueError` for a window before the first or after the last time.
-    """
+    """Limit a time axis, whose unit is `factor` times s, to a window if one is given. Return the
+    mask (N,) of the `times` to draw: those in the window and the nearest one on either side, so
+    that curves reach the window's edges."""
     if window is None:
         return np.full(np.shape(times), True)
     overlaps = max(window[0], times[0]) <= min(window[1], times[-1])
@@ -196,14 +171,8 @@ def inside(
     contents: str = "observed times",
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
-    """Return a mask (N,) that is true for values in a window or at its ends.
-
-    **Arguments:** `values`: (N,), such as times; `window`: its start and end, in the unit of the
-    values, or None for a mask that is true for all of them; `argument`, `contents`, `remedy`: name
-    of the window, text for the values, and advice, in the error message.
-
-    **Raises:** `ValueError` if no value lies in the window.
-    """
+    """Return a mask (N,) that is true for values in a window, of which there must be some. The
+    other arguments are for the error message: the name of the window, what it lacks, and advice."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
     expected = f"an interval with {contents}"
@@ -216,18 +185,13 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also as the numerator of a quotient: mm/s."""
 GEOMETRIC = 1e-6
-"""Tolerance for rounding errors: numbers count as equal if their maximum less their minimum is at
-most this fraction of their mean. The numbers are logarithms of the ratios of successive values, or
-the differences of successive values."""
+"""Tolerance for rounding errors: numbers count as equal if they differ by at most this fraction of
+their mean."""
 
 
 class ScaledValues(NamedTuple):
-    """Numbers to draw in a unit with a prefix.
-
-    - `values`: the data in the SI unit, times `factor`; same shape as the data.
-    - `label`: text of the axis: name and unit with prefix, such as "force, kN".
-    - `factor`: from the SI unit to the drawn unit.
-    """
+    """Values in a unit with a prefix, the text of their axis, such as "force, kN", and the factor
+    from the SI unit."""
 
     values: np.ndarray
     label: str
@@ -235,24 +199,9 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
-    """Convert data to the unit with the SI prefix that brings the largest magnitude between 1 and
-    1000, and make the label of their axis.
-
-    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
-    not in `PREFIXED` stay as they are.
-
-    **Arguments:**
-
-    - `data`: any shape; its name is used in the label. Its SI unit is in ``attrs["units"]``, "1" if
-      this is missing.
-    - `present`: text of the axis, such as "force, kN", if the axis already shows other data. The
-      new data are then converted to the unit in this text, and the new label consists of the names
-      in this text, the new name and the unit. Empty for a new axis.
-
-    **Raises:** `ValueError` for data with a unit, if `present` does not end with this unit, with or
-    without prefix; for data without unit, if `present` ends with one of `PREFIXED`, with or without
-    prefix.
-    """
+    """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
+    1000, and make the label of their axis. If the axis already shows other data, with the text
+    `present`, such as "force, kN", the unit is that in this text."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
@@ -276,13 +225,8 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
-    """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm".
-
-    The output's name is followed by the name and value of each coordinate of which a single value
-    is selected, such as a swept parameter or a body, since the curve belongs to these values.
-
-    **Arguments:** `variable`: name of the output; `axis`: name of the drawn axis.
-    """
+    """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm",
+    with each coordinate of which a single value is selected. `axis`: name of the drawn axis."""
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim > 0 or name == axis:  # no single value is selected
@@ -298,13 +242,12 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Choose the prefix that brings the largest magnitude of `values` (any shape, in the SI unit
-    `unit`) between 1 and 1000; forces are in N if all are below 10 kN, else in kN.
+    """Return the factor to, and the text of, the unit with the prefix that brings the largest
+    magnitude of `values`, in the SI unit `unit`, between 1 and 1000; forces are in N if all are
+    below 10 kN, else in kN.
 
     Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
     not in `PREFIXED` stay as they are.
-
-    **Returns:** the factor from the SI unit to the unit with prefix, and the latter's text.
     """
     if unit == "N":
         largest = np.nanmax(np.abs(values), initial=0.0)
@@ -314,12 +257,8 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """Choose the unit of a time axis: ms if all times are below 2 s, else s.
-
-    **Arguments:** `times`: (N,) s; `window`: start and end, s, considered instead of `times`.
-
-    **Returns:** the factor from s to the unit, and the unit's text.
-    """
+    """Return the factor to, and the text of, the unit of a time axis: ms if all times, s, are below
+    2 s."""
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < 2.0 else (1.0, "s")
 
@@ -327,14 +266,8 @@ def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float,
 def time_axis(
     axes: Axes, times: np.ndarray, window: TimeSpan | None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Prepare a time axis, and limit it to a window if one is given.
-
-    **Arguments:** `times`: (N,) s, increasing; `window`: start and end of the drawn time, s.
-
-    **Returns:** mask (N,) of the times to draw, these times (n,) in ms or s, and the axis label.
-
-    **Raises:** `ValueError` for a window before the first or after the last time.
-    """
+    """Prepare a time axis, and limit it to a window, s, if one is given. The mask (N,) of the
+    `times` to draw, these times in ms or s, and the axis label are returned."""
     factor, unit = time_unit(times, window)
     times = np.asarray(times)
     mask = limit_to_window(axes, times, window, factor)
@@ -342,12 +275,7 @@ def time_axis(
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
-    """Return the power of ten of the prefix that brings the largest finite magnitude between 1 and
-    1000, and the text of the unit with this prefix, in which "^2" is written "²".
-
-    The power is 0 for units that take no prefix, and if no finite value differs from zero. It is
-    limited by `PREFIXES`, and to at most 0 for metres, seconds and radians.
-    """
+    """Return the power of ten of the prefix, 0 without one, and the text of the unit with it."""
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
@@ -359,12 +287,9 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Return whether an axis for values (any shape) should be logarithmic.
-
-    All finite values must be positive, and the largest must exceed 12 times the smallest. For a
-    `swept` parameter with at least three different values, a smaller ratio is enough if these
-    values form a geometric series. Without finite values the result is false.
-    """
+    """Return whether an axis for values should be logarithmic: all finite values are positive, and
+    the largest exceeds 12 times the smallest or, for a `swept` parameter, at least three values
+    form a geometric series."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False
@@ -380,14 +305,8 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Choose linear or logarithmic scales for the x and the y axis from the drawn values.
-
-    An axis becomes logarithmic if `suits_logarithm` is true of its values, and linear if some value
-    is not positive. Otherwise it keeps its scale, such as that of earlier curves.
-
-    **Arguments:** `x`, `y`: drawn values, any shape; `swept`: letters of the axes that show swept
-    parameters, "x", "y" or "xy".
-    """
+    """Choose linear or logarithmic scales from the drawn values; otherwise an axis keeps its scale,
+    such as that of earlier curves. `swept`: letters of the axes that show swept parameters."""
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         if suits_logarithm(values, letter in swept):
             axes.set(**{f"{letter}scale": "log"})
@@ -397,13 +316,8 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set the ticks of a logarithmic axis for positive values (any shape).
-
-    The ticks depend on the ratio of the largest to the smallest value. Up to a ratio of 5, they are
-    at equal differences of the value. Above 5 and below 500, they are at 1, 2 and 5 times powers of
-    ten. In both cases their labels are numbers like 0.2. From 500 on, ticks and labels remain those
-    of matplotlib, at powers of ten.
-    """
+    """Set the ticks of a logarithmic axis for positive values: at equal differences up to a ratio
+    of 5, at 1, 2 and 5 times powers of ten below 500, else as matplotlib does."""
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():
         few = finite.max() <= 5.0 * finite.min()

@@ -1,8 +1,4 @@
-"""Draw outputs of a sweep over one or two of its parameters.
-
-A data set of a sweep has an output, such as a peak force, for each lane, which is one run. The axes
-of a sweep are the swept parameters, which are coordinates of the data set.
-"""
+"""Draw outputs of a sweep over one or two of its parameters."""
 
 import numpy as np
 import xarray as xr
@@ -35,40 +31,33 @@ def is_successful(dataset: xr.Dataset) -> xr.DataArray:
 
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
-    """Return an output as an array along given axes of a sweep, NaN where a lane failed or has not
-    run yet.
-
-    **Raises:** `ValueError` for an unknown output or axis, for an axis of which a single value is
-    selected, and for an output whose dimensions are not exactly these axes.
-    """
+    """Return an output along axes of a sweep, NaN where a lane failed or has not run yet."""
     require_names(dataset, (variable, *along))
     require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".
     dims = tuple(dataset[axis].dims[0] for axis in along)
-    found, expected = dataset[variable].dims, f"a number for each value of {along}"
-    is_valid = sorted(map(str, found)) == sorted(map(str, dims))
+    actual, expected = dataset[variable].dims, f"a number for each value of {along}"
+    is_valid = sorted(map(str, actual)) == sorted(map(str, dims))
     remedy = "select along the other dimensions first: dataset.sel(...)"
-    require(is_valid, "variable", f"{variable} along {found}", expected, remedy)
+    require(is_valid, "variable", f"{variable} along {actual}", expected, remedy)
     return dataset[variable].where(is_successful(dataset)).transpose(*dims)
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return `axis`, or for None the name of the sweep's only axis; `ValueError` if there are
-    several, or if they are zipped, which means that they vary together."""
+    """Return `axis`, or for None the name of the sweep's only axis, which a zipped sweep lacks."""
     if axis is not None:
         require_names(dataset, (axis,))
         return axis
-    dims, known = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
+    dims, swept = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
     is_only = len(dims) == 1 and dims[0] in dataset.coords
-    require(is_only, "axis", axis, f"one of {known}", "name it")
+    require(is_only, "axis", axis, f"one of {swept}", "name it")
     return str(dims[0])
 
 
 def mark_failed(
     axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = VERMILLION
 ) -> None:
-    """Draw crosses at the lower edge of the axes for lanes, at `positions` (L,), that failed or
-    have not run yet."""
+    """Draw crosses for lanes, at `positions` (L,), that failed or have not run yet."""
     missing = positions[~successful]
     if missing.size:
         axes.plot(
@@ -83,14 +72,14 @@ def mark_failed(
 
 
 def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
-    """Raise `ValueError` unless a data set has variables or coordinates of all these names."""
+    """Refuse a data set that lacks a variable or coordinate of one of these names."""
     unknown = [name for name in names if name not in dataset.variables]
     expected = f"names out of {sorted(map(str, dataset.variables))}"
     require(not unknown, "dataset", unknown, expected, "pass names of this sweep")
 
 
 def require_several_values(dataset: xr.Dataset, along: tuple[str, ...]) -> None:
-    """Raise `ValueError` if a single value is selected of one of the sweep's axes `along`."""
+    """Refuse a data set in which a single value is selected of one of the sweep's axes `along`."""
     single = [axis for axis in along if not dataset[axis].dims]
     expected = "a swept parameter with more than one value left"
     require(not single, "axis", single, expected, "draw the output before that value is selected")
@@ -109,29 +98,14 @@ def against(
     """Draw an output of a sweep, such as a peak force, over a swept parameter, as a point for each
     lane.
 
-    Lanes that failed or have not run yet are crosses at the lower edge of the axes.
-
     **Arguments:**
 
-    - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of
-      each axis that is not drawn, as by ``dataset.sel(restitution=0.9)``.
-    - `axis`: name of the swept parameter; by default the only axis of the sweep. A zipped sweep,
-      whose axes vary together, needs a name.
     - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
       shows the trend in the scatter of chaotic motion. No line by default.
-    - `label`: text of the legend; by default the name of the output and the selected values. The
-      legend is drawn when the axes have more than one text.
+    - `label`: text of the legend; by default the name of the output and the selected values.
     - `colour`: colour of the points; by default one that the axes do not have yet.
-    - `axes`: axes to draw on, such as those of an earlier call; values are then converted to the
-      units in their labels. New ones by default.
-
-    **Returns:** the axes. The scale of the parameter or the output is logarithmic if all its values
-    are positive and the largest exceeds 12 times the smallest one; that of the parameter also if
-    its values form a geometric series.
-
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
-    output that is not one number for each value of the parameter, for a `median` below 1 or above
-    the number of finite values, and for `axes` with labels whose units don't suit the values.
+    - `axes`: such as those of an earlier call; values are then converted to the units in their
+      labels.
 
     >>> drawn = plot.against(found, "speed")
     """
@@ -167,29 +141,25 @@ def against(
 def running_median(
     positions: np.ndarray, values: np.ndarray, width: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return running medians of values over positions.
+    """Return running medians of values over positions: each group of `width` successive points
+    gives the median of its positions and the median of its values.
 
-    The n points whose value is finite are sorted by position. Each group of `width` successive
-    points gives the median of its positions and the median of its values.
-
-    **Arguments:** `positions`, `values`: (N,); `width`: number of points in a group.
+    **Arguments:** `positions`, `values`: (N,); the n points whose value is finite are used.
 
     **Returns:** medians of the positions and of the values, (n - width + 1,) each.
-
-    **Raises:** `ValueError` if `width` is below 1 or above n.
 
     >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
     >>> positions, medians = plot.running_median(np.arange(5.0), values, 3)
     >>> medians
     array([2., 3., 3.])
     """
-    known = np.isfinite(values)
-    count = int(known.sum())
+    finite = np.isfinite(values)
+    count = int(finite.sum())
     require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")
-    order = np.argsort(positions[known], kind="stable")
+    order = np.argsort(positions[finite], kind="stable")
     # The view has the shape (n - width + 1, width): a row for each group.
     x, y = (
-        np.median(np.lib.stride_tricks.sliding_window_view(column[known][order], width), axis=1)
+        np.median(np.lib.stride_tricks.sliding_window_view(column[finite][order], width), axis=1)
         for column in (positions, values)
     )
     return x, y
@@ -202,28 +172,14 @@ MISSING = {"facecolor": "0.85", "edgecolor": "0.55", "hatch": "////"}
 def parameter_map(
     dataset: xr.Dataset, variable: str, x: str, y: str, *, axes: Axes | None = None
 ) -> Axes:
-    """Draw an output of a sweep over two swept parameters, as colours with a colour bar.
+    """Draw an output of a sweep over two swept parameters, as colours with a colour bar. Lanes that
+    failed, have not run yet or whose output is NaN are grey and hatched.
 
-    Lanes that failed or have not run yet are grey and hatched, as are those whose output is NaN.
+    **Arguments:** `x`, `y`: names of the parameters that are drawn to the right and upwards.
 
-    **Arguments:**
-
-    - `dataset`: from `sweep` or `open_sweep`. If the sweep has further axes, select one value of
-      each of them.
-    - `x`, `y`: names of the parameters that are drawn to the right and upwards.
-
-    **Returns:** the axes. The scale of the colours or of a parameter is logarithmic if all its
-    values are positive and the largest exceeds 12 times the smallest one; that of a parameter also
-    if its values form a geometric series.
-
-    **Raises:** `ValueError` for unknown names, and for an output that is not one number for each
-    pair of values.
-
-    >>> stiffness = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> mass = cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 1.0])
-    >>> axes = {"stiffness": stiffness, "mass": mass}
-    >>> found = cj.sweep(scene, state, 0.5, axes, {"speed": speed}, progress=False)
+    >>> masses = cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 1.0])
+    >>> both = {"stiffness": values, "mass": masses}
+    >>> found = cj.sweep(scene, state, 0.5, both, speed, progress=False)
     >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
     """
     values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
@@ -257,28 +213,19 @@ def convergence(
     colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw an output, such as an error, over a parameter that tends to zero, and the rate p of its
-    convergence.
-
-    Lanes that failed or have not run yet are crosses at the lower edge of the axes. A line shows
-    the power law C a^p of the parameter a that fits the logarithms of the positive outputs best, by
-    least squares; the legend gives p.
+    """Draw an output, such as an error, over a parameter a that tends to zero, on logarithmic axes,
+    and the power law C a^p that fits the logarithms of the positive outputs best, by least squares.
+    The legend gives the rate p.
 
     **Arguments:**
 
-    - `dataset`, `variable`, `axis`: see `against`.
     - `within`: smallest and largest parameter of the lanes that are fitted, in the unit of the data
       set; by default all lanes are fitted.
     - `label`: text of the legend before the rate; by default the legend has only the rate.
-    - `colour`: colour of the points; by default one that the axes do not have yet.
-    - `axes`: axes to draw on, such as those of an earlier call; new ones by default.
+    - `colour`, `axes`: see `against`.
 
-    **Returns:** the axes, both logarithmic.
-
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
-    output that is not one number for each value of the parameter, for fewer than two lanes to fit
-    whose parameter and output are positive, and for `axes` with labels whose units don't suit the
-    values.
+    **Raises:** `ValueError` for fewer than two lanes to fit whose parameter and output are
+    positive.
 
     >>> drawn = plot.convergence(found, "speed")
     """
@@ -308,17 +255,9 @@ def power_law_exponent(
     *,
     within: tuple[float, float] | None = None,
 ) -> float:
-    """Return the exponent p of the power law C a^p that fits an output of a sweep over its
-    parameter a, by least squares of logarithms.
+    """Return the exponent p of the power law that `convergence` draws.
 
-    **Arguments:** `dataset`: from `sweep` or `open_sweep`; `variable`: name of the output; `axis`:
-    name of the parameter, by default the only axis of the sweep; `within`: smallest and largest
-    parameter of the lanes that are fitted, in the unit of the data set; by default all lanes are
-    fitted.
-
-    **Raises:** `ValueError` for unknown names, without `axis` for a sweep with several axes, for an
-    output that is not one number for each value of the parameter, and for fewer than two lanes to
-    fit whose parameter and output are positive.
+    **Arguments:**, **Raises:** see `convergence`.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500
@@ -330,8 +269,6 @@ def power_law_exponent(
 
 
 def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return exponent p and factor C of the power law C x^p that fits the logarithms of `y` (N,)
-    over those of `x` (N,) best, at the points where both are positive."""
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)

@@ -1,12 +1,4 @@
-"""Draw quantities and energies over time, phase portraits and amplitude spectra.
-
-A quantity is a scalar function of an `Instant`, which is the scene with its motion at one time. An
-example is a position.
-
-The energy ledger of a run consists of energies that are integrated together with the motion if
-its settings have ``ledger=True``: those dissipated by damping, friction, films and stabilisation,
-and the work of drivers and loads.
-"""
+"""Draw quantities and energies over time, phase portraits and amplitude spectra."""
 
 import re
 from collections.abc import Callable
@@ -45,29 +37,20 @@ def series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the values of a quantity at the saved states of a solution.
+    """Return the values (N,) of a quantity at the saved states of a solution, as an array with the
+    coordinate "time", s; its unit is in ``attrs["units"]``.
 
     **Arguments:**
 
-    - `scene`: the simulated scene.
-    - `solution`: from `cj.simulate` with `save`, so that states are saved.
-    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`,
-      which gives the motions and forces at one time.
+    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
     - `unit`: SI unit of the values, for a quantity that does not declare its unit.
-    - `trajectory`: N states at which the quantity is evaluated; by default the saved states. Pass
-      `solution.steps` for the state after every accepted step.
+    - `trajectory`: the states to take instead of the saved ones, such as `solution.steps`.
 
-    **Returns:** array (N,) with the coordinate "time", s; its name is that of the quantity, its
-    unit is in ``attrs["units"]``.
+    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
-    **Raises:** `ValueError` for a solution without states, for a quantity without a unit, and for a
-    quantity of an element that the scene lacks.
-
-    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
-    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
-    >>> found = plot.series(scene, solution, cj.quantities.Position("ball", "x"))
-    >>> found.attrs["units"], np.allclose(found, 0.1 * np.cos(10.0 * found["time"]), atol=1e-6)
-    ('m', True)
+    >>> positions = plot.series(scene, swing, x)
+    >>> np.allclose(positions, 0.1 * np.cos(10.0 * positions["time"]), atol=1e-6)
+    True
     """
     trajectory = trajectory_of(solution, trajectory)
     values = values_along(scene, solution, quantity, trajectory)
@@ -82,21 +65,17 @@ def rate_series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the time derivative of a quantity at the saved states of a solution.
+    """Return the time derivative of a quantity at the saved states of a solution, as `series`.
 
     No differences of values are taken: the derivative follows from the velocities of each state,
     and from the accelerations that the equations of motion give for it. Entry speeds of contacts
     and deflections of bristles, on which a force may depend, count as constant.
 
-    **Arguments**, **Raises:** see `series`.
+    **Arguments:**, **Raises:** see `series`.
 
-    **Returns:** array (N,) with the coordinate "time", s, in the quantity's unit per second.
-
-    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
-    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
-    >>> found = plot.rate_series(scene, solution, cj.quantities.Position("ball", "x"))
-    >>> found.attrs["units"], np.allclose(found, -np.sin(10.0 * found["time"]), atol=1e-5)
-    ('m/s', True)
+    >>> rates = plot.rate_series(scene, swing, x)
+    >>> np.allclose(rates, -np.sin(10.0 * rates["time"]), atol=1e-5)
+    True
     """
     trajectory = trajectory_of(solution, trajectory)
     rates = values_along(scene, solution, quantity, trajectory, rates=True)
@@ -114,11 +93,8 @@ def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajecto
 
 
 def name_of(quantity: Callable[..., object]) -> str:
-    """Return the name of a quantity for labels, such as "position of ball x".
-
-    The name has the words of the quantity's class, then the values of those of its fields that are
-    texts. A function keeps its own name, and a lambda has the name "quantity".
-    """
+    """Return the name of a quantity for labels, such as "position of ball x": the words of its
+    class, and its fields that are texts."""
     kind = getattr(quantity, "__name__", type(quantity).__name__)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind).replace("_", " ").lower()
     if not isinstance(quantity, AbstractQuantity):
@@ -136,7 +112,6 @@ def unit_of(quantity: Quantity, unit: str | None) -> str:
 
 
 def _over_seconds(unit: str) -> str:
-    """Return the unit of a time derivative: "m/s" for "m", "m/s^2" for "m/s"."""
     if unit == "1":
         return "1/s"
     base, slash, power = unit.partition("/s")
@@ -162,21 +137,14 @@ def phase_portrait(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the time derivative of a quantity over the quantity itself: a closed curve for a
-    periodic motion.
+    periodic motion. A dot marks the start, a square the end. Angles continue beyond a full turn.
 
-    **Arguments:**
+    **Arguments:** `quantity`: function of positions, such as an angle or a penetration; for the
+    others see `plot.series`.
 
-    - `scene`, `solution`, `unit`, `trajectory`: see `plot.series`.
-    - `quantity`: function of positions, such as an angle, a position or a penetration.
+    **Raises:** see `plot.series`.
 
-    **Returns:** the axes, in units with suitable prefixes. A dot marks the start, a square the end.
-    Angles continue beyond a full turn.
-
-    **Raises:** see `plot.series`; also `ValueError` for a window without states.
-
-    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
-    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
-    >>> axes = plot.phase_portrait(scene, solution, cj.quantities.Position("ball", "x"))
+    >>> axes = plot.phase_portrait(scene, swing, x)
     """
     values = series(scene, solution, quantity, unit=unit, trajectory=trajectory)
     rates = rate_series(scene, solution, quantity, unit=unit, trajectory=trajectory)
@@ -200,30 +168,28 @@ FEWEST = 4
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
-    """Return the one-sided amplitude spectrum of values over time.
+    """Return the one-sided amplitude spectrum of values over time, less their mean.
 
-    The mean is subtracted first. A harmonic of amplitude A, whose frequency is one of those of the
-    spectrum, has the value A there.
+    A harmonic of amplitude A, whose frequency is one of those of the spectrum, has the value A
+    there.
 
     **Arguments:**
 
-    - `record`: array (N,) with the coordinate "time", s, at equal intervals, such as from
-      `plot.series`.
+    - `record`: array (N,) with the coordinate "time", s, at equal intervals, such as from `series`.
     - `taper`: name of a window function of `scipy.signal.get_window`: "hann"; "flattop", with the
-      true amplitude also for a harmonic between two frequencies of the spectrum; or "boxcar", for a
-      record of a whole number of periods.
+      true amplitude also between two frequencies of the spectrum; or "boxcar", for a record of a
+      whole number of periods.
 
-    **Returns:** array (N // 2,) of amplitudes in the unit of the record, with the coordinate
-    "frequency", Hz. Frequencies are k / (N h) for k from 1 to N // 2, with the sampling interval h.
+    **Returns:** array (N // 2,) in the unit of the record, with the coordinate "frequency", Hz: k /
+    (N h) for k from 1 to N // 2, with the sampling interval h.
 
-    **Raises:** `ValueError` for fewer than four samples, times at unequal intervals, and an unknown
-    `taper`.
+    **Raises:** `ValueError` for fewer than four samples, unequal intervals, and an unknown `taper`.
 
     >>> import xarray as xr
     >>> times = np.arange(1000) / 1000.0
-    >>> record = xr.DataArray(0.1 * np.cos(2.0 * np.pi * 50.0 * times), {"time": times})
-    >>> found = plot.amplitude_spectrum(record)
-    >>> float(found.idxmax()), round(float(found.max()), 6)
+    >>> record = xr.DataArray(0.1 * np.cos(100.0 * np.pi * times), {"time": times})
+    >>> amplitudes = plot.amplitude_spectrum(record)
+    >>> float(amplitudes.idxmax()), round(float(amplitudes.max()), 6)
     (50.0, 0.1)
     """
     times = record["time"].values
@@ -253,9 +219,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
 
 def suits_spectrum(intervals: np.ndarray) -> bool:
-    """Return whether a spectrum of N samples is possible: the `intervals` (N - 1,), s, between them
-    are equal, and N is at least 4. Times are rounded: intervals may differ by 1e-6 of their mean.
-    """
+    """Return whether N samples suit a spectrum: N is at least 4, and the `intervals` (N - 1,), s,
+    between them are equal up to rounding, 1e-6 of their mean."""
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())
@@ -271,44 +236,28 @@ def spectrum(
     taper: str = "hann",
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the amplitude spectrum of a quantity at the saved states of a solution.
+    """Draw the amplitude spectrum of a quantity at the saved states of a solution, on a logarithmic
+    scale.
 
-    **Arguments:**
+    Vibrations above half the sampling rate, such as those of an impact, appear at wrong frequencies
+    below it (aliasing).
 
-    - `scene`, `solution`, `quantity`, `unit`: see `plot.series`. States must be saved at equal
-      intervals of time. Vibrations above half the sampling rate, such as those of an impact, appear
-      at wrong frequencies below it (aliasing).
-    - `taper`: see `plot.amplitude_spectrum`.
+    **Arguments:**, **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
 
-    **Returns:** the axes, which show frequency in Hz and amplitude in the quantity's unit, both
-    with suitable prefixes; the amplitude on a logarithmic scale.
-
-    **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
-
-    >>> save = cj.Saving(np.linspace(0, 0.5, 101))
-    >>> solution = cj.simulate(scene, state, 0.5, save=save, progress=False)
-    >>> axes = plot.spectrum(scene, solution, cj.quantities.Velocity("ball", "x"))
+    >>> axes = plot.spectrum(scene, swing, rate)
     """
     record = series(scene, solution, quantity, unit=unit)
     return spectrum_of(record, taper=taper, axes=axes)
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured or simulated ones.
+    """Draw the amplitude spectrum of values over time, such as measured ones. The scale begins at
+    1e-8 of the largest amplitude or above. A title names the taper and the distance of the
+    frequencies.
 
-    **Arguments:** `record`, `taper`: see `plot.amplitude_spectrum`.
+    **Arguments:**, **Raises:** see `plot.amplitude_spectrum`.
 
-    **Returns:** the axes, see `plot.spectrum`. The amplitude axis begins at 1e-8 of the largest
-    amplitude or above, and is linear if all amplitudes are zero. A title names the taper and the
-    distance of the frequencies.
-
-    **Raises:** see `plot.amplitude_spectrum`.
-
-    >>> import xarray as xr
-    >>> times = np.arange(1000) / 1000.0
-    >>> record = xr.DataArray(0.1 * np.cos(2.0 * np.pi * 50.0 * times), {"time": times})
-    >>> plot.spectrum_of(record, taper="boxcar").get_title(loc="right")
-    'window: boxcar; lines 1 Hz apart'
+    >>> axes = plot.spectrum_of(plot.series(scene, swing, x), taper="boxcar")
     """
     amplitudes = amplitude_spectrum(record, taper)
     axes = axes_or_new(axes)
@@ -352,32 +301,16 @@ def energy_ledger(
     The upper axes show the kinetic energy, the potential energy of gravity relative to the first
     instant, the elastic energy (of springs, contacts, and bristles of friction laws), the energy
     dissipated since the start (by normal damping, friction, films, and the stabilisation of
-    constraints) and the work of drivers and loads since the start. Energies that the scene does not
-    have are left out.
+    constraints) and the work of drivers and loads since the start.
 
-    The drift is the change, since the first instant, of the sum of kinetic, potential, elastic and
-    dissipated energy minus the work. It is zero for an exact integration. The change of an energy
-    over a run is its maximum minus its minimum over all observed times. A title gives the largest
-    magnitude of the drift in the window as a fraction of the largest such change among the energies
-    in the upper axes; there is no title if no energy changes. In a run without
-    ``Settings(ledger=True)``, dissipated energy and work are unknown: the lower axes then show the
-    sum of kinetic, potential and elastic energy relative to the first instant, without this title.
+    The drift is the change of the sum of kinetic, potential, elastic and dissipated energy minus
+    the work, zero for an exact integration. A title relates it to the largest change of an energy
+    over the whole run. Without ``Settings(ledger=True)``, dissipated energy and work are unknown:
+    the lower axes then show the change of the mechanical energy.
 
-    **Arguments:**
+    **Arguments:** `axes`: array (2,) of the upper and the lower axes, which is also returned.
 
-    - `observation`: from `cj.observe`, best of a run with ``Settings(ledger=True)``.
-    - `axes`: array (2,) of the upper and the lower axes; new ones by default.
-
-    **Returns:** the axes, (2,); time in ms or s, energies with a suitable prefix of J.
-
-    **Raises:** `ValueError` for a window outside of the observed times.
-
-    >>> scene, state = cj.mechanisms.double_pendulum()
-    >>> settings, save = cj.Settings(ledger=True), cj.Saving(np.linspace(0, 0.02, 2001))
-    >>> solution = cj.simulate(scene, state, 0.02, settings, save, progress=False)
-    >>> above, below = plot.energy_ledger(cj.observe(scene, solution))
-    >>> below.get_ylabel().split(",")[0]
-    'drift'
+    >>> above, below = plot.energy_ledger(observed)
     """
     if axes is None:
         looks = {"sharex": True, "height_ratios": (2.2, 1.0), "figsize": (6.4, 5.2)}
