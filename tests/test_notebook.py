@@ -105,10 +105,9 @@ def test_stored_outputs_are_no_errors_and_name_no_machine(file):
     assert not any(o.output_type == "error" or o.get("name") == "stderr" for o in outputs), REMEDY
     # IPython prints an error of a method such as `_repr_html_` as text.
     shown = [{"text": o.get("text", ""), **o.get("data", {})} for o in outputs]
-    texts = [str(d[kind]) for d in shown for kind in d if not kind.startswith("image/")]
-    assert [m[0] for text in texts for m in OF_A_MACHINE.finditer(COLOUR.sub("", text))] == [], (
-        REMEDY
-    )
+    texts = [str(data[kind]) for data in shown for kind in data if not kind.startswith("image/")]
+    plain = "\n".join(COLOUR.sub("", text) for text in texts)
+    assert [match[0] for match in OF_A_MACHINE.finditer(plain)] == [], REMEDY
 
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
