@@ -94,7 +94,9 @@ def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
             line = with_links(first).replace("\n", " ").replace("|", "\\|")
             table.append(f"| [`{path.rpartition('.')[2]}`][{path}] | {line} |")
     head = ["| Name | Description |", "|---|---|"] if table else []
-    parts = [f"# {page['title']}", page.get("text", module), "\n".join(head + table), *entries]
+    anchor = "" if "text" in page else f" {{#{page['module']}}}"  # where links to a module lead
+    title = f"# {page['title']}{anchor}"
+    parts = [title, page.get("text", module), "\n".join(head + table), *entries]
     docs.joinpath("api").mkdir(exist_ok=True)
     docs.joinpath("api", f"{name}.md").write_text("\n\n".join(parts), encoding="utf-8")
 
