@@ -26,28 +26,13 @@ except ImportError as error:
 
 ROOT = Path(clearjoint.__file__).parents[1]
 LINK = re.compile(r"(?<=\]\()([^)#\s]+)")
+SOURCE = re.compile(r'[^"]+\.(?:md|ipynb)(?=")')
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def page_of(source: str) -> str:
     """The Markdown page that shows a file of the repository."""
     return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
-
-
-def sources(nav: list) -> list[str]:
-    """The files of the repository that a navigation names."""
-    inner = [sources(*entry.values()) if isinstance(entry, dict) else [entry] for entry in nav]
-    return [source for each in inner for source in each]
-
-
-def navigation(nav: list) -> list:
-    """A navigation with pages instead of files of the repository."""
-    return [
-        {title: navigation(inner) for title, inner in entry.items()}
-        if isinstance(entry, dict)
-        else page_of(entry)
-        for entry in nav
-    ]
 
 
 def write_page(source: str, docs: Path) -> None:
@@ -116,15 +101,16 @@ def build(folder: Path) -> None:
     """Write the pages into a folder."""
     with tempfile.TemporaryDirectory() as name:
         docs, site = Path(name) / "docs", Path(name) / "site"
-        for source in sources(SITE["site"]["nav"]):
+        nav = json.dumps(SITE["site"]["nav"])
+        for source in SOURCE.findall(nav):
             write_page(source, docs)
         package = griffe.load("clearjoint", search_paths=[ROOT])
         for page in SITE["api"]:
             write_api_page(page, package, docs)
         for script in ("iframe-worker.js", "pages.css"):
             shutil.copy(Path(__file__).with_name(script), docs)
+        guide, studies, *rest = json.loads(SOURCE.sub(lambda match: page_of(match[0]), nav))
         api = {"API": [f"api/{page}.md" for page in SITE["api"]]}
-        guide, studies, *rest = navigation(SITE["site"]["nav"])
         config = {**SITE["site"], "nav": [guide, studies, api, *rest], "site_dir": str(site)}
         file = Path(name) / "mkdocs.yml"
         file.write_text(json.dumps(config), encoding="utf-8")  # JSON is YAML
