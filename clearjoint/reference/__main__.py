@@ -1,74 +1,135 @@
-"""Write the reference pages of all public names as HTML files."""
+"""Write the documentation as static pages: guide, studies, command line and API."""
 
 import argparse
-import importlib
-import inspect
-import warnings
+import html
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import clearjoint
 
 try:
-    import pdoc.doc
-    import pdoc.render
+    import griffe
+    import latex2mathml.converter
+    import nbconvert
+
+    from .docstrings import SITE, with_links
 except ImportError as error:
     raise ImportError(
-        'The reference pages need pdoc: pip install "clearjoint[reference]"'
+        'The documentation needs more packages: pip install "clearjoint[reference]"'
     ) from error
 
-FIRST = """
-    Scene Body State body_state rotation GROUND ClearanceJoint RevoluteJoint SphericalJoint
-    PrismaticJoint SpringDamper Motor PrescribedRotation assemble simulate Settings Saving observe
-    view configure RESULTS SimulationError Section sweep Axis Peak Statistics Quantiles ImpactCount
-    Saved ImpactTable open_sweep settle sensitivities Parameter Log Linear Bounded Measurements
-    Series identify identifiability fit_horizon posterior minimise largest_feasible ensemble
-    Uncertain wear load save load_urdf
-"""
-"""Names of the package in the order of learning. The others follow in that of the package."""
+ROOT = Path(clearjoint.__file__).parents[1]
+LINK = re.compile(r"(?<=\]\()([^)#\s]+)")
+SOURCE = re.compile(r'[^"]+\.(?:md|ipynb)(?=")')
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
-def _place(name: str) -> int:
-    first = FIRST.split()
-    return first.index(name) if name in first else len(first)
+def page_of(source: str) -> str:
+    """The Markdown page that shows a file of the repository."""
+    return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
+
+
+def write_page(source: str, docs: Path) -> None:
+    """Write a README or a notebook with its stored outputs as a page, and copy the other files
+    that it links to."""
+    page = docs / page_of(source)
+    page.parent.mkdir(parents=True, exist_ok=True)
+    if source.endswith(".ipynb"):
+        names = {"unique_key": page.stem, "output_files_dir": f"{page.stem}_files"}
+        text, given = nbconvert.MarkdownExporter().from_filename(str(ROOT / source), names)
+        for name, content in given["outputs"].items():
+            file = page.parent / name
+            file.parent.mkdir(exist_ok=True)
+            file.write_bytes(content)
+    else:
+        text = (ROOT / source).read_text(encoding="utf-8")
+
+    def relinked(match: re.Match) -> str:
+        target = os.path.normpath(Path(source).parent / match[0])
+        if (ROOT / target).is_dir():
+            target = f"{target}/README.md"
+        if "://" in match[0] or not (ROOT / target).is_file():
+            return match[0]
+        copy = docs / page_of(target)
+        if not target.endswith((".md", ".ipynb")):
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / target, copy)
+        return os.path.relpath(copy, page.parent)
+
+    page.write_text(with_links(LINK.sub(relinked, text)), encoding="utf-8")
+
+
+def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
+    """Write a page of public names in groups, which begins with a table of them."""
+    page = SITE["api"][name]
+    options = f"members: {page.get('members', False)}, show_root_heading: false"
+    module = f"::: {page['module']}\n    options: {{{options}, show_root_toc_entry: false}}"
+    table, entries = [], []
+    for group, names in page.get("names", {}).items():
+        paths = [f"{page['module']}.{name}" for name in names.split()]
+        entries += [f"## {group}", *(f"::: {path}" for path in paths)]
+        for path in paths:
+            first = package[path.removeprefix("clearjoint.")].docstring.value.split("\n\n")[0]
+            line = with_links(first).replace("\n", " ").replace("|", "\\|")
+            table.append(f"| [`{path.rpartition('.')[2]}`][{path}] | {line} |")
+    head = ["| Name | Description |", "|---|---|"] if table else []
+    anchor = "" if "text" in page else f" {{#{page['module']}}}"  # where links to a module lead
+    title = f"# {page['title']}{anchor}"
+    parts = [title, page.get("text", module), "\n".join(head + table), *entries]
+    docs.joinpath("api").mkdir(exist_ok=True)
+    docs.joinpath("api", f"{name}.md").write_text("\n\n".join(parts), encoding="utf-8")
+
+
+def finished(text: str) -> str:
+    """A page with formulas that browsers show without scripts, and without paths of private
+    modules."""
+
+    def formula(match: re.Match) -> str:
+        display = "block" if match[1] == "div" else "inline"
+        return latex2mathml.converter.convert(html.unescape(match[2]), display=display)
+
+    return re.sub(r' title="[^"]*\bclearjoint\._[^"]*"', "", FORMULA.sub(formula, text))
+
+
+def build(folder: Path) -> None:
+    """Write the pages into a folder."""
+    with tempfile.TemporaryDirectory() as name:
+        docs, site = Path(name) / "docs", Path(name) / "site"
+        nav = json.dumps(SITE["site"]["nav"])
+        for source in SOURCE.findall(nav):
+            write_page(source, docs)
+        package = griffe.load("clearjoint", search_paths=[ROOT])
+        for page in SITE["api"]:
+            write_api_page(page, package, docs)
+        for script in ("iframe-worker.js", "pages.css"):
+            shutil.copy(Path(__file__).with_name(script), docs)
+        guide, studies, *rest = json.loads(SOURCE.sub(lambda match: page_of(match[0]), nav))
+        api = {"API": [f"api/{page}.md" for page in SITE["api"]]}
+        config = {**SITE["site"], "nav": [guide, studies, api, *rest], "site_dir": str(site)}
+        file = Path(name) / "mkdocs.yml"
+        file.write_text(json.dumps(config), encoding="utf-8")  # JSON is YAML
+        command = [sys.executable, "-m", "zensical", "build", "--strict", "-f", str(file)]
+        subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
+        for page in site.rglob("*.html"):
+            page.write_text(finished(page.read_text(encoding="utf-8")), encoding="utf-8")
+        shutil.copytree(site, folder, dirs_exist_ok=True)
 
 
 def main() -> None:
-    """Write the pages into the folder that the command line names, ``results/reference`` by
-    default, and print the path of the package's page."""
+    """Write the pages into the folder of the command line, and print the path of the first."""
     parser = argparse.ArgumentParser(prog="python -m clearjoint.reference", description=__doc__)
-    parser.add_argument(
-        "folder", nargs="?", type=Path, default=Path("results/reference"), help="%(default)s"
-    )
-    folder = parser.parse_args().folder
-    folder.mkdir(parents=True, exist_ok=True)
-    # The package, its public modules, and the module that describes the presets get pages. The
-    # package does not import `plot` and `testing` itself: this import makes them its attributes.
-    inner = ("plot", "testing", "simulation.step.presets")
-    *_, presets = (importlib.import_module(f"clearjoint.{name}") for name in inner)
-    modules = [clearjoint, presets, *(getattr(clearjoint, name) for name in dir(clearjoint))]
-    pages = {}
-    for module in filter(inspect.ismodule, modules):
-        # pdoc omits names that are imported from elsewhere, unless they are in `__all__`.
-        names = [
-            name
-            for name, value in vars(module).items()
-            if not name.startswith("_") and not inspect.ismodule(value)
-        ]
-        # Pages list names in the order of `__all__`.
-        vars(module)["__all__"] = sorted(names, key=_place) if module is clearjoint else names
-        pages[module.__name__] = pdoc.doc.Module(module)
-    # The page of the package ends with the list of changes.
-    package = pages["clearjoint"]
-    changes = Path(clearjoint.__file__).with_name("CHANGELOG.md").read_text(encoding="utf-8")
-    package.docstring = f"{package.docstring}\n\n{changes}"
-    pdoc.render.configure(docformat="markdown", math=True, show_source=False)
-    with warnings.catch_warnings():  # about annotations that pdoc cannot resolve
-        warnings.simplefilter("ignore")
-        for name, page in pages.items():
-            html = pdoc.render.html_module(page, pages)
-            (folder / f"{name}.html").write_text(html, encoding="utf-8")
-        (folder / "search.js").write_text(pdoc.render.search_index(pages), encoding="utf-8")
-    print(folder / "clearjoint.html")
+    parser.add_argument("--out", type=Path, default=Path("results/reference"), help="%(default)s")
+    folder = parser.parse_args().out
+    if not (ROOT / "README.md").is_file():
+        parser.error("the guide and the studies are not installed: run this in a clone")
+    build(folder)
+    print(folder / "index.html")
 
 
 if __name__ == "__main__":

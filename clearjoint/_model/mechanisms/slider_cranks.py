@@ -24,8 +24,14 @@ from ..joints.ideal import (
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, planar_state, steel_law, with_motor
 
-CRANK_LENGTH, ROD_LENGTH = 0.05, 0.12
-"""Lengths of crank and rod of `slider_crank`, m.
+CRANK_LENGTH = 0.05
+"""Length of the crank of `slider_crank`, m.
+
+>>> cj.mechanisms.CRANK_LENGTH
+0.05
+"""
+ROD_LENGTH = 0.12
+"""Length of the rod of `slider_crank`, m.
 
 >>> _, state = cj.mechanisms.slider_crank(clearance=None, angle=0.0)
 >>> slider = state.bodies["slider"].position[0]  # farthest out
