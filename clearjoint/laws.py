@@ -1,9 +1,12 @@
 """Contact laws for the normal force, their stiffnesses, and the restitution that they deliver.
 
-The force follows from the penetration and its rate. In some laws it also depends on the entry
-speed, which is the rate at the onset of the contact. In laws for cylinders that touch along a line,
-it also depends on the length of the journal. A contact law is passed as `law=` to a joint with
-clearance."""
+A law computes the force from the penetration delta, m, and its rate, m/s. Some laws also use the
+entry speed, the rate at the onset of the contact. It is passed as `law=` to a joint with clearance.
+Its `stiffness` is K, N/m^n: a number, a `RavnStiffness` for spheres, or a cylinder such as
+`LiuCylinder` for line contacts, whose force replaces K delta^n. `restitution` c is the requested
+ratio of rebound speed to entry speed; choose `ExactRestitution` if it shall be delivered exactly,
+and other laws to reproduce published results.
+"""
 
 from ._model.contact.cylinders import (
     DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,
