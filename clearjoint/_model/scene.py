@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 import jax
 import numpy as np
+from typing_extensions import override
 
 from .._fields.cautions import LooseBodyWarning, caution
 from .._fields.checks import caution_above, caution_unless, concrete, named, nearest, require
@@ -45,11 +46,11 @@ class Scene(AbstractReadable):
 
     **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or not a
     string, an element has the wrong class or names an unknown body, a joint and a force have the
-    same name, or the gravity is not three finite numbers.
-    **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with joints, or
-    if no chain of joints, apart from drivers, connects the two bodies of a driver, drive torque or
-    torsional spring; `UnusualValueWarning` if a point is farther than 100 radii of gyration from
-    its body's centre of mass, or gravity exceeds 1e3 m/s^2.
+    same name, or the gravity is not three finite numbers. **Warns:** `LooseBodyWarning` if no joint
+    and no force acts on a body of a scene with joints, or if no chain of joints, apart from
+    drivers, connects the two bodies of a driver, drive torque or torsional spring;
+    `UnusualValueWarning` if a point is farther than 100 radii of gyration from its body's centre of
+    mass, or gravity exceeds 1e3 m/s^2.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -77,16 +78,8 @@ class Scene(AbstractReadable):
         self.forces = named("forces", forces, "pass for example {name: SpringDamper(...)}")
         self.gravity = gravity
 
+    @override
     def _check_together(self) -> None:
-        """Check the bodies, the elements and their names, and warn of unusual numbers.
-
-        `AbstractReadable` calls it when a scene has been made. Runs repeat it, without warnings.
-
-        **Raises:** `ValueError` if there is no body, a body is named "ground", an element has the
-        wrong class or names an unknown body, or a joint and a force have the same name.
-        **Warns:** `UnusualValueWarning` if a point is far from its body's centre of mass, or
-        gravity is large.
-        """
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         expected = "without the reserved name of the fixed body"
@@ -112,15 +105,8 @@ class Scene(AbstractReadable):
             size = np.linalg.norm(self.gravity)
             caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
+    @override
     def _caution_together(self) -> None:
-        """Warn of bodies on which nothing acts, and of drives whose axis no joint holds.
-
-        A drive is a driver, a drive torque or a torsional spring. `AbstractReadable` calls the
-        method when a scene has been made.
-
-        **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with
-        joints, or if no chain of joints, apart from drivers, connects the two bodies of a drive.
-        """
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
         for name in self.bodies:
@@ -155,26 +141,18 @@ class Scene(AbstractReadable):
         return {name: one for name, one in joints if isinstance(one, AbstractContactJoint)}
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return the friction laws with bristles, ``laws[joint][contact]``.
-
-        Joints without such a law are left out.
-        """
+        """Return the friction laws with bristles, ``laws[joint][contact]``, of joints with such
+        laws."""
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
     def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
-        """Return the laws of the normal force, ``laws[joint][contact]``, by name of the joint and
-        label of the contact."""
+        """Return the laws of the normal force, ``laws[joint][contact]``."""
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that the scene has all bodies whose names an element contains.
-
-    **Arguments:** `argument`: name of the element in the error message; `bodies`: of the scene.
-
-    **Raises:** `ValueError` for a body that is neither in the scene nor the ground.
-    """
+    """Raise a `ValueError` if an element names a body that the scene doesn't have."""
     known = {GROUND, *bodies}
     for name in element.body_names():
         if name in known:
@@ -187,15 +165,7 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of points of an element that are far from their body's centre of mass, since their unit
-    may be wrong.
-
-    Points of the ground, and points and bodies with traced numbers, are not checked.
-
-    **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
-
-    **Warns:** `UnusualValueWarning` if the distance exceeds 100 radii of gyration of the body.
-    """
+    """Warn of points that are far from their body's centre of mass; their unit may be wrong."""
     for name, body, point in element.attachments():
         # A point of the ground may be anywhere.
         numbers = (bodies[body], point) if body in bodies else ()
