@@ -49,15 +49,15 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
         if pair is None:
             poses[missing[0]] = np.zeros(3), Rotation.identity()
             continue
-        known, other = pair if pair[0].body in poses else pair[::-1]
-        poses[other.body] = _joined(poses[known.body], known, other, angle)
+        placed, other = pair if pair[0].body in poses else pair[::-1]
+        poses[other.body] = _joined(poses[placed.body], placed, other, angle)
         # Equal angles of alternating sign would leave every second link parallel to the first.
         angle = -1.3 * angle
     bodies = {}
     for name in scene.bodies:
         position, rotation = poses[name]
-        found = body_state(position, rotation.as_quat(scalar_first=True))
-        bodies[name] = given.bodies.get(name, found)
+        at_rest = body_state(position, rotation.as_quat(scalar_first=True))
+        bodies[name] = given.bodies.get(name, at_rest)
     return replace(given, bodies=bodies)
 
 
@@ -69,9 +69,9 @@ def satisfies_joints(scene: Scene, state: State) -> bool:
     """
     poses = _poses(state)
     for pair in survey(scene).joined:
-        (first, along), (second, along_second) = (_in_space(poses[one.body], one) for one in pair)
+        (first, along), (second, along_second) = (_in_space(poses[m.body], m) for m in pair)
         # At least 1 mm, since the points may be at the centres of mass.
-        size = max(1e-3, *(float(np.linalg.norm(one.point)) for one in pair))
+        size = max(1e-3, *(float(np.linalg.norm(marker.point)) for marker in pair))
         if np.linalg.norm(first - second) > TOLERANCE * size:
             return False
         if along is not None and along_second is not None:
@@ -96,14 +96,14 @@ def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None
     return position + rotation.apply(marker.point), axis
 
 
-def _joined(pose: Pose, known: Marker, other: Marker, angle: float) -> Pose:
-    """Return the pose of the body of `other` that makes its point coincide with that of `known`.
+def _joined(pose: Pose, placed: Marker, other: Marker, angle: float) -> Pose:
+    """Return the pose of the body of `other` that makes its point coincide with that of `placed`.
 
-    The axes, if both have one, are parallel; the body has the rotation of the body of `known`,
+    The axes, if both have one, are parallel; the body has the rotation of the body of `placed`,
     changed as little as they require, and then turned by `angle`.
     """
     rotation = pose[1]
-    point, target = _in_space(pose, known)
+    point, target = _in_space(pose, placed)
     if target is not None and other.axis is not None:
         axis = rotation.apply(other.axis)
         # Axes are parallel in either sense; the smaller rotation is taken.

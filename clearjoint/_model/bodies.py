@@ -41,10 +41,10 @@ Number = PyTree
 
 
 def _require_one(mass: Number, density: Number) -> None:
-    given = {"mass": mass, "density": density}
-    named = [name for name, value in given.items() if value is not None]
+    options = {"mass": mass, "density": density}
+    given = [name for name, value in options.items() if value is not None]
     remedy = "pass mass= in kg, or density= in kg/m^3, such as clearjoint.densities.STEEL"
-    require(len(named) == 1, "mass", named or None, "given, or else a density", remedy)
+    require(len(given) == 1, "mass", given or None, "given, or else a density", remedy)
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
@@ -100,29 +100,29 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     If JAX traces the value, only the shape is checked. Inside `conditions_of`, however, each other
     check becomes a condition that a compiled program evaluates.
     """
-    fine, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
+    is_inertia, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
     remedy = "give three principal moments or the whole inertia matrix in kg m^2"
-    require(fine, argument, value, expected, remedy)
+    require(is_inertia, argument, value, expected, remedy)
     require_finite(argument, value)
-    if (known := checkable(value)) is None:
+    if (numbers := checkable(value)) is None:
         return
-    (inertia,) = known
+    (inertia,) = numbers
     # The tests of the symmetry and of the largest moment allow for the rounding of given numbers.
     # The largest moment is at most (1 + 1e-9) times the sum of the other two.
     largest = inertia.sum() if inertia.ndim == 1 else inertia.trace()
     largest = largest * (1 + 1e-9) / (2 + 1e-9)
     if inertia.ndim == 1:
-        positive, fine = inertia.min() > 0, inertia.max() <= largest
+        positive, is_rigid = inertia.min() > 0, inertia.max() <= largest
     else:
         symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
         require(symmetric, argument, inertia, "symmetric", "average it with its transpose")
         positive = _is_positive_definite(inertia)
-        fine = _is_positive_definite(largest * np.eye(3) - inertia)
+        is_rigid = _is_positive_definite(largest * np.eye(3) - inertia)
     remedy = "give every body a positive moment of inertia about each axis"
     require(positive, argument, inertia, "positive definite", remedy)
     expected = "such that no principal moment exceeds the sum of the other two"
     remedy = "check the order of the moments and their units (kg m^2)"
-    require(fine, argument, inertia, expected, remedy)
+    require(is_rigid, argument, inertia, expected, remedy)
 
 
 def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
@@ -173,10 +173,10 @@ class Body(AbstractReadable):
         if mass is not None and inertia is not None:
             density = _box_density(float(mass), inertia)
             least, most = DENSITIES
-            fine = least <= density <= most
+            is_usual = least <= density <= most
             expected = f"a density between {least:g} and {most:g} kg/m^3"
             remedy = f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2"
-            caution_unless(fine, "mass", float(mass), "kg", expected, remedy)
+            caution_unless(is_usual, "mass", float(mass), "kg", expected, remedy)
 
     @staticmethod
     def rod(
@@ -519,8 +519,12 @@ def body_state(
     >>> cj.body_state(position=(0.5, 0, 0), velocity=(0, 1, 0)).velocity
     array([0., 1., 0.])
     """
-    given = {"position": position, "orientation": orientation, "velocity": velocity, "spin": spin}
-    numbers = BodyState(**{name: as_number(value, name) for name, value in given.items()})
+    numbers = BodyState(
+        position=as_number(position, "position"),
+        orientation=as_number(orientation, "orientation"),
+        velocity=as_number(velocity, "velocity"),
+        spin=as_number(spin, "spin"),
+    )
     for name in ("position", "velocity", "spin"):
         require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
     require_euler_parameters("orientation", numbers.orientation)

@@ -124,8 +124,8 @@ class Harmonics(AbstractProfile):
         shape = np.shape(self.cosines)
         remedy = "pass the coefficients in a list, that of the first harmonic first"
         require(len(shape) == 1 and shape != (0,), "cosines", shape, "a row", remedy)
-        given = np.shape(self.sines)
-        require(given == shape, "sines", given, f"of the shape {shape} of `cosines`", remedy)
+        of_sines = np.shape(self.sines)
+        require(of_sines == shape, "sines", of_sines, f"of the shape {shape} of `cosines`", remedy)
         require_finite("cosines", self.cosines)
         require_finite("sines", self.sines)
 
@@ -290,10 +290,10 @@ def closest_approach(
     count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
     spacing = 2.0 * np.pi / count
     angles = np.arange(count) * spacing
-    found = overlaps(*constant[:2], angles, *constant[2:])
+    overlap = overlaps(*constant[:2], angles, *constant[2:])
     # The angle of the largest overlap; of equal ones the largest angle. An argmax is avoided, since
     # XLA aborts when it compiles two of them in one program (jaxlib 0.10).
-    start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
+    start = jnp.max(jnp.where(overlap == jnp.max(overlap), angles, 0.0))
 
     # A loop, since steps that are written out would take longer to compile.
     def refine(k: jax.Array, angle: Scalar) -> Scalar:

@@ -88,11 +88,11 @@ class Scene(AbstractReadable):
             expected = "one of " + ", ".join(kind.__name__ for kind in kinds)
             for name, element in getattr(self, family).items():
                 # The advice names the argument in which the element belongs, if there is one.
-                belongs = [one for one, classes in KINDS.items() if isinstance(element, classes)]
+                belongs = [key for key, classes in KINDS.items() if isinstance(element, classes)]
                 remedy = "pass an element of that class"
-                remedy += "".join(f"; pass this one in `{one}`" for one in belongs)
-                argument, given = f"{family}[{name!r}]", type(element).__name__
-                require(isinstance(element, kinds), argument, given, expected, remedy)
+                remedy += "".join(f"; pass this one in `{key}`" for key in belongs)
+                argument, kind = f"{family}[{name!r}]", type(element).__name__
+                require(isinstance(element, kinds), argument, kind, expected, remedy)
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
@@ -137,8 +137,11 @@ class Scene(AbstractReadable):
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints that have contacts, by name."""
-        joints = self.joints.items()
-        return {name: one for name, one in joints if isinstance(one, AbstractContactJoint)}
+        return {
+            name: joint
+            for name, joint in self.joints.items()
+            if isinstance(joint, AbstractContactJoint)
+        }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
         """Return the friction laws with bristles, ``laws[joint][contact]``, of joints with such
@@ -153,12 +156,12 @@ class Scene(AbstractReadable):
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
     """Raise a `ValueError` if an element names a body that the scene doesn't have."""
-    known = {GROUND, *bodies}
+    names = {GROUND, *bodies}
     for name in element.body_names():
-        if name in known:
+        if name in names:
             continue
-        remedy = nearest(name, known, "correct the name, or add the body to the scene")
-        expected = f"between known bodies {sorted(known)}"
+        remedy = nearest(name, names, "correct the name, or add the body to the scene")
+        expected = f"between known bodies {sorted(names)}"
         # The message names the field that holds this very string.
         fields = [f".{key}" for key, value in vars(element).items() if value is name]
         require(False, f"{argument}{''.join(fields[:1])}", name, expected, remedy)
@@ -172,7 +175,7 @@ def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[st
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
             continue
         distance, radius = float(np.linalg.norm(point)), bodies[body].gyration_radius()
-        fine, unit = distance <= FARTHEST * radius, "m from the centre of mass"
+        is_near, unit = distance <= FARTHEST * radius, "m from the centre of mass"
         expected = f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}"
         remedy = "give points in m, and inertias in kg m^2"
-        caution_unless(fine, f"{argument}.{name}", distance, unit, expected, remedy)
+        caution_unless(is_near, f"{argument}.{name}", distance, unit, expected, remedy)

@@ -33,7 +33,7 @@ class SurveyingPen(AbstractPen):
 
     @override
     def mark(self, *drawn: object, **named: object) -> None:
-        self.markers += [one for one in (*drawn, *named.values()) if isinstance(one, Marker)]
+        self.markers += [item for item in (*drawn, *named.values()) if isinstance(item, Marker)]
 
     @override
     def weld(self, *drawn: object, **named: object) -> None:
@@ -62,8 +62,8 @@ class SurveyingPen(AbstractPen):
     socket = bearing
 
 
-def _without_axis(one: object) -> object:
-    return one._replace(axis=None) if isinstance(one, Marker) else one
+def _without_axis(item: object) -> object:
+    return item._replace(axis=None) if isinstance(item, Marker) else item
 
 
 def survey(scene: Scene) -> SurveyingPen:

@@ -104,10 +104,10 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         torsional_stiffness: Annotated[Scalar | None, "N m/rad"] = None,
         restitution: Annotated[Scalar | None, "1"] = None,
     ):
-        one = (play is None) != (play_length is None)
+        exactly_one = (play is None) != (play_length is None)
         expected = "given if and only if `play_length` is not"
         remedy = "pass one of the two: an angle in rad, or a length at the radius in m"
-        require(one, "play", play, expected, remedy)
+        require(exactly_one, "play", play, expected, remedy)
         # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
         # law's stiffness is that of the couple over the square of the radius.
         if law is None and radius is None:
@@ -130,8 +130,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             restitution = 0.5 if restitution is None else restitution
             law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
         else:
-            given = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
-            for name, value in given.items():
+            excluded = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
+            for name, value in excluded.items():
                 require(value is None, name, value, "omitted with a `law`", "leave one out")
         self.first, self.second = first, second
         self.axis_first, self.axis_second, self.law = axis_first, axis_second, law

@@ -79,11 +79,10 @@ class BallInSocket(AbstractCentredJoint):
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         socket, ball = motions[self.socket_body], motions[self.ball_body]
-        centres = self.socket_point, self.ball_point
         eccentricity, normal = norm_and_direction(self._offset(motions))
         velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
-        radii = self.socket_radius, self.clearance
-        gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
+        depth, rate = eccentricity - self.clearance, velocity.dot(normal)
+        gap = Gap(depth, rate, self.socket_radius, self.clearance)
         # Friction acts on both bodies at one point, midway between the surfaces.
         shift = 0.5 * gap.depth
         on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
@@ -92,7 +91,16 @@ class BallInSocket(AbstractCentredJoint):
         if self.friction is not None:
             slip = slip_at(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
-        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
+        contact = Contact(
+            gap,
+            normal,
+            on_socket,
+            on_ball,
+            slip,
+            line_first=self.socket_point,
+            line_second=self.ball_point,
+        )
+        return {CONTACT: contact}
 
     @override
     def deepest_penetration(self) -> Scalar:
@@ -104,7 +112,7 @@ class BallInSocket(AbstractCentredJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
+        return SphericalJoint(self.socket_body, self.ball_body, self.socket_point, self.ball_point)
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
@@ -114,7 +122,7 @@ class BallInSocket(AbstractCentredJoint):
         radii = self.socket_radius, self.clearance
         depth = resting_depth([self.law], float(size), self.deepest_penetration(), *radii)
         centre = self.socket_point + (self.clearance + depth) / size * load
-        return SphericalJoint(*self.pair(), centre, self.ball_point)
+        return SphericalJoint(self.socket_body, self.ball_body, centre, self.ball_point)
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -98,7 +98,7 @@ class PinInSlot(AbstractFrictionJoint):
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         slot, pin = (motions[name] for name in self.pair())
-        part = self.pin_point, self.pin_radius, self.friction is not None
+        has_friction = self.friction is not None
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
@@ -106,7 +106,9 @@ class PinInSlot(AbstractFrictionJoint):
         for labels, outward, room in directions:
             for side, label in zip(SIDES, labels, strict=True):
                 wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
-                contacts[label] = wall.contact(slot, pin, *part)
+                contacts[label] = wall.contact(
+                    slot, pin, self.pin_point, self.pin_radius, has_friction
+                )
         return contacts
 
     @override
@@ -126,7 +128,9 @@ class PinInSlot(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
+        return PointInPlaneJoint(
+            self.slot_body, self.pin_body, point, self.pin_point, self.slot_normal
+        )
 
     @override
     def draw(self, pen: AbstractPen) -> None:
@@ -242,8 +246,14 @@ class SliderInGuide(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        axes = self.guide_normal, self.slider_axis
-        return LineInPlaneJoint(*self.pair(), point, self.slider_point, *axes)
+        return LineInPlaneJoint(
+            self.guide_body,
+            self.slider_body,
+            point_first=point,
+            point_second=self.slider_point,
+            normal=self.guide_normal,
+            axis=self.slider_axis,
+        )
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -305,9 +305,9 @@ class ClearanceJoint(AbstractCentredJoint):
         journal_profile: AbstractProfile | None = None,
         line_points: int | None = None,
     ):
-        one = (journal_radius is None) != (clearance is None)
+        exactly_one = (journal_radius is None) != (clearance is None)
         expected = "given if and only if `journal_radius` is not"
-        require(one, "clearance", clearance, expected, "pass one of the two, in m")
+        require(exactly_one, "clearance", clearance, expected, "pass one of the two, in m")
         # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
         # would lose its digits.
         outer = as_number(bearing_radius, "bearing_radius", "m")
@@ -349,10 +349,10 @@ class ClearanceJoint(AbstractCentredJoint):
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
-            fine = bool(clearance <= WIDEST_CLEARANCE * radius)
+            is_usual = bool(clearance <= WIDEST_CLEARANCE * radius)
             expected = f"at most a tenth of the bearing's radius of {float(radius):g} m"
             remedy = "give the journal's radius as `journal_radius`, and the radial clearance in m"
-            caution_unless(fine, "clearance", float(clearance), "m", expected, remedy)
+            caution_unless(is_usual, "clearance", float(clearance), "m", expected, remedy)
             remedy = "give lengths in m; 1 mm is 1e-3 m"
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
@@ -386,9 +386,10 @@ class ClearanceJoint(AbstractCentredJoint):
 
     @override
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        is_flat = name in SHOULDERS
-        radii = () if is_flat else (self.bearing_radius, self.clearance)
-        return self.laws()[name].limits(Gap(depth, 0.0, *radii))
+        gap = Gap(depth, 0.0)
+        if name not in SHOULDERS:
+            gap = Gap(depth, 0.0, self.bearing_radius, self.clearance)
+        return self.laws()[name].limits(gap)
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
@@ -617,9 +618,15 @@ class ClearanceJoint(AbstractCentredJoint):
     def _ideal(self, centre: Triple) -> AbstractConstraint:
         """Return the ideal joint with the journal's centre at `centre`, (3,) m in the bearing's
         body."""
-        points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
-        return kind(*self.pair(), *points, *axes)
+        return kind(
+            self.bearing_body,
+            self.journal_body,
+            point_first=centre,
+            point_second=self.journal_point,
+            axis_first=self.bearing_axis,
+            axis_second=self.journal_axis,
+        )
 
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""

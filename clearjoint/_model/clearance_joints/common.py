@@ -155,12 +155,12 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
     """Raise a `ValueError` unless a direction is perpendicular to an axis, within `RIGHT_ANGLE`."""
-    if (known := checkable(direction, axis)) is not None:
-        numbers, base = known
+    if (both := checkable(direction, axis)) is not None:
+        numbers, base = both
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
-        fine = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
+        is_right = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
         expected = f"perpendicular to `{other}` = {as_shown(base)}"
-        require(fine, argument, numbers, expected, "change one of the two directions")
+        require(is_right, argument, numbers, expected, "change one of the two directions")
 
 
 class AbstractCentredJoint(AbstractFrictionJoint):

@@ -312,11 +312,12 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     True
     """
     fields = "bearing_profile", "journal_profile"
-    given = [name for name in fields if getattr(joint.dry, name) is not None]
+    profiles = [name for name in fields if getattr(joint.dry, name) is not None]
     # The contact in `_load` is that of circles, whereas a run computes that of the profiles.
-    fine, expected = joint.transition is not None or not given, "without profiles in its dry joint"
+    is_round = joint.transition is not None or not profiles
+    expected = "without profiles in its dry joint"
     remedy = "leave out the profiles, or give the joint a `transition`"
-    require(fine, "joint", f"with {' and '.join(given)}", expected, remedy)
+    require(is_round, "joint", f"with {' and '.join(profiles)}", expected, remedy)
     require_shape("load", load, (2,), "give its components across the axis in N")
     require_positive("speed", speed, "give rad/s, with the axis such that it is positive")
     return _solve_equilibrium(joint, on_device(load), on_device(speed))
@@ -358,8 +359,15 @@ def _load(
     # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
     # same rate from the relative velocity midway between the two axes.
     rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
-    sizes = dry.bearing_radius, dry.clearance, dry.journal_length
-    film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
+    film = FilmGap(
+        axis=UNIT_Z,
+        offset=eccentricity,
+        rate=rate,
+        spin=speed,
+        bearing_radius=dry.bearing_radius,
+        clearance=dry.clearance,
+        length=dry.journal_length,
+    )
     force, moment = joint.film.force(film), joint.film.drag(film)
     # As in `_half_of_film`, the force acts midway between the axes.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))

@@ -58,9 +58,9 @@ class MasslessLink(AbstractConstraint):
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
         require_instance("axial", self.axial, AbstractAxialPolicy)
-        fine, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
+        has_none, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
         remedy = "use a ClearanceJoint for shoulders, which are contacts"
-        require(fine, "axial", type(self.axial).__name__, expected, remedy)
+        require(has_none, "axial", type(self.axial).__name__, expected, remedy)
 
     @override
     def body_names(self) -> tuple[str, ...]:

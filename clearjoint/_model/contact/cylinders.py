@@ -488,9 +488,9 @@ class RoughCylinders(AbstractContactLaw):
         require_instance("law", self.law, AbstractContactLaw)
         # The mean surfaces meet while asperities are already in contact. This is no event, so that
         # steps don't end there, and a jump of the force or its slope would be inside of a step.
-        fine = not (self.law.force_jumps or self.law.slope_jumps())
-        given, remedy = type(self.law).__name__, "pass for example Hertz(1e10)"
-        require(fine, "law", given, "a law whose force begins with zero slope", remedy)
+        begins_flat = not (self.law.force_jumps or self.law.slope_jumps())
+        kind, remedy = type(self.law).__name__, "pass for example Hertz(1e10)"
+        require(begins_flat, "law", kind, "a law whose force begins with zero slope", remedy)
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:

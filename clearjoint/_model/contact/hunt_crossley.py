@@ -199,10 +199,10 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         require_exponent(self.exponent)
         if self.smoothing is not None:
             require_positive("smoothing", self.smoothing, "give a width in m, or None")
-            fine = isinstance(self.stiffness, AbstractStiffness)
+            is_power = isinstance(self.stiffness, AbstractStiffness)
             expected = f"None with {type(self.stiffness).__name__}"
             remedy = "it smooths a power of the penetration"
-            require(fine, "smoothing", self.smoothing, expected, remedy)
+            require(is_power, "smoothing", self.smoothing, expected, remedy)
 
     @override
     def onset_offset(self) -> Scalar:

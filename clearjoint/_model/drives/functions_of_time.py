@@ -204,9 +204,9 @@ def require_table(times: ArrayLike, values: ArrayLike) -> None:
     require(len(shape) == 1 and shape[0] > 1, "times", shape, "a row of two or more times", remedy)
     require_finite("times", times)
     require_numbers(lambda t: (t[1:] > t[:-1]).all(), "times", (times,), "increasing", remedy)
-    given, remedy = np.shape(values), "give one value per time, or three for a force"
+    of_values, remedy = np.shape(values), "give one value per time, or three for a force"
     expected = f"of the shape {shape} of `times`, or {(*shape, 3)}"
-    require(given in (shape, (*shape, 3)), "values", given, expected, remedy)
+    require(of_values in (shape, (*shape, 3)), "values", of_values, expected, remedy)
     require_finite("values", values)
 
 
@@ -316,33 +316,33 @@ def as_triple_in_time(value: PyTree) -> PyTree:
     return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
 
 
-def value_at(given: SingleInTime, t: Scalar) -> Scalar:
+def value_at(content: SingleInTime, t: Scalar) -> Scalar:
     """Return the value that a field declared by `single_in_time` has at the time `t`, s.
 
     **Raises:** `ValueError` if a function doesn't return one number.
     """
-    if not isinstance(given, AbstractFunctionOfTime):
-        return given
-    value = given(t)
+    if not isinstance(content, AbstractFunctionOfTime):
+        return content
+    value = content(t)
     shape = _shape(value)
     expected = "a function of time that returns one number"
     require(shape == (), "function", shape, expected, f"pass {ALTERNATIVES}")
     return value
 
 
-def vector_at(given: PyTree, t: Scalar) -> Vector:
+def vector_at(content: PyTree, t: Scalar) -> Vector:
     """Return the vector that a field declared by `triple_in_time` has at the time `t`, s.
 
     **Raises:** `ValueError` if a function in a tuple doesn't return one number, or a function for
     the whole vector doesn't return three.
     """
-    if isinstance(given, Vector):
-        return given
+    if isinstance(content, Vector):
+        return content
     # Three separate components, of which at least one is a function.
-    if isinstance(given, tuple):
-        return Vector(*(value_at(part, t) for part in given))
+    if isinstance(content, tuple):
+        return Vector(*(value_at(part, t) for part in content))
     # One function of time for all components.
-    parts = given(t)
+    parts = content(t)
     parts = tuple(parts) if isinstance(parts, Vector) else parts
     shape, expected = _shape(parts), "a function of time that returns three numbers"
     remedy = "return (x, y, z), or pass three functions: force=(0.0, function, 0.0)"
@@ -356,13 +356,13 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
     return (len(value),) if isinstance(value, tuple | list) else jnp.shape(value)
 
 
-def breakpoints_of(*given: PyTree) -> PyTree:
+def breakpoints_of(*contents: PyTree) -> PyTree:
     """Return the breakpoints, s, of all functions of time in the given fields, one entry for each.
 
     Those of the tables of this module are `Increasing`. The entry of a Python function is empty,
     because its breakpoints are unknown.
     """
-    parts = [p for field in given for p in (field if isinstance(field, tuple) else (field,))]
+    parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))
 
 

@@ -99,8 +99,9 @@ def andrews_squeezer() -> tuple[Scene, State]:
     # point on a line along Z, act as pins without repeating these constraints.
     for name, point in P.items():
         joints[f"K2-{name}"] = InlineJoint("K2", name, (*P_OF_K2, 0.0), (*point, 0.0), Z_AXIS)
-    ends = (*HOOK, 0.0), (*SPRING_END, 0.0)
-    spring = SpringDamper(GROUND, "K3", *ends, STIFFNESS, free_length=FREE_LENGTH)
+    spring = SpringDamper(
+        GROUND, "K3", (*HOOK, 0.0), (*SPRING_END, 0.0), STIFFNESS, free_length=FREE_LENGTH
+    )
     motor = DriveTorque(GROUND, "K1", Z_AXIS, TORQUE)
     return Scene(bodies, joints, {"spring": spring, "motor": motor}), State(states)
 

@@ -50,8 +50,7 @@ def double_pendulum(
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
         "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),
     }
-    ends = (0.5, 0.0, 0.0), (0.0, 0.0, -0.5)
-    elbow = RevoluteJoint("arm 2", "arm 3", *ends, X_AXIS, X_AXIS)
+    elbow = RevoluteJoint("arm 2", "arm 3", (0.5, 0.0, 0.0), (0.0, 0.0, -0.5), X_AXIS, X_AXIS)
     if clearance is None:
         shoulder = RevoluteJoint("ground", "arm 2", ORIGIN, (-0.5, 0.0, 0.0), Z_AXIS, Z_AXIS)
     else:

@@ -73,7 +73,17 @@ def gear_pair(
         joints[f"{name} bearing"] = RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
         states[name] = body_state(centre, spin=(0.0, 0.0, speed))
     joints["mesh"] = GearBacklash(
-        *names, ORIGIN, ORIGIN, Z_AXIS, Z_AXIS, *teeth, module, backlash, law
+        "pinion",
+        "wheel",
+        ORIGIN,
+        ORIGIN,
+        Z_AXIS,
+        Z_AXIS,
+        teeth_first=teeth[0],
+        teeth_second=teeth[1],
+        module=module,
+        backlash=backlash,
+        law=law,
     )
     return Scene(bodies, joints), State(states)
 
