@@ -1,11 +1,11 @@
-"""Contact laws for the normal force, their stiffnesses, and the restitution that they deliver.
+"""Contact laws for the normal force, passed as `law=` to a joint with clearance.
 
-A law computes the force from the penetration delta, m, and its rate, m/s. Some laws also use the
-entry speed, the rate at the onset of the contact. It is passed as `law=` to a joint with clearance.
-Its `stiffness` is K, N/m^n: a number, a `RavnStiffness` for spheres, or a cylinder such as
-`LiuCylinder` for line contacts, whose force replaces K delta^n. `restitution` c is the requested
-ratio of rebound speed to entry speed; choose `ExactRestitution` if it shall be delivered exactly,
-and other laws to reproduce published results.
+A law computes the force from the penetration delta, m, its rate, m/s, and often the entry speed,
+the rate at the onset of the contact. Hunt-Crossley laws have the force K delta^n (1 + chi
+rate/entry speed), with a damping factor chi. `stiffness` is K, N/m^n: a number, a `RavnStiffness`
+for spheres, or a cylinder such as `LiuCylinder` for line contacts, whose force replaces K delta^n.
+`restitution` is c, the requested ratio of rebound speed to entry speed: choose `ExactRestitution`
+to get it, and other laws to reproduce published results.
 """
 
 from ._model.contact.cylinders import (

@@ -312,13 +312,7 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
 
 
 class BodyState(AbstractReadable):
-    """Position and velocity of one body.
-
-    - `position`: of the centre of mass, (3,) m in global axes.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in body axes to
-      global axes.
-    - `velocity`: of the centre of mass, (3,) m/s in global axes.
-    - `spin`: (3,) rad/s, angular velocity in body axes.
+    """Position and velocity of one body; `body_state` makes it and explains the fields.
 
     >>> state = cj.body_state(position=(0.5, 0, 0), spin=(0, 0, 2))
     >>> state.orientation, state.spin
@@ -412,12 +406,11 @@ Vector(x=0.0, y=0.0, z=0.0)
 class Anchor:
     """A point of a moving body near a fixed point of the ground, to reduce rounding errors.
 
-    - `local`: the point, m from the centre of mass in body axes.
+    - `local`: the point, m from the centre of mass in body axes; `velocity`: m/s in global axes.
     - `origin`: the fixed point, m in global axes.
-    - `offset`: the small vector from the fixed point to the body's point, m in global axes. It is
-      stored because the difference of two coordinates of about a metre would have too few digits
-      for penetrations of a few nanometres.
-    - `velocity`: of the body's point, m/s in global axes.
+    - `offset`: from the fixed point to the body's point, m in global axes. It is stored because the
+      difference of two coordinates of about a metre would have too few digits for penetrations of a
+      few nanometres.
     """
 
     local: Vector
@@ -431,14 +424,13 @@ class Anchor:
 class Motion:
     """Position, orientation, velocity and spin of a body, from which elements compute their forces.
 
-    In its methods, points of the body are given in m from the centre of mass, in body axes.
+    In its methods, points of the body are in m from the centre of mass, in body axes.
 
-    - `position`: of the centre of mass, m in global axes.
+    - `position`, `velocity`: of the centre of mass, m and m/s in global axes.
     - `rotation`: matrix that transforms components in body axes to global axes.
-    - `velocity`: of the centre of mass, m/s in global axes.
     - `spin`: angular velocity, rad/s in body axes.
-    - `anchor`: optional point of the body, from which `point_from` and `velocity_at` compute the
-      positions and velocities of other points, with smaller rounding errors near the anchor.
+    - `anchor`: optional point of the body, near which `point_from` and `velocity_at` have smaller
+      rounding errors.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
     >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r

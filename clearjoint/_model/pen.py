@@ -29,10 +29,7 @@ class Marker(NamedTuple):
     axis: Triple | None = None
 
     def along(self) -> np.ndarray:
-        """Return the marker's direction as a unit vector, (3,) in body axes.
-
-        **Raises:** `ValueError` if the marker has no axis, or one of length zero.
-        """
+        """Return the marker's direction as a unit vector, (3,); a `ValueError` if it has none."""
         remedy = "draw with Marker(body, point, axis)"
         require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
         numbers = np.asarray(self.axis, dtype=float)
@@ -85,8 +82,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block on a rail along the axis of `rail`, or a sleeve, if it can rotate about the
-        rail."""
+        """Draw a block on a rail along the axis of `rail`; if `turning`, a sleeve."""
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
@@ -102,7 +98,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Draw an arrow for a force, (3,) N in global axes, or a function of time that works under
+        """Draw an arrow for a force, (3,) N, global, or a function of time that works under
         `jax.vmap`."""
 
     @abc.abstractmethod
@@ -138,7 +134,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a rectangular block, with its length along the marker's axis and its height along
+        """Draw a rectangular block: `length` is along the marker's axis, `height` along
         `normal`."""
 
     @abc.abstractmethod
@@ -147,13 +143,9 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Draw a spur gear.
+        """Draw a spur gear with its pitch circle's `radius`, m, which is negative for an internal
+        gear.
 
-        **Arguments:**
-
-        - `centre`: of the gear, with its axis.
-        - `radius`: of the pitch circle, m, negative for an internal gear.
-        - `teeth`: number of teeth.
-        - `phase`: angle of the middle of a tooth about the gear's axis, rad, from the first vector
-          that `clearjoint._math.rotations.transverse_axes` returns for this axis.
+        `phase` is the angle of the middle of a tooth, rad, from the first vector that
+        `clearjoint._math.rotations.transverse_axes` returns for the gear's axis.
         """

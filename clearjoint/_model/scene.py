@@ -144,8 +144,7 @@ class Scene(AbstractReadable):
         }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return the friction laws with bristles, ``laws[joint][contact]``, of joints with such
-        laws."""
+        """Return the bristle laws of the joints that have such laws, ``laws[joint][contact]``."""
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 

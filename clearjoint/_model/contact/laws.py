@@ -49,8 +49,8 @@ class Gap:
 
 
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-    """Return bearing radius, journal radius and radial clearance, m; a `ValueError` for a gap
-    without radii."""
+    """Return bearing radius, journal radius and clearance, m; a `ValueError` if they are
+    unknown."""
     radius, clearance = gap.bearing_radius, gap.clearance
     for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
         needed = "a length in m, on which the law's stiffness depends"

@@ -71,8 +71,7 @@ class Row:
 
 
 class AbstractElement(AbstractConverting):
-    """Base class of joints, forces and drivers: everything in a scene, except gravity, that acts on
-    bodies.
+    """Base class of joints, forces and drivers, which act on the bodies of a scene.
 
     `point_fields` has the name of each field with a point, and of the field with the body's name.
     """
@@ -84,8 +83,7 @@ class AbstractElement(AbstractConverting):
         """Return the names of the bodies on which the element acts; the ground is "ground"."""
 
     def breakpoints(self) -> PyTree:
-        """Return the times in s at which the element is not a smooth function of time; none by
-        default.
+        """Return the times in s at which the element is not smooth in time; none by default.
 
         They are the times of jumps and kinks of the force, or of kinks of the angle or distance
         that a driver prescribes: a number, an array, or a tuple of both, in any order. Compute them
@@ -98,8 +96,7 @@ class AbstractElement(AbstractConverting):
         return ()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's points on bodies, by default those in `point_fields`, for checks of
-        units."""
+        """Return the element's points on bodies, by default those in `point_fields`."""
         fields = self.point_fields.items()
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
@@ -148,11 +145,10 @@ class AbstractConstraint(AbstractElement):
 
     @abc.abstractmethod
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the constraint rows by label, at time `t` in s; they must be linearly
-        independent."""
+        """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the motion that the joint allows relative to the body `parent`, for joint
+        """Return the motion that the joint allows relative to the body `parent`, in joint
         coordinates.
 
         It replaces the constraint rows; ``None``, the default, keeps them.
@@ -299,8 +295,7 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N in global axes; ``None`` without
-        friction.
+        """Return the friction force on the second body, N in global axes; ``None`` for none.
 
         With friction the contact's `slip` must not be ``None``. The force is tangential. Only for a
         contact with a `face_radius` may it have a component along the normal: times this radius, it
@@ -308,8 +303,7 @@ class AbstractContactJoint(AbstractElement):
         """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the laws that replace `friction_force` by bristles, by label of the contact; none
-        by default.
+        """Return bristles that replace `friction_force`, by label of the contact; none by default.
 
         The contact's `slip` must not be ``None``, and its `face_radius` must be ``None``.
         """
@@ -324,8 +318,7 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of a lubricant film, which only dissipates, by body; empty by
-        default."""
+        """Return the wrench of a film, which only dissipates, on each body; empty by default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
