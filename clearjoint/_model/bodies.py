@@ -375,8 +375,7 @@ class State(AbstractReadable):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Wrench:
-    """A force at a body's centre of mass, N in global axes, and a moment about it, N m in body
-    axes.
+    """A force at a body's centre of mass, N in global axes, and a moment, N m in body axes.
 
     >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m

@@ -98,8 +98,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Draw an arrow for a force, (3,) N, global, or a function of time that works under
-        `jax.vmap`."""
+        """Draw an arrow for a force, (3,) N, global, or a function of time under `jax.vmap`."""
 
     @abc.abstractmethod
     def bearing(
@@ -134,8 +133,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a rectangular block: `length` is along the marker's axis, `height` along
-        `normal`."""
+        """Draw a block with its length along the marker's axis and its height along `normal`."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:

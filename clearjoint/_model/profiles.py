@@ -151,8 +151,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots, as many as `angles`
-    returns."""
+    """Base class of periodic cubic splines with evenly spaced knots; `angles` is their number."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
@@ -319,8 +318,7 @@ def _newton_step(
     journal: AbstractProfile | None,
     axes: PlanarAxes,
 ) -> Scalar:
-    """Return the change of an angle, rad, that leads to the maximum of `overlaps`, if there is
-    one."""
+    """Return the change of an angle, rad, that leads to the maximum of `overlaps`."""
     # First and second derivative of the penetration by the angle. Those of the journal's deviation
     # contain the rate of the angle about the journal's own axis, which may be tilted.
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
@@ -351,8 +349,7 @@ def overlaps(
 def _of_journal(
     cosine: Scalar, sine: Scalar, journal: AbstractProfile | None, axes: PlanarAxes
 ) -> tuple[Deviation, Scalar, Scalar]:
-    """Return the journal's deviation in a direction, and two derivatives of the angle about its own
-    axis."""
+    """Return the journal's deviation in a direction, and two derivatives of its own angle."""
     if journal is None:
         return _ROUND, 0.0, 0.0
     # Components of the direction along the journal's axes. Their polar angle is that about the

@@ -117,8 +117,7 @@ class PinInSlot(AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the pin in the slot's middle plane, but not between the
-        ends."""
+        """Return a joint that keeps the pin in the slot's middle plane, not between its ends."""
         return self._ideal(self.slot_point)
 
     @override

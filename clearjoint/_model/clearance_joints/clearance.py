@@ -99,8 +99,8 @@ class AbstractAxialPolicy(AbstractConverting):
         return None
 
     def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
-        """Return the shoulders' friction law and mean radius, m; ``None``, the default, for no
-        friction."""
+        """Return the shoulders' friction law and mean radius, m; ``None``, the default, for
+        none."""
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
@@ -514,8 +514,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
-        """Return a function from a position on the journal's axis, -1 for base V and 1 for base
-        W."""
+        """Return a function of a position on the journal's axis, -1 for base V, 1 for base W."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
         centre, half_arm = self._offset(motions), journal.direction(half)
@@ -573,8 +572,7 @@ class ClearanceJoint(AbstractCentredJoint):
 
     @override
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance by which the journal has left a bearing of its length, m, if it is
-        free."""
+        """Return the distance by which a free journal has left a bearing of its length, m."""
         if not self._is_free():
             return None
         bearing = motions[self.bearing_body]
@@ -616,8 +614,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint with the journal's centre at `centre`, (3,) m in the bearing's
-        body."""
+        """Return the ideal joint with the journal's centre at `centre`, m in the bearing's body."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         return kind(
             self.bearing_body,

@@ -49,8 +49,8 @@ bearing's axis, or along the normal of flat walls."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the normal law `law` and the friction law
-    `friction`, ``None`` for no friction."""
+    """Base class of joints whose contacts share the laws `law` and `friction`, ``None`` for
+    none."""
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]
@@ -89,11 +89,10 @@ class AbstractOneLawJoint(AbstractContactJoint):
 
 
 class AbstractFlankJoint(AbstractOneLawJoint):
-    """Base class of joints with two flanks, which the second body touches as it rotates, without
-    friction.
+    """Base class of joints with two flanks, which the second body touches as it rotates.
 
-    **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number:
-    flanks are flat and have no radii on which the stiffness could depend.
+    There is no friction. The law's stiffness must be given as a number: flanks are flat and have no
+    radii on which it could depend.
     """
 
     friction: ClassVar[None] = None
@@ -111,8 +110,7 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
     @abc.abstractmethod
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the constraint row that holds the second body in the middle of the play, by
-        label."""
+        """Return the constraint row that holds the second body in the middle of the play."""
 
     @override
     def centred_joint(self) -> AbstractConstraint:
@@ -134,11 +132,7 @@ class CentredInPlay(AbstractConstraint):
 
 
 class AbstractFrictionJoint(AbstractOneLawJoint):
-    """Base class of clearance joints that may have friction.
-
-    **Raises:** `ValueError` if both bodies are the same, `law` is no contact law, or `friction` is
-    neither ``None`` nor a friction law.
-    """
+    """Base class of clearance joints that may have friction."""
 
     def __check_init__(self):
         require_distinct(*self.pair())
@@ -250,8 +244,7 @@ def resting_depth(
 def slip_at(
     first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
 ) -> Vector:
-    """Return the tangential velocity of the second surface relative to the first, m/s in global
-    axes."""
+    """Return the tangential velocity of the second surface relative to the first, m/s, global."""
     sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
     return slip_velocity(sliding, normal, sliding.dot(normal))
 

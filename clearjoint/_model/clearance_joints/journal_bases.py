@@ -69,8 +69,7 @@ def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
 
 @runtime_checkable
 class HasJournal(Protocol):
-    """Interface of a joint with a journal in a bearing, dry or lubricated, for tests by
-    ``isinstance``."""
+    """Interface of a joint with a journal in a bearing, for tests by ``isinstance``."""
 
     @property
     def clearance(self) -> Single:
@@ -84,7 +83,7 @@ class HasJournal(Protocol):
 
 @dataclass(frozen=True)
 class JournalBase:
-    """Position and velocity, relative to the bearing, of one base of the journal or of a point
+    """Position and velocity, relative to the bearing, of a base of the journal or of a point
     between.
 
     - `axis`: of the bearing, a global unit vector.

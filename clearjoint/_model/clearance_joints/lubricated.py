@@ -45,8 +45,7 @@ def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
 
 
 class BlendedContactLaw(AbstractLawAround):
-    """The `law` of the dry contact times the `blending_factor`, so that the force begins
-    smoothly."""
+    """A contact law times the `blending_factor`, so that its force begins smoothly."""
 
     transition: Single
     force_jumps = False
@@ -227,8 +226,7 @@ class LubricatedJoint(AbstractContactJoint):
         )
 
     def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
-        """Return the input of the film law, with an eccentricity ratio limited to
-        `largest_ratio`."""
+        """Return the input of the film law, with a limited eccentricity ratio."""
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
         ratio, _ = norm_and_direction(offset)

@@ -68,8 +68,8 @@ class MasslessLink(AbstractConstraint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the rows (e^2 - c^2)/(2 c), m, of the bases, with the eccentricity e and the
-        clearance c."""
+        """Return the rows (e^2 - c^2)/(2 c), m, of the bases' eccentricities e and the clearance
+        c."""
         names = self.bearing_body, self.journal_body
         bearing, journal = (motions[name] for name in names)
 

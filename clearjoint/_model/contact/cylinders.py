@@ -64,8 +64,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     @abc.abstractmethod
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        """Return the force per length, N/m, at a positive `depth`, m; `gap` gives the radii
-        only."""
+        """Return the force per length, N/m, at a positive `depth`, m, for the radii of `gap`."""
 
     def line_energy(self, gap: Gap, depth: Scalar) -> Scalar:
         """Return the integral of `line_force` over the penetration, from zero to `depth`, J/m."""
@@ -105,8 +104,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth at which to evaluate the formula, and what the tangent adds to force and
-        energy."""
+        """Return the depth at which to evaluate the formula, and the tangent's force and energy."""
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)

@@ -131,9 +131,10 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
 
 
 class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
-    """Base class of tuned dashpot laws that would deliver the requested restitution if the force
-    could pull, and deliver a larger one because it can't: 0.253, 0.550 and 0.902 for 0.1, 0.5 and
-    0.9."""
+    """Base class of laws that would deliver the requested restitution if the force could pull.
+
+    Since it can't, they deliver 0.253, 0.550 and 0.902 for 0.1, 0.5 and 0.9.
+    """
 
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact of the effective mass."""

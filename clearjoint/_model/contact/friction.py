@@ -311,17 +311,17 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return friction over normal force in steady sliding at a speed, m/s, without a viscous
+        """Return friction over normal force in steady sliding at a speed, without a viscous
         part."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the deflection in steady sliding, m, roughly, with which its errors are
-        compared."""
+        """Return the approximate deflection in steady sliding, m: the scale of its error
+        control."""
 
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return the recoverable energy over the normal force, m; by default zero: all is
-        dissipated."""
+        """Return the recoverable energy over the normal force, m; zero, all dissipated, by
+        default."""
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:

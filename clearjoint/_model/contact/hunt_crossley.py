@@ -192,8 +192,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
     @abc.abstractmethod
     def damping_factor(self) -> Scalar:
-        """Return chi, dimensionless; the hysteresis damping factor of the literature is chi
-        K/v0."""
+        """Return chi, dimensionless; the hysteresis damping factor of publications is chi K/v0."""
 
     def __check_init__(self):
         require_exponent(self.exponent)
@@ -457,8 +456,7 @@ class AbstractReboundingLaw(AbstractDampedLaw):
 
 
 class Flores2011(AbstractReboundingLaw):
-    r"""Hunt-Crossley law with the damping factor of P. Flores et al. 2011, for c from nearly 0 to
-    1.
+    r"""Hunt-Crossley law with the damping factor of P. Flores et al. 2011, for any c above 0.
 
     $$\chi = \frac{8 (1 - c)}{5 c}$$
 

@@ -49,8 +49,7 @@ class Gap:
 
 
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-    """Return bearing radius, journal radius and clearance, m; a `ValueError` if they are
-    unknown."""
+    """Return bearing radius, journal radius and clearance, m; a `ValueError` without radii."""
     radius, clearance = gap.bearing_radius, gap.clearance
     for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
         needed = "a length in m, on which the law's stiffness depends"
@@ -72,8 +71,7 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 
 class Limit(NamedTuple):
-    """A quantity of a contact, such as "penetration", and the range of its values for which a law
-    is valid.
+    """A quantity of a contact, such as "penetration", and its range for which a law is valid.
 
     `law` is the name of the class of the law, and `unit` the unit of `value` and of the ends of the
     range, `least` and `most`.
@@ -143,8 +141,7 @@ class AbstractElasticity(AbstractConverting):
         """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force starts with zero slope, so that no kink is corrected; ``False``
-        by default."""
+        """Return whether the force starts with zero slope; if so, no kink is corrected."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
@@ -321,8 +318,7 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the conservative part of the force, N: the derivative of the stored energy by the
-        penetration."""
+        """Return the conservative part of the force, N: the slope of the stored energy."""
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:
@@ -398,15 +394,13 @@ class AbstractPowerLaw(AbstractElasticLaw):
 
 
 def require_exponent(exponent: Single) -> None:
-    """Raise a `ValueError` for an exponent below 1, with which the slope of the force would be
-    infinite at the onset."""
+    """Raise a `ValueError` for an exponent below 1, whose slope would be infinite at the onset."""
     condition = "at least 1", "use 1.5 for Hertz"
     require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
 
 
 def require_rebound(restitution: Single) -> None:
-    """Raise a `ValueError` unless the restitution is positive, for a law whose damping is infinite
-    at zero."""
+    """Raise a `ValueError` for a restitution of zero, at which a law's damping is infinite."""
     remedy = "its damping is infinite at 0; use a small value such as 0.01"
     expected = "positive for this law"
     require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
@@ -505,8 +499,7 @@ class WeightedLaw(AbstractLawAround):
 
     @property
     def delivered_restitution(self) -> Callable[[], Scalar]:
-        """That of the law, which the weight doesn't change; a property, so that ``hasattr`` tells
-        whether the law has it."""
+        """Method of the law; a property, so that ``hasattr`` tells whether the law has it."""
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
 
 

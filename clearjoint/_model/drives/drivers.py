@@ -40,8 +40,8 @@ from .functions_of_time import (
 
 
 class AbstractDrive(AbstractPair):
-    """Base class of elements that prescribe the angle of a second body about an axis, or apply a
-    torque.
+    """Base class of elements that prescribe, or apply a torque to, the angle of a body about an
+    axis.
 
     They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
     is in the first body's axes, any length, and `orientation` that of the second body in the
@@ -56,8 +56,7 @@ class AbstractDrive(AbstractPair):
         require_euler_parameters("orientation", self.orientation)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad in [-pi, pi], right-handed, as a
-        row."""
+        """Return the second body's angle about the axis, rad in [-pi, pi], right-handed."""
         return angle_about(*self._between(motions), self.axis, self.orientation)
 
 
@@ -143,12 +142,11 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques on a second body about an axis of a first body, on which the reaction
-    acts.
+    """Base class of torques on a second body about an axis of a first, on which the reaction acts.
 
-    A subclass declares the fields of `AbstractDrive` (`first`, `second`, `axis`, and `orientation`,
-    that of the second body at angle zero) and defines the torque as a function of the second body's
-    angle about the axis, its rate and time, as this motor does:
+    A subclass declares the fields of a drive (`first`, `second`, `axis`, and `orientation`, that of
+    the second body at angle zero) and defines the torque as a function of the second body's angle
+    about the axis, its rate and time:
 
     ```python
     import clearjoint as cj

@@ -168,8 +168,8 @@ class Spline(AbstractTable):
 
 
 class Increasing(eqx.Module):
-    """Breakpoints of a table, (N,) s, known to be increasing, so that the next one is found without
-    looking at all of them."""
+    """Breakpoints of a table, (N,) s, known to be increasing: the next one is found without all
+    others."""
 
     times: ArrayLike
 

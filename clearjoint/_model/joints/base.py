@@ -322,8 +322,7 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, by label of the contact; no limits by
-        default."""
+        """Return the penetration that ends a run, m, by contact; no limits by default."""
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
@@ -382,8 +381,7 @@ def require_distinct(first: str, second: str) -> None:
 
 
 class AbstractPair(AbstractElement):
-    """Base class of elements between two different bodies, `first` and `second`; a `ValueError` for
-    others."""
+    """Base class of elements between two different bodies, `first` and `second`."""
 
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
@@ -425,8 +423,7 @@ class AbstractPairAtPoints(AbstractPair):
     def ends(
         self, axis_first: Triple | None = None, axis_second: Triple | None = None
     ) -> tuple[Marker, Marker]:
-        """Return markers of both points, for drawing, each with an optional axis, (3,) in body
-        axes."""
+        """Return markers of both points, for drawing, with optional axes, (3,) in body axes."""
         first = Marker(self.first, self.point_first, axis_first)
         return first, Marker(self.second, self.point_second, axis_second)
 

@@ -34,8 +34,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias, a centripetal acceleration, of a point's coordinate in a fixed
-    direction."""
+    """Return Jacobian and bias of a point's coordinate in a fixed direction."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -197,7 +196,7 @@ def relative_angle_row(
 def angle_about(
     names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
 ) -> Row:
-    """Return the angle of the second body about an axis of the first, rad in [-pi, pi], as a row.
+    """Return the second body's angle about an axis of the first, rad in [-pi, pi], as a row.
 
     `orientation` transforms components in the second body's axes to the first's at angle zero.
     """
@@ -312,8 +311,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
 
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
-    """Return the row that makes the value of `row` follow a twice differentiable function of
-    time."""
+    """Return the row that makes the value of `row` follow a function that JAX differentiates
+    twice."""
 
     def rate(t: Scalar) -> Scalar:
         return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]

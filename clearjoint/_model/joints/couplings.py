@@ -146,8 +146,8 @@ class ScrewMotion(AbstractTurning):
 
 
 def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, of any norm, of the shortest rotation from the second to the first
-    unit vector."""
+    """Return Euler parameters, not normalised, of the shortest rotation from the second vector to
+    the first."""
     vector = second.cross(first)
     return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
 
@@ -228,8 +228,7 @@ class UniversalMotion(AbstractMotionAtPoints):
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the orientation at zero angles: the child's arm is along the first transverse
-        axis."""
+        """Return the orientation at zero angles, with the child's arm along a transverse axis."""
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:

@@ -108,8 +108,7 @@ class AbstractAxisJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Return the cosines of the angles between the first axis and two directions across the
-        second."""
+        """Return the cosines between the first axis and two directions across the second."""
         axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
         return {
             "tilt 1": self._perpendicular(motions, axis, first),
@@ -329,8 +328,9 @@ class DistanceJoint(AbstractPairJoint):
 
 
 class PointInPlaneJoint(AbstractPairJoint):
-    """Keeps a point of the second body in a plane of the first, like a pin in an ideal slot; one
-    row.
+    """Keeps a point of the second body in a plane of the first; one row.
+
+    Choose it for a pin in a slot without clearance, with walls parallel to the plane.
 
     **Arguments:**
 
@@ -356,8 +356,9 @@ class PointInPlaneJoint(AbstractPairJoint):
 
 
 class LineInPlaneJoint(AbstractPairJoint):
-    """Keeps a line of the second body in a plane of the first, like a slider between walls; two
-    rows.
+    """Keeps a line of the second body in a plane of the first; two rows.
+
+    Choose it for a slider that slides freely, without clearance, between two walls.
 
     **Arguments:**
 
@@ -451,8 +452,7 @@ class PlanarMotion(AbstractTurning):
         return position[0], position[1], within_two_turns(position[2])
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
-        """Return a vector in the child's axes from components along the parent's transverse
-        axes."""
+        """Return a vector in the child's axes from its components in the parent's plane."""
         first, second = transverse_axes(self.normal_parent)
         vector = first * across[0] + second * across[1]
         return self.rotation(position).transposed_times(vector)

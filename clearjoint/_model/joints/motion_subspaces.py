@@ -139,8 +139,7 @@ class AbstractMotionSubspace(eqx.Module):
         """Return the relative twist for each speed equal to 1 rad/s or 1 m/s, the others zero."""
 
     def rates(self, state: JointState) -> PyTree:
-        """Return the time derivative of the position; by default the speeds, one for each number of
-        it."""
+        """Return the time derivative of the position; by default the speeds."""
         return jax.tree.unflatten(jax.tree.structure(state.position), state.speeds)
 
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:

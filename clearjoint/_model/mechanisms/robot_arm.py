@@ -78,8 +78,7 @@ WRIST_ANGLES = (0.0, 0.25 * math.pi, 0.0)
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """A link's frame: origin, (3,) m, and orientation, relative to the frame where the chain
-    starts."""
+    """A link's frame: origin, (3,) m, and orientation, relative to the start of the chain."""
 
     origin: Components
     orientation: EulerParameters
@@ -114,8 +113,7 @@ def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]
 
 @dataclass(frozen=True)
 class Lump:
-    """Mass, kg, centre of mass, (3,) m, and inertia about it, (3, 3) kg m^2, in the frame of one
-    link."""
+    """Mass, kg, centre of mass, (3,) m, and inertia about it, (3, 3) kg m^2, in a link's frame."""
 
     mass: float
     centre: Components
