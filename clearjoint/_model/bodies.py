@@ -82,12 +82,10 @@ GROUND = "ground"
 True
 """
 DENSITIES = 1e-2, 1e6
-"""Range of a body's density, kg/m^3, outside which a warning is issued.
-
-The density is that of a homogeneous box with the body's mass and inertia. Solid materials have
-about 10 to 2.2e4 kg/m^3. The range is wider, because inertias without effect on a planar motion are
-often guessed, and because the box of an open structure, such as a machine frame, is mostly empty.
-"""
+"""Range of the density, kg/m^3, of a homogeneous box with a body's mass and inertia, outside which
+a warning is issued. Solid materials have about 10 to 2.2e4 kg/m^3. The range is wider, because
+inertias without effect on a planar motion are often guessed, and because the box of an open
+structure, such as a machine frame, is mostly empty."""
 THINNEST = 1e-2
 """Smallest ratio of the shortest to the longest side of the box with which a body's density is
 estimated. Without this limit, the box of a rod or plate with idealised moments would have no

@@ -41,7 +41,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
     bearing and journal, and 1/E* the sum of (1 - nu^2)/E of both materials. A subclass defines
     `line_force`; the energy is integrated numerically by default.
 
-    **Arguments:** those of `AbstractMaterialPair`, and `length`: L, m. Each base of a
+    **Arguments:** those of `RavnStiffness`, and `length`: L, m. Each base of a
     `ClearanceJoint` (the journal's two end circles) applies the full law: use half the journal's
     length, or the whole length with `line_points`. An `UnusualValueWarning` tells of a length
     outside 1e-5 to 10 m.

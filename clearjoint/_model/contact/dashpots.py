@@ -106,12 +106,7 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
 class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     """Base class of dashpot laws whose damping follows from a requested restitution.
 
-    **Arguments:**
-
-    - `restitution`: c in (0, 1], requested ratio of rebound speed to entry speed.
-    - `stiffness`: K, a number in N/m^n, or an `AbstractStiffness`.
-    - `effective_mass`: m, kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an
-      impact against a wall.
+    Arguments are those of `KelvinVoigt`. The stiffness must be that of a power law.
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
@@ -131,10 +126,7 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
 
 
 class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
-    """Base class of laws that would deliver the requested restitution if the force could pull.
-
-    Since it can't, they deliver 0.253, 0.550 and 0.902 for 0.1, 0.5 and 0.9.
-    """
+    """Base class of laws that would deliver the requested restitution if the force could pull."""
 
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact of the effective mass."""
@@ -146,9 +138,12 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
 
     $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
 
-    z is the damping ratio of a linear oscillator that delivers the requested restitution if the
-    force may pull. At the onset the force jumps. S. A. Anagnostopoulos 1988 uses the same law for
-    colliding buildings. Choose `SpringDashpot` if the damping coefficient is known.
+    m is the `effective_mass`, kg: m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an
+    impact against a wall. z is the damping ratio of an oscillator that delivers the requested
+    `restitution`, above 0, if the force may pull; since it can't, the values 0.1, 0.5 and 0.9
+    deliver 0.253, 0.550 and 0.902. At the onset the force jumps. S. A. Anagnostopoulos 1988 uses
+    the same law for colliding buildings. Choose `SpringDashpot` if the damping coefficient is
+    known.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -170,8 +165,8 @@ class Tsuji(AbstractClampedDashpotLaw):
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
-    z is the damping ratio of `KelvinVoigt` (D. Antypov, J. A. Elliott 2011), and so is the
-    delivered restitution. Unlike there, the force begins at zero.
+    m, z (D. Antypov, J. A. Elliott 2011) and the delivered restitution are those of `KelvinVoigt`,
+    but the force begins at zero.
 
     >>> law = cj.laws.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -193,7 +188,7 @@ class Jankowski(AbstractTunedDashpotLaw):
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
     In the rebound the force is K delta^1.5. It never pulls, and the delivered restitution is close
-    to c.
+    to c. The arguments are those of `KelvinVoigt`.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
@@ -257,8 +252,9 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
-    The restitution decreases with the entry speed, as with metals. The force begins at zero, but
-    the derivative of the damping force by the penetration is infinite at the onset.
+    `damping_coefficient` is D, N s/m^1.5. The restitution decreases with the entry speed, as with
+    metals. The force begins at zero, but the derivative of the damping force by the penetration is
+    infinite at the onset.
 
     >>> law = cj.laws.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
@@ -274,6 +270,8 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
 
+    `damping_coefficient` is D, N s/m^1.65.
+
     >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
     1251.2
@@ -287,6 +285,8 @@ class Ristow(AbstractGivenDashpotLaw):
     r"""Law of G. H. Ristow 1992, whose force jumps at the onset.
 
     $$F = K \delta^{3/2} + D \dot\delta$$
+
+    `damping_coefficient` is D, N s/m.
 
     >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200

@@ -377,14 +377,9 @@ class Dahl(AbstractBristleFriction):
 
 
 class AbstractDampedBristles(AbstractBristleFriction):
-    r"""Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
+    """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
 
-    $$\frac{F_t}{F_n} = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v, \quad
-    g(v) = \mu_C + (\mu_S - \mu_C) e^{-(v / v_S)^2}$$
-
-    g(v) is the ratio in steady sliding without the viscous part sigma2 v. `breakaway` is mu_S,
-    `kinetic` mu_C <= mu_S, and `stribeck_speed` v_S, m/s. `stiffness`, `damping` and `viscosity`
-    are sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over normal force; 1e5, 0 and 0 by default.
+    Formulas and arguments are those of `LuGre`.
     """
 
     stiffness: eqx.AbstractVar[Single]
@@ -419,11 +414,16 @@ class AbstractDampedBristles(AbstractBristleFriction):
 class LuGre(AbstractDampedBristles):
     r"""Damped bristles with a Stribeck curve (C. Canudas de Wit et al. 1995).
 
-    $$\dot z = v - \frac{\sigma_0 |v|}{g(v)} z$$
+    $$\dot z = v - \frac{\sigma_0 |v|}{g(v)} z, \quad g = \mu_C + (\mu_S - \mu_C) e^{-(v /
+    v_S)^2}, \quad \frac{F_t}{F_n} = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v$$
 
     The law is passive only if sigma2 is at least sigma1 (mu_S - mu_C)/mu_C (N. Barabanov, R. Ortega
     2000). With a smaller sigma2, bristles may release more energy than they received, at speeds |v|
-    with sigma1 |v| > 4 g(v). The arguments are those of `AbstractDampedBristles`.
+    with sigma1 |v| > 4 g(v).
+
+    **Arguments:** `breakaway`, `kinetic`: mu_S and mu_C <= mu_S. `stribeck_speed`: v_S, m/s.
+    `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
+    normal force; 1e5, 0 and 0 by default.
 
     >>> friction = cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.sliding_ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
@@ -451,8 +451,7 @@ class ElastoPlastic(AbstractDampedBristles):
     of the angle between slip and deflection, or by 0 where the cosine is negative. Choose this law
     where an oscillating load must not cause a drift: below z_ba there is none.
 
-    **Arguments:** those of `AbstractDampedBristles`, and `elastic_deflection`: z_ba, m, positive
-    and below mu_C/sigma0; otherwise a `ValueError` is raised.
+    **Arguments:** those of `LuGre`, and `elastic_deflection`: z_ba, m, below mu_C/sigma0.
 
     >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
     >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))

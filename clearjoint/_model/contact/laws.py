@@ -206,12 +206,7 @@ class GivenStiffness(AbstractStiffness):
 class AbstractMaterialPair(AbstractConverting):
     """Base class of elasticities that depend on the materials of bearing and journal.
 
-    **Arguments:** `young_modulus`, `poisson_ratio`: E, Pa, and nu of the bearing.
-    `journal_young_modulus`, `journal_poisson_ratio`: of the journal; those of the bearing by
-    default.
-
-    **Raises:** `ValueError` in a force, if the `Gap` has no radii. **Warns:** `UnusualValueWarning`
-    for moduli outside 1e9 to 2e12 Pa.
+    Arguments are those of `RavnStiffness`.
     """
 
     young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
@@ -239,7 +234,11 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on the radii R and
     thus on the clearance R_i - R_j. For cylinders that touch along a line, choose an
-    `AbstractCylinder` instead. The arguments are those of `AbstractMaterialPair`.
+    `AbstractCylinder` instead.
+
+    **Arguments:** `young_modulus`, `poisson_ratio`: E, Pa, and nu of the bearing.
+    `journal_young_modulus`, `journal_poisson_ratio`: of the journal; those of the bearing by
+    default. An `UnusualValueWarning` tells of moduli outside 1e9 to 2e12 Pa.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")

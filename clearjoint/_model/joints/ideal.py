@@ -99,9 +99,7 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 class AbstractAxisJoint(AbstractPairJoint):
     """Base class of ideal joints that keep an axis of one body parallel to an axis of another.
 
-    `axis_first` and `axis_second` are the axes, (3,) in each body's axes, any length. In joint
-    coordinates they have the same direction. A state with opposite axes satisfies the rows too, but
-    can only be simulated in `AbsoluteCoordinates`.
+    `axis_first` and `axis_second` are the axes, (3,) in each body's axes, any length.
     """
 
     axis_first: Triple = quantity("1", check=require_axis)
@@ -151,6 +149,9 @@ class SphericalJoint(AbstractPairJoint):
 
 class RevoluteJoint(AbstractAxisJoint):
     """Keeps two points together and two axes parallel: a hinge; five rows.
+
+    A state with opposite axes satisfies the rows too, but can only be simulated in
+    `AbsoluteCoordinates`.
 
     **Arguments:**
 
@@ -460,6 +461,9 @@ class PlanarMotion(AbstractTurning):
 
 class PlanarJoint(AbstractAxisJoint):
     """Allows sliding in a plane and rotation about its normal, like a plate on a table; three rows.
+
+    A state with opposite normals satisfies the rows too, but can only be simulated in
+    `AbsoluteCoordinates`.
 
     **Arguments:**
 
