@@ -2,10 +2,11 @@
 
 A law computes the force from the penetration delta, m, its rate, m/s, and often the entry speed,
 the rate at the onset of the contact. Hunt-Crossley laws have the force K delta^n (1 + chi
-rate/entry speed), with a damping factor chi. `stiffness` is K, N/m^n: a number, a `RavnStiffness`
-for spheres, or a cylinder such as `LiuCylinder` for line contacts, whose force replaces K delta^n.
-`restitution` is c, the requested ratio of rebound speed to entry speed: choose `ExactRestitution`
-to get it, and other laws to reproduce published results.
+rate/entry speed), with a damping factor chi; `extend.AbstractDampedLaw` lists their arguments.
+`stiffness` is K, N/m^n: a number, a `RavnStiffness` for spheres, or a cylinder such as
+`LiuCylinder` for line contacts, whose force replaces K delta^n; `extend.AbstractCylinder` explains
+the symbols. `restitution` is c, the requested ratio of rebound speed to entry speed: choose
+`ExactRestitution` to get it, and other laws to reproduce published results.
 """
 
 from ._model.contact.cylinders import (

@@ -53,8 +53,7 @@ class AbstractFilm(AbstractConverting):
     """Base class of lubricant films with a positive dynamic `viscosity`, Pa s.
 
     A subclass declares this field and defines `force`. The force and its derivatives must be finite
-    at zero offset and at zero rate, where these vectors have no direction. In the formulas mu is
-    the viscosity, R the bearing's radius, L the film's length and c the clearance.
+    at zero offset and at zero rate, where these vectors have no direction.
 
     ```python
     import math
