@@ -209,7 +209,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         radii = add(*self._base_radii())
         # The sum of the base radii is negative for an internal gear, whose contact is reversed.
         sense = where(radii < 0.0, -1.0, 1.0)
-        # Cosine and sine of the working pressure angle alpha', which grows with the distance.
+        # Cosine and sine of the working pressure angle alpha', which grows with the distance of the
+        # centres (ISO 21771): cos(alpha') is the sum of the base radii over this distance.
         tangential = radii * sense / line.distance
         square = 1.0 - tangential * tangential
         # Involutes have no common normal if the gears are closer than the sum of their base radii.
