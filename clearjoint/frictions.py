@@ -1,8 +1,9 @@
 """Friction laws of contacts, passed as `friction=` to a joint with clearance.
 
-Regularised laws have no force at zero sliding speed, so surfaces creep slowly instead of sticking.
-Surfaces stick only with the laws `Dahl`, `LuGre` and `ElastoPlastic`, which have bristles: elastic
-deflections of the surfaces.
+Laws of the slip speed v have no force at zero speed, so surfaces creep slowly instead of sticking.
+Surfaces stick only with `Dahl`, `LuGre` and `ElastoPlastic`, which have bristles: elastic
+deflections of the surfaces. `coefficient` is mu, `regularisation_speed` v_d, m/s; of friction that
+falls with the speed, `breakaway` is mu_S, the maximum, and `kinetic` mu_C, the limit at high speed.
 """
 
 from ._model.contact.friction import Ambrosio as Ambrosio

@@ -1,9 +1,13 @@
-"""Contact laws for the normal force, their stiffnesses, and the restitution that they deliver.
+"""Contact laws for the normal force, passed as `law=` to a joint with clearance.
 
-The force follows from the penetration and its rate. In some laws it also depends on the entry
-speed, which is the rate at the onset of the contact. In laws for cylinders that touch along a line,
-it also depends on the length of the journal. A contact law is passed as `law=` to a joint with
-clearance."""
+A law computes the force from the penetration delta, m, its rate, m/s, and often the entry speed,
+the rate at the onset of the contact. Hunt-Crossley laws have the force K delta^n (1 + chi
+rate/entry speed), with a damping factor chi; `extend.AbstractDampedLaw` lists their arguments.
+`stiffness` is K, N/m^n: a number, a `RavnStiffness` for spheres, or a cylinder such as
+`LiuCylinder` for line contacts, whose force replaces K delta^n; `extend.AbstractCylinder` explains
+the symbols. `restitution` is c, the requested ratio of rebound speed to entry speed: choose
+`ExactRestitution` to get it, and other laws to reproduce published results.
+"""
 
 from ._model.contact.cylinders import (
     DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,

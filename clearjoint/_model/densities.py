@@ -1,9 +1,7 @@
-"""Densities of common materials, kg/m^3, at room temperature.
+"""Densities of common materials, kg/m^3, at room temperature, for `Body.rod` and the like.
 
-They are meant for the argument `density` of `Body.rod`, `Body.box`, `Body.cylinder` and
-`Body.sphere`. Actual alloys deviate by a few percent.
-
-Source: Dubbel, Taschenbuch für den Maschinenbau, 25th ed. 2018, tables of materials.
+Actual alloys deviate by a few percent. Source: Dubbel, Taschenbuch für den Maschinenbau, 25th ed.
+2018, tables of materials.
 """
 
 STEEL = 7850.0

@@ -1,10 +1,4 @@
-"""Film laws: the force of a lubricant on a journal, from the journal's position and its rate.
-
-The pressure in a film depends on the spins of journal and bearing only through half their sum (O.
-Reynolds 1886). Film laws therefore receive the rate of the journal's position as seen in axes that
-rotate with this mean speed. For the force they need neither the separate spins nor the motion of
-the bearing. The drag, the moment of the film on the journal, depends on the relative spin too.
-"""
+"""Film laws: the force of a lubricant on a journal, from the journal's position and its rate."""
 
 import abc
 import math
@@ -15,6 +9,7 @@ from functools import reduce
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from typing_extensions import override
 
 from .._fields.objects import AbstractConverting, quantity
 from .._fields.types import Single
@@ -34,21 +29,13 @@ class FilmGap:
     - `offset`: vector from the bearing's axis to the journal's, divided by the clearance; its
       length is the eccentricity ratio, below 1.
     - `rate`: of the offset, 1/s, as seen in axes that rotate with half the sum of the spins of
-      journal and bearing.
+      journal and bearing: the pressure in a film depends on the spins only through it (O. Reynolds
+      1886).
     - `spin`: of the journal relative to the bearing about the axis, rad/s.
-    - `bearing_radius`: m.
-    - `clearance`: radius of the bearing less that of the journal, m.
-    - `length`: of the film along the axis, m.
+    - `bearing_radius`, radial `clearance`, and `length` of the film along the axis: m.
 
-    >>> gap = extend.FilmGap(
-    ...     axis=extend.UNIT_Z,
-    ...     offset=extend.Vector(0.5, 0.0, 0.0),
-    ...     rate=extend.Vector(0.0, -100.0, 0.0),
-    ...     spin=200.0,
-    ...     bearing_radius=25e-3,
-    ...     clearance=50e-6,
-    ...     length=12.5e-3,
-    ... )
+    >>> offset, rate = extend.Vector(0.5, 0.0, 0.0), extend.Vector(0.0, -100.0, 0.0)
+    >>> gap = extend.FilmGap(extend.UNIT_Z, offset, rate, 200.0, 25e-3, 50e-6, length=12.5e-3)
     >>> print(f"{gap.offset.dot(gap.offset) ** 0.5}")  # the eccentricity ratio
     0.5
     """
@@ -63,12 +50,10 @@ class FilmGap:
 
 
 class AbstractFilm(AbstractConverting):
-    """Base class of lubricant films with a dynamic `viscosity`, Pa s.
+    """Base class of lubricant films with a positive dynamic `viscosity`, Pa s.
 
-    A subclass declares the field `viscosity` and defines `force`, the force on the journal. The
-    force and its derivatives must be finite at zero offset and at zero rate, where these vectors
-    have no direction. The methods `drag` and `limits` have defaults. Test a subclass with
-    `clearjoint.testing.check_film`.
+    A subclass declares this field and defines `force`. The force and its derivatives must be finite
+    at zero offset and at zero rate, where these vectors have no direction.
 
     ```python
     import math
@@ -88,9 +73,7 @@ class AbstractFilm(AbstractConverting):
             scale = self.viscosity * gap.length * gap.bearing_radius**3 / gap.clearance**2
             return (rotation + squeeze) * (-12.0 * math.pi * scale / (2.0 + square))
 
-    film = LongFullFilm(viscosity=0.02)
-    check_film(film)
-    scene, state = cj.mechanisms.rotor_in_bearing(film=film)
+    check_film(LongFullFilm(viscosity=0.02))
     ```
     """
 
@@ -100,16 +83,14 @@ class AbstractFilm(AbstractConverting):
     def force(self, gap: FilmGap) -> Vector:
         """Return the force on the journal, N, perpendicular to the axis.
 
-        The scalar product of the force and ``gap.rate`` must not be positive, because a film
-        dissipates energy.
+        Its scalar product with ``gap.rate`` must not be positive, because a film dissipates energy.
         """
 
     def drag(self, gap: FilmGap) -> Scalar:
         """Return the moment on the journal about the bearing's axis, N m; it opposes the spin.
 
-        The default is that of a film around the whole circumference without cavitation,
-        -2 pi mu R^3 L spin/(c sqrt(1 - eps^2)), with the viscosity mu, bearing radius R, length L,
-        clearance c and eccentricity ratio eps (A. Sommerfeld 1904).
+        The default is that of a film around the whole circumference without cavitation, -2 pi mu
+        R^3 L spin/(c sqrt(1 - eps^2)), with the eccentricity ratio eps (A. Sommerfeld 1904).
         """
         # The viscous stress mu R spin/h acts on the journal's surface. The film's height is
         # h = c (1 + eps cos angle). The mean of 1/h around the bearing is 1/(c sqrt(1 - eps^2)).
@@ -118,38 +99,27 @@ class AbstractFilm(AbstractConverting):
         return scale * (gap.spin / height)
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of the film law depends, with their ranges.
+        """Return the limits of validity for a bearing's radius and a film's length, m; none by
+        default.
 
-        A warning is issued for a value outside its range when a joint with the film is made. The
-        default is an empty tuple.
-
-        **Arguments:** `bearing_radius`: m; `length`: of the film along the axis, m.
+        A warning is issued for a value outside its range when a joint with the film is made.
         """
         return ()
 
 
 class CaponeFilm(AbstractFilm):
-    r"""Film of a short bearing with rotation and squeeze.
-
-    Only the region of positive pressure counts, since a film can't sustain tension.
+    r"""Film of a short bearing with rotation and squeeze, without tension (G. Capone 1986, 1991).
 
     $$F = -\frac{\mu R L^3}{2 c^2 \rho} (3 V |u| x + G u + 2 Q\, n \times u)$$
 
-    Here x is `FilmGap.offset`, the offset divided by the clearance, and u is `FilmGap.rate`, the
-    rate of x in axes that rotate with half the sum of the spins of journal and bearing; e is the
-    unit vector along u, and n the axis. mu is the viscosity, R the bearing's radius, L the film's
-    length and c the clearance. The abbreviations are rho = 1 - x.x, d = x.e, q = n.(x cross e),
-    G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho and Q = q/(1 - q^2).
+    Here x is `FilmGap.offset` and u `FilmGap.rate`; e is the unit vector along u, and n the axis.
+    The abbreviations are rho = 1 - x.x, d = x.e, q = n.(x cross e), G = 2/sqrt(rho) (pi/2 +
+    atan(d/sqrt(rho))), V = (2 + d G)/rho and Q = q/(1 - q^2). G. Adiletta, A. R. Guido, C. Rossi
+    1996 give it in components along fixed axes.
 
-    The force is exact in the limit of a small length-to-diameter ratio L/D, with D = 2R. At an
-    eccentricity ratio of 0.5 it is too large by 6 % for L/D = 1/4, and by 69 % for L/D = 1.
-
-    **Arguments:** `viscosity`: mu, Pa s.
-
-    **Raises:** `ValueError` if the viscosity is not positive.
-
-    **Source:** G. Capone 1986, 1991; G. Adiletta, A. R. Guido, C. Rossi 1996 (there in components
-    along fixed axes).
+    Choose it for short bearings: it is exact in the limit of a small length-to-diameter ratio L/D,
+    with D = 2R. At an eccentricity ratio of 0.5 the force is too large by 6 % for L/D = 1/4, and by
+    69 % for L/D = 1.
 
     >>> offset, rate = extend.Vector(0.5, 0.0, 0.0), extend.Vector(0.0, -100.0, 0.0)
     >>> gap = extend.FilmGap(extend.UNIT_Z, offset, rate, 200.0, 25e-3, 50e-6, length=12.5e-3)
@@ -160,8 +130,8 @@ class CaponeFilm(AbstractFilm):
 
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
+    @override
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal, N: the integral of the positive pressures."""
         offset, rate = gap.offset, gap.rate
         # In the formula above, `direction` is e, `along` d, `across` q, `wedge` G, `squeeze` V and
         # `transverse` Q.
@@ -186,21 +156,16 @@ class PinkusSternlichtFilm(AbstractFilm):
     radial force on the journal is positive along the offset, and the tangential force is positive a
     quarter revolution ahead of it about the axis. For e' > 0 they are
 
-        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
-        6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
+        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)), 6 pi e w (k +
+        3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
-    Both are multiplied by mu L R^3/c^2, with the viscosity mu, length L, bearing radius R and
-    clearance c. For e' < 0, k replaces k + 3, and the radial force begins with 6 e' (4 k e^2 -
-    (2 + e^2) pi) instead. At e' = 0 both cases have the same limit, which is the force there. The
-    cited papers print the leading sign of the radial force for e' < 0 wrongly: with their sign, the
-    force would jump at e' = 0.
+    Both are multiplied by mu L R^3/c^2. For e' < 0, k replaces k + 3, and the radial force begins
+    with 6 e' (4 k e^2 - (2 + e^2) pi) instead. At e' = 0 both cases have the same limit, which is
+    the force there. The cited papers print the leading sign of the radial force for e' < 0 wrongly:
+    with their sign, the force would jump at e' = 0.
 
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
-
-    **Arguments:** `viscosity`: mu, Pa s.
-
-    **Raises:** `ValueError` if the viscosity is not positive.
 
     **Source:** O. Pinkus, B. Sternlicht 1961, as in P. Ravn, S. Shivaswamy, B. J. Alshaer, H. M.
     Lankarani 2000 and P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, C. S. Koshy 2006.
@@ -214,8 +179,8 @@ class PinkusSternlichtFilm(AbstractFilm):
 
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
+    @override
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal, N; it is finite at zero eccentricity and zero rate."""
         offset, rate = gap.offset, gap.rate
         square = offset.dot(offset)
         rho = 1.0 - square
@@ -245,14 +210,14 @@ NARROWEST, WIDEST = 0.125, 1.0
 fitted."""
 NEARLY_CENTRED = 1e-3
 """Eccentricity ratio below which the direction of the line of centres fades out in
-`ButenschoenFilm`, since a centred journal has no line of centres. The law uses a vector along this
-line: its length is nearly 1 at much larger ratios, 0.71 at this one, and zero at ratio zero."""
+`ButenschoenFilm`: a vector replaces it whose length is nearly 1 at much larger ratios, 0.71 at this
+one, and zero for a centred journal, which has no line of centres."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
 )
-"""Coefficients of the polynomials a1 and a2 of the width-to-diameter ratio, lowest power first, for
-the load that rotation carries."""
+"""Coefficients of a1 and a2, for the load that rotation carries: as below, polynomials of the
+width-to-diameter ratio, lowest power first."""
 ATTITUDE = (
     (1.152624, -0.104565),
     (-2.5905, 0.798745),
@@ -260,36 +225,30 @@ ATTITUDE = (
     (-13.3414, 3.424337),
     (6.6294, -1.591732),
 )
-"""Coefficients of the polynomials a3 to a7 of the width-to-diameter ratio, lowest power first, for
-the angle between the load and the line of centres."""
+"""Coefficients of a3 to a7, for the angle between the load and the line of centres."""
 SQUEEZE = (
     (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
     (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
 )
-"""Coefficients of the polynomials a8 and a9 of the width-to-diameter ratio, lowest power first, for
-the load that squeeze carries."""
+"""Coefficients of a8 and a9, for the load that squeeze carries."""
 
 
 class ButenschoenFilm(AbstractFilm):
     """Film of finite width: fits to solutions of Reynolds' equation for rotation and for squeeze.
 
-    Let B be the width of the film along the axis, D the bearing's diameter, psi = 2c/D with the
-    clearance c, eps the eccentricity ratio, delta the angle of the line of centres, eps' and delta'
-    their rates, and Omega the sum of the spins of journal and bearing minus 2 delta'. The line of
-    centres is along the offset of the journal. Rotation carries the load So_D B D mu |Omega|/psi^2
-    at the angle beta from the line of centres, against the sense of Omega, and squeeze carries the
-    load So_V B D mu eps'/psi^2 along this line. The load numbers So_D and So_V and the angle beta
-    are fitted functions of B/D and eps; So_V also depends on the sign of eps'. So_D deviates by
-    -3.3 to 6.8 % from tabulated values.
+    Let B be the width of the film along the axis, D the bearing's diameter, psi = 2c/D, eps the
+    eccentricity ratio, delta the angle of the line of centres, eps' and delta' their rates, and
+    Omega the sum of the spins of journal and bearing minus 2 delta'. The line of centres is along
+    the offset of the journal. Rotation carries the load So_D B D mu |Omega|/psi^2 at the angle beta
+    from the line of centres, against the sense of Omega, and squeeze carries the load So_V B D mu
+    eps'/psi^2 along this line. The load numbers So_D and So_V and the angle beta are fitted
+    functions of B/D and eps; So_V also depends on the sign of eps'. So_D deviates by -3.3 to 6.8 %
+    from tabulated values.
 
+    Choose it for B/D from 1/8 to 1; a joint with the film warns of others with a `LawRangeWarning`.
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
-    a short bearing use `CaponeFilm`. A centred journal has no line of centres, so the load along
-    this line falls smoothly to zero at eccentricity ratios of about 0.001 and less.
-
-    **Arguments:** `viscosity`: mu, Pa s.
-
-    **Raises:** `ValueError` if the viscosity is not positive.
-    **Warns:** `LawRangeWarning` if B/D is outside 1/8 to 1, when a joint with the film is made.
+    a short bearing use `CaponeFilm`. The load along the line of centres falls smoothly to zero at
+    eccentricity ratios of about 0.001 and less.
 
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
     Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module
@@ -304,8 +263,8 @@ class ButenschoenFilm(AbstractFilm):
 
     viscosity: Single = quantity("Pa s", positive=True, remedy="give mu in Pa s")
 
+    @override
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal, N: the sum of the forces of rotation and squeeze."""
         width = gap.length / (2.0 * gap.bearing_radius)
         ratio, _ = norm_and_direction(gap.offset)
         # The unit vector along the line of centres; it tends to zero for a centred journal.
@@ -324,22 +283,17 @@ class ButenschoenFilm(AbstractFilm):
         # The film pushes the journal back, against the load that it carries.
         return (rotation * tangential + centres * (radial + squeeze)) * -scale
 
+    @override
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the width-to-diameter ratio of the film with its valid range, as one `Limit`.
-
-        **Arguments:** `bearing_radius`: m; `length`: of the film along the axis, m.
-        """
         width = length / (2.0 * bearing_radius)
         name = type(self).__name__
         return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return So_D/eps: the load number of rotation, divided by the eccentricity ratio.
+    """Return So_D/eps of `ButenschoenFilm`, which is finite for a centred journal.
 
-    `ButenschoenFilm` explains the symbols: rotation carries the load So_D B D mu |Omega|/psi^2. The
-    result is dimensionless, and finite for a centred journal. `width` is the width-to-diameter
-    ratio B/D, `ratio` the eccentricity ratio eps.
+    `width` is B/D, here and below, and `ratio` the eccentricity ratio eps.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio
@@ -349,21 +303,15 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the angle beta, rad, from the line of centres to the load that is carried by rotation.
-
-    `width` is the width-to-diameter ratio B/D, `ratio` the eccentricity ratio.
-    """
+    """Return the angle beta of `ButenschoenFilm`, rad."""
     # The angle for an infinitely long bearing, which the fit corrects for a finite width.
     long = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return long * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
 
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number So_V of squeeze, dimensionless.
-
-    `width` is the width-to-diameter ratio B/D. `ratio` is the eccentricity ratio, with a negative
-    sign if the eccentricity decreases.
-    """
+    """Return the load number So_V of `ButenschoenFilm`; `ratio` is negative if the eccentricity
+    decreases."""
     numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)  # a8 and a9
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.

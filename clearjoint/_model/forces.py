@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._fields.checks import require_euler_parameters, require_numbers, require_point, require_shape
 from .._fields.objects import quantity
@@ -30,19 +31,14 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
 
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
-    - `point_first`, `point_second`: (3,) m from the centre of mass in body axes.
+    - `point_first`, `point_second`: (3,) m from each body's centre of mass in its axes.
     - `stiffness`: N/m, not negative.
     - `damping`: N s/m, not negative; zero by default.
     - `free_length`: length without spring force, m, not negative; zero by default.
 
-    **Raises:** `ValueError` if a value is outside its range, a point is invalid, or the bodies are
-    the same.
-
     >>> spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> ground = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> wrenches = extend.unpack(spring).wrenches({"ground": ground, "ball": ball}, 0.0)
+    >>> wrenches = extend.unpack(spring).wrenches({"ground": still, "ball": ball}, 0.0)
     >>> print(f"{wrenches['ball'].force.x:.1f} N")
     -10.0 N
     """
@@ -60,9 +56,8 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         velocity = second.velocity_at(self.point_second) - first.velocity_at(self.point_first)
         return length - self.free_length, velocity.dot(direction), direction
 
+    @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrenches of two opposite forces along the line between the points, by body
-        name."""
         stretch, rate, direction = self._stretch(motions)
         force = direction * (self.stiffness * stretch + self.damping * rate)
         return {
@@ -70,38 +65,32 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
             self.second: motions[self.second].wrench(-force, self.point_second),
         }
 
+    @override
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the spring's energy, J: half the stiffness times the square of the length beyond
-        the free length."""
         return 0.5 * self.stiffness * self._stretch(motions)[0] ** 2
 
+    @override
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the damper's power, W, which is never positive."""
         return -self.damping * self._stretch(motions)[1] ** 2
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a spring between the points."""
         pen.spring(*self.ends())
 
 
 class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
-    The spring's twist, the angle between the bodies less the rest angle, is taken from minus half
-    to plus half a revolution, because the bodies' positions don't determine the number of
-    revolutions. The torque therefore jumps where the twist is half a revolution.
+    The twist, the angle between the bodies less the rest angle, is taken within half a revolution,
+    because the bodies' positions don't determine the number of revolutions. The torque therefore
+    jumps where the twist is half a revolution.
 
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `stiffness`: N m/rad. `damping`: N m s/rad, zero by default. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
-
-    **Raises:** `ValueError` if a value is outside its range, the axis or orientation is invalid, or
-    the bodies are the same.
+    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
 
     >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
     >>> spring.body_names()
@@ -115,21 +104,19 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     rest_angle: Single = quantity("rad", shape=(), default=0.0)
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
+    @override
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the torque on the second body, N m, from the angle of this body relative to the
-        first, rad, and its rate, rad/s."""
         return -(self.stiffness * self._twist(angle) + self.damping * speed)
 
+    @override
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the spring's energy, J: half the stiffness times the squared twist."""
         return 0.5 * self.stiffness * self._twist(self.relative_angle(motions).value) ** 2
 
+    @override
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the damper's power, W, which is never positive."""
         return -self.damping * self.speed(motions) ** 2
 
     def _twist(self, angle: Scalar) -> Scalar:
-        """Return the angle less the rest angle, rad in [-pi, pi]."""
         return wrapped(angle - self.rest_angle, 2.0 * math.pi)
 
 
@@ -138,37 +125,20 @@ class AppliedLoad(AbstractForce):
 
     For a load that depends on the motion, subclass `AbstractForce`.
 
-    ```python
-    import clearjoint as cj
-    import jax.numpy as jnp
-
-    weight = cj.AppliedLoad("rod", force=(0.0, -20.0, 0.0), point=(0.1, 0.0, 0.0))
-    kick = cj.PiecewiseConstant([0.0, 0.1, 0.12], [0.0, 500.0, 0.0])
-    kicked = cj.AppliedLoad("rod", force=(kick, 0.0, 0.0))
-
-    def unbalance(t):  # 40 N at 300 rad/s
-        return 40.0 * jnp.cos(300.0 * t), 40.0 * jnp.sin(300.0 * t), 0.0
-
-    shaken = cj.AppliedLoad("rod", force=unbalance)
-    ```
-
     **Arguments:**
 
     - `body`: its name.
     - `force`: (3,) N. `torque`: (3,) N m. Both are zero by default. Each component is a number, a
       function of time such as `PiecewiseConstant`, or a Python function of the time in s. Instead
       of three components, you may pass one function of time that returns three numbers, such as a
-      `PiecewiseConstant` with values (N, 3) for N times.
+      `PiecewiseConstant` with values (N, 3) for N times. Python functions can't declare the times
+      of their jumps and kinks.
     - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
-    **Raises:** `ValueError` if a component is neither a number nor a function of time, there are
-    not three components, or the point is invalid.
-
-    >>> load = cj.AppliedLoad("arm", force=(0, -10, 0), point=(0.5, 0, 0))
-    >>> still = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    >>> wrenches = extend.unpack(load).wrenches({"arm": still}, 0.0)
-    >>> print(f"{wrenches['arm'].moment.z:.1f} N m")
-    -5.0 N m
+    >>> weight = cj.AppliedLoad("rod", force=(0.0, -20.0, 0.0), point=(0.1, 0.0, 0.0))
+    >>> kick = cj.PiecewiseConstant([0.0, 0.1, 0.12], [0.0, 500.0, 0.0])
+    >>> kicked = cj.AppliedLoad("rod", force=(kick, 0.0, 0.0))
+    >>> shaken = cj.AppliedLoad("rod", force=(lambda t: 40.0 * jnp.cos(300.0 * t), 0.0, 0.0))
     """
 
     body: str = eqx.field(static=True)
@@ -177,26 +147,22 @@ class AppliedLoad(AbstractForce):
     point: Triple = quantity("m", check=require_point, default=NONE)
     point_fields = {"point": "body"}
 
+    @override
     def body_names(self) -> tuple[str, ...]:
-        """Return the name of the body."""
         return (self.body,)
 
+    @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrench of force and torque at the time `t`, s, under the name of the body."""
         motion = motions[self.body]
         force, torque = vector_at(self.force, t), vector_at(self.torque, t)
         return {self.body: motion.wrench(force, self.point) + motion.torque(torque)}
 
+    @override
     def breakpoints(self) -> PyTree:
-        """Return the times, s, at which components that are functions of time jump or have kinks,
-        so that integration steps end there.
-
-        Python functions can't declare such times: theirs are missing.
-        """
         return breakpoints_of(self.force, self.torque)
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw an arrow for the force."""
         force = unpack(self.force)  # in scalar form, as `vector_at` needs it; the pen needs arrays
         constant = isinstance(force, Vector)
         marker = Marker(self.body, self.point)
@@ -212,13 +178,10 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 class _Strain(NamedTuple):
     """Deformation of a bushing and its rate, with components along the bushing's axes.
 
-    - `point_in_first`: the first body's material point at the place of the second body's point, m
-      from the first body's centre of mass in its axes.
+    - `point_in_first`: the first body's material point at the place of the second body's point.
     - `axes`: matrix that transforms components along the bushing's axes to global components.
-    - `shift`, `shift_rate`: displacement of the second body's point from the first body's, m, and
-      its rate, m/s.
-    - `rotation`, `rotation_rate`: rotation vector from the bushing's axes to those that
-      `orientation_second` defines on the second body, rad, and its rate, rad/s.
+    - `shift`: displacement of the second body's point from the first body's, m.
+    - `rotation`: rotation vector from the bushing's axes to those of `orientation_second`, rad.
     """
 
     point_in_first: Vector
@@ -243,29 +206,17 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
 
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
-    - `point_first`, `point_second`: (3,) m from the centre of mass in body axes.
-    - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,).
+    - `point_first`, `point_second`: (3,) m from each body's centre of mass in its axes.
+    - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,), not negative.
     - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
-      (3,). All but `stiffness` are zero by default.
+      (3,), not negative. All but `stiffness` are zero by default.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, each of which
       defines axes on its body: they transform components along these axes to the body's frame. By
       default these are the body's axes. Those on the first body are the bushing's axes. In the
       relaxed bushing, the axes on the two bodies are parallel, and the two points coincide.
 
-    **Raises:** `ValueError` if a number is negative, a point or orientation is invalid, or the
-    bodies are the same.
-
-    ```python
-    import clearjoint as cj
-
-    liner = cj.Bushing(
-        "frame", "arm", (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0),
-        stiffness=(2e6, 2e6, 4e5),
-        damping=(200.0, 200.0, 100.0),
-        rotational_stiffness=(300.0, 300.0, 5.0),
-    )
-    ```
+    >>> ends = (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0)
+    >>> liner = cj.Bushing("frame", "arm", *ends, stiffness=(2e6, 2e6, 4e5))
     """
 
     stiffness: Triple = quantity("N/m", check=_require_none_negative)
@@ -276,7 +227,6 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
     def _strain(self, motions: Motions) -> _Strain:
-        """Return the deformation of the bushing and its rate in a motion of its bodies."""
         first, second = motions[self.first], motions[self.second]
         axes = first.rotation @ rotation_matrix(self.orientation_first)
         frame = second.rotation @ rotation_matrix(self.orientation_second)
@@ -296,8 +246,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
             rotation.rate(axes.transposed_times(spin)),
         )
 
+    @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrench of all springs and dampers on each body, by body name."""
         first, second = motions[self.first], motions[self.second]
         strain = self._strain(motions)
         # Along the axes of the bushing: forces, N, from the shift, and a moment, N m, from the
@@ -318,23 +268,22 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
             self.second: second.wrench(-force, self.point_second) + second.torque(-torque),
         }
 
+    @override
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the energy of the springs along and about the three axes, J."""
         strain = self._strain(motions)
         energy = _weighted(self.stiffness, strain.shift)
         return 0.5 * (energy + _weighted(self.rotational_stiffness, strain.rotation.vector))
 
+    @override
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the power of the dampers along and about the three axes, W; never positive."""
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)
         return -(power + _weighted(self.rotational_damping, strain.rotation_rate))
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a spring between the points."""
         pen.spring(*self.ends())
 
 
 def _weighted(weights: Vector, vector: Vector) -> Scalar:
-    """Return the sum of the squared components of a vector, each times its weight."""
     return vector.componentwise_product(weights).dot(vector)

@@ -1,9 +1,5 @@
-"""Drawing interface: an element describes its appearance with the methods of a pen.
-
-Elements are the joints, forces and drivers of a scene. An element draws itself in its method
-`draw(pen)`. The pen determines the style and the size of symbols, so that the same `draw` serves
-all kinds of figures. User-defined elements use the same methods.
-"""
+"""Drawing interface: an element describes its appearance with the methods of a pen, which
+determines the style and the size of symbols."""
 
 import abc
 from collections.abc import Callable
@@ -33,10 +29,7 @@ class Marker(NamedTuple):
     axis: Triple | None = None
 
     def along(self) -> np.ndarray:
-        """Return the marker's direction as a unit vector, (3,) in body axes.
-
-        **Raises:** `ValueError` if the marker has no axis, or one of length zero.
-        """
+        """Return the marker's direction as a unit vector, (3,); a `ValueError` if it has none."""
         remedy = "draw with Marker(body, point, axis)"
         require(self.axis is not None, "axis", None, "a direction in body axes", remedy)
         numbers = np.asarray(self.axis, dtype=float)
@@ -47,8 +40,7 @@ class Marker(NamedTuple):
 class AbstractPen(abc.ABC):
     """Interface that draws symbols at markers, which are points of bodies.
 
-    In a method with two markers, the first belongs to the element's first body. In this example an
-    element draws itself as a spring:
+    In a method with two markers, the first belongs to the element's first body.
 
     ```python
     import clearjoint as cj
@@ -65,8 +57,6 @@ class AbstractPen(abc.ABC):
         def draw(self, pen):
             top = cj.extend.Marker("ground", (0, 0, 1))
             pen.spring(top, cj.extend.Marker(self.body, (0, 0, 0)))
-
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"rope": Rope("ball")})
     ```
     """
 
@@ -92,15 +82,11 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block with its centre at the marker `block` on a rail along the axis of `rail`.
-
-        If `turning` is true, draw a sleeve, which can rotate about the rail, in place of the block.
-        """
+        """Draw a block on a rail along the axis of `rail`; if `turning`, a sleeve."""
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
-        """Draw the plane through the marker `plane`, perpendicular to its axis, and a `point` in
-        this plane."""
+        """Draw the plane through a marker, perpendicular to its axis, and a point in it."""
 
     @abc.abstractmethod
     def rod(self, first: Marker, second: Marker) -> None:
@@ -112,11 +98,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Draw an arrow for a force that acts at a point.
-
-        **Arguments:** `marker`: the point; `force`: (3,) N in global axes, or a function that
-        returns it from the time in s. The function must work under `jax.vmap`.
-        """
+        """Draw an arrow for a force, (3,) N, global, or a function of time under `jax.vmap`."""
 
     @abc.abstractmethod
     def bearing(
@@ -133,56 +115,35 @@ class AbstractPen(abc.ABC):
 
         A joint draws at most one: a view shows the forces of all its contacts at this journal.
 
-        **Arguments:** `bearing`, `journal`: centres with axes. `radius`: of the bearing, m, or
-        ``None`` if unknown. `clearance`: radius of the bearing less that of the journal, m.
+        **Arguments:** `radius`: of the bearing, m, or ``None`` if unknown. `clearance`: radial, m.
         `length`: of the journal, m. `profiles`: deviations of the bearing and of the journal from
         circles; ``None`` for a circle.
         """
 
     @abc.abstractmethod
     def socket(self, socket: Marker, ball: Marker, *, radius: Single, clearance: Single) -> None:
-        """Draw a ball in a socket.
-
-        **Arguments:** `socket`, `ball`: centres. `radius`: of the socket, m. `clearance`: radius of
-        the socket less that of the ball, m.
-        """
+        """Draw a ball in a socket with this `radius`, m, and radial `clearance`, m."""
 
     @abc.abstractmethod
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two parallel walls that guide a part of another body.
+        """Draw two walls around the marker `middle`, as long as the path of the marker `runner`.
 
-        **Arguments:**
-
-        - `middle`: a point midway between the walls.
-        - `runner`: centre of the guided part; the walls are as long as the path of this point.
-        - `normal`: of the walls, (3,) in the axes of the body of `middle`, any length.
-        - `distance`: between the two walls, m.
+        `normal` is that of the walls, (3,) in the axes of the body of `middle`, any length.
         """
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a rectangular block, such as a slider between walls.
-
-        **Arguments:** `centre`: of the block, with an axis. `normal`: (3,) in the same body's axes,
-        perpendicular to the axis. `length`: along the axis, m. `height`: along the normal, m.
-        """
+        """Draw a block with its length along the marker's axis and its height along `normal`."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder with a `radius`, m, and its axis along the line of sight.
-
-        The line of sight on a planar mechanism is perpendicular to the plane of motion.
-        """
+        """Draw a cylinder with a `radius`, m, and its axis along the line of sight."""
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Draw a spur gear.
+        """Draw a spur gear with its pitch circle's `radius`, m, which is negative for an internal
+        gear.
 
-        **Arguments:**
-
-        - `centre`: of the gear, with its axis.
-        - `radius`: of the pitch circle, m, negative for an internal gear.
-        - `teeth`: number of teeth.
-        - `phase`: angle of the middle of a tooth about the gear's axis, rad, from the first vector
-          that `clearjoint._math.rotations.transverse_axes` returns for this axis.
+        `phase` is the angle of the middle of a tooth, rad, from the first vector that
+        `clearjoint._math.rotations.transverse_axes` returns for the gear's axis.
         """

@@ -3,11 +3,10 @@
 A profile is given by its support function p(u): the distance from the centre to the tangent that is
 perpendicular to the unit vector u. With support functions the penetration of two convex shapes is
 exact. Let p_J be that of a journal, p_B that of the bearing's wall, and e the vector from the
-bearing's centre to the journal's. The journal is inside the bearing if e.u + p_J(u) <= p_B(u) for
-every u. The largest value of e.u + p_J(u) - p_B(u) over all u is the penetration, and the u where
-it occurs is the normal of the contact. The radius measured along u differs from p(u) by about
-s^2/(2 R) only, with the slope s of the deviation and the radius R: 5e-10 m for 3 um per rad and
-R = 10 mm. Deviations of the radius are therefore used as deviations of p(u).
+bearing's centre to the journal's. The largest value of e.u + p_J(u) - p_B(u) over all u is the
+penetration, and the u where it occurs is the normal of the contact. The radius measured along u
+differs from p(u) by about s^2/(2 R) only, with the slope s of the deviation and the radius R: 5e-10
+m for 3 um per rad and R = 10 mm. Deviations of the radius are therefore used as deviations of p(u).
 """
 
 import abc
@@ -18,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.checks import caution_unless, concrete, require, require_finite, require_numbers
 from .._fields.objects import AbstractConverting, on_device, quantity
@@ -26,23 +26,19 @@ from .._math.smoothing import polar_angle
 from .._math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in the search for the angle at which journal and wall come closest.
-
-The search starts at the best of evenly spaced angles. Up to the sixth harmonic, each wave contains
-eight or more of these angles, so that the start is at most a sixteenth of a wave from the result.
-Each step roughly squares this error, so that four steps reach rounding accuracy.
-"""
+"""Number of Newton steps in the search for the angle at which journal and wall come closest. Its
+start is at most a sixteenth of a wave from the result. Each step roughly squares this error, so
+that four steps reach rounding accuracy."""
 FEWEST_ANGLES = 16
-"""Smallest number of evenly spaced angles at which `closest_approach` begins to search: that for
-two waves around the circumference."""
+"""Smallest number of angles at which `closest_approach` begins to search: that for two waves around
+the circumference."""
 MOST_ANGLES = 48
-"""Largest number of evenly spaced angles at which `closest_approach` begins to search. The compiler
-of native code (`clearjoint._native`) turns an array of up to this length into separate numbers; a
-longer one is kept in memory and processed by slower loops."""
+"""Largest number of angles at which `closest_approach` begins to search. The compiler of native
+code turns an array of up to this length into separate numbers; a longer one is kept in memory and
+processed by slower loops."""
 ANGLES_PER_WAVE = 8
-"""Number of evenly spaced angles per wave of the highest harmonic among which the search for the
-closest approach chooses its start. The start is then within a sixteenth of a wave from the maximum,
-so that Newton's method converges to it."""
+"""Number of angles per wave of the highest harmonic at which the search begins. The best of them is
+within a sixteenth of a wave from the maximum, so that Newton's method converges to it."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]
@@ -52,9 +48,8 @@ NumberOrArray: TypeAlias = Float[Any, "..."]
 class Deviation(NamedTuple):
     """Deviation of a profile's support function from that of its circle, at an angle of the normal.
 
-    - `value`: support function of the profile less that of the circle, m.
-    - `slope`: derivative of `value` by the angle, m/rad.
-    - `bend`: second derivative of `value` by the angle, m/rad^2.
+    `value` is in m; `slope` and `bend` are its first and second derivative by the angle, m/rad and
+    m/rad^2.
 
     >>> cj.profiles.Harmonics([2e-6]).at(0.0)._fields
     ('value', 'slope', 'bend')
@@ -68,13 +63,11 @@ class Deviation(NamedTuple):
 class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
-    A subclass defines two methods: `at`, the deviation as a twice continuously differentiable
-    function of an angle, and `angles`, the number of angles that resolve it. The angle is measured
-    about the axis of the part (bearing or journal), from the x axis towards the y axis of a frame
-    that is fixed to the part and has its z axis along the axis of the part. The x and y axes are
-    those that `transverse_axes` returns; for the axis (0, 0, 1) they are the x and y axes of the
+    The angle is measured about the axis of the part (bearing or journal), from x towards y of the
+    axes that `transverse_axes` returns; for the axis (0, 0, 1) they are the x and y axes of the
     body. A positive deviation enlarges the radius: it removes material from a bearing and adds
-    material to a journal.
+    material to a journal. A subclass defines the deviation as a twice continuously differentiable
+    function of the angle:
 
     ```python
     import clearjoint as cj
@@ -94,18 +87,14 @@ class AbstractProfile(AbstractConverting):
 
     @abc.abstractmethod
     def at(self, angle: NumberOrArray) -> Deviation:
-        """Return the deviation at an angle, rad, or at an array of angles.
-
-        Each field of the deviation has the shape of the angle.
-        """
+        """Return the deviation at an angle, rad, or at an array of angles."""
 
     @abc.abstractmethod
     def angles(self) -> int:
         """Return how many evenly spaced angles resolve the waves of the profile.
 
-        The search for the closest approach of journal and wall begins at the best of these angles.
-        It uses at least 16 and at most 48 angles: for waves above the sixth harmonic, it may find a
-        maximum of the penetration that is not the largest.
+        The search for the closest approach begins at the best of 16 to 48 such angles: for waves
+        above the sixth harmonic, it may find a penetration that is not the largest.
         """
 
 
@@ -114,10 +103,8 @@ class Harmonics(AbstractProfile):
 
     The first harmonic shifts the circle, the second makes it oval, the third gives three lobes.
 
-    **Arguments:**
-
-    - `cosines`: (K,) m, a_1, a_2, ..., a_K.
-    - `sines`: (K,) m, b_1, ..., b_K; zero by default.
+    **Arguments:** `cosines`: a_1, a_2, ..., a_K, (K,) m. `sines`: b_1, ..., b_K, (K,) m; zero by
+    default.
 
     **Raises:** `ValueError` if the coefficients are not finite, non-empty rows of equal length.
 
@@ -137,13 +124,13 @@ class Harmonics(AbstractProfile):
         shape = np.shape(self.cosines)
         remedy = "pass the coefficients in a list, that of the first harmonic first"
         require(len(shape) == 1 and shape != (0,), "cosines", shape, "a row", remedy)
-        given = np.shape(self.sines)
-        require(given == shape, "sines", given, f"of the shape {shape} of `cosines`", remedy)
+        of_sines = np.shape(self.sines)
+        require(of_sines == shape, "sines", of_sines, f"of the shape {shape} of `cosines`", remedy)
         require_finite("cosines", self.cosines)
         require_finite("sines", self.sines)
 
+    @override
     def at(self, angle: NumberOrArray) -> Deviation:
-        """Return the deviation at an angle, rad, or at an array of angles."""
         cosines, sines = on_device(self.cosines), on_device(self.sines)
         numpy = library((angle,))
         c, s = cosine, sine = numpy.cos(angle), numpy.sin(angle)
@@ -158,22 +145,16 @@ class Harmonics(AbstractProfile):
             cosine, sine = cosine * c - sine * s, sine * c + cosine * s
         return Deviation(value, slope, bend)
 
+    @override
     def angles(self) -> int:
-        """Return the number of evenly spaced angles that resolve the profile.
-
-        It is eight for each wave of the highest harmonic.
-        """
         return ANGLES_PER_WAVE * np.shape(self.cosines)[0]
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots.
+    """Base class of periodic cubic splines with evenly spaced knots; `angles` is their number."""
 
-    A subclass defines `coefficients_around`, and `angles`, the number of knots.
-    """
-
+    @override
     def at(self, angle: NumberOrArray) -> Deviation:
-        """Return the deviation at an angle, rad, or at an array of angles."""
         count = self.angles()
         per_knot = count / (2.0 * np.pi)
         # The knots next to angles that are known before compilation are found by NumPy, so that
@@ -194,11 +175,9 @@ class AbstractPeriodicSpline(AbstractProfile):
 
     @abc.abstractmethod
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
-        m.
+        """Return the coefficients from the one before a knot to the second after it, (..., 4) m.
 
-        **Arguments:** `knot`: index, or array (...) of indices, of the knot before an angle: 0 to
-        N - 1 for N knots, or N by rounding, which stands for knot 0.
+        The index of the knot is 0 to N - 1 for N knots, or N by rounding, which stands for knot 0.
         """
 
 
@@ -207,8 +186,8 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
     Use `PeriodicSpline.through(values)` for a profile through given values.
 
-    **Arguments:** `coefficients`: (N,) m, of the cubic B-splines that are centred at the angles
-    0, 2 pi/N, 4 pi/N, ...; at least four.
+    **Arguments:** `coefficients`: (N,) m, of the cubic B-splines that are centred at the angles 0,
+    2 pi/N, 4 pi/N, ...; at least four.
 
     **Raises:** `ValueError` if the coefficients are not a row of at least four finite numbers.
 
@@ -228,10 +207,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
     @staticmethod
     def through(values: ArrayLike) -> "PeriodicSpline":
-        """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ...
-
-        **Raises:** `ValueError` if the values are not a row of at least four finite numbers.
-        """
+        """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ..."""
         row = PeriodicSpline(values).coefficients  # converted and checked
         library, count = jnp if isinstance(row, jax.Array) else np, row.shape[0]
         # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution. Its
@@ -239,22 +215,17 @@ class PeriodicSpline(AbstractPeriodicSpline):
         factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)) / 3.0
         return PeriodicSpline(library.fft.irfft(library.fft.rfft(row) / factors, count))
 
+    @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        """Return the four coefficients from the one before a knot to the second after it, (..., 4)
-        m."""
         return periodic(on_device(self.coefficients), knot)
 
+    @override
     def angles(self) -> int:
-        """Return the number of evenly spaced angles that resolve the profile: that of the knots."""
         return np.shape(self.coefficients)[0]
 
 
 def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
-    """Return four successive entries of a periodic row, (..., 4).
-
-    **Arguments:** `row`: (N,). `knot`: index of the second of the entries, 0 to N, or an array
-    (...) of indices.
-    """
+    """Return four successive entries of a periodic row, (..., 4), of which `knot` is the second."""
     # One gather for the four entries. The row continues after its end with its first three entries:
     # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
     # and the knot the length of the row.
@@ -265,11 +236,9 @@ def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
 class Approach(NamedTuple):
     """Direction in which a journal comes closest to the wall, and the contact there.
 
-    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section, from the bearing's
-      x axis.
+    - `cosine`, `sine`: of the direction's angle in the bearing's cross-section, from its x axis.
     - `depth`: penetration in this direction, m, negative without contact.
-    - `journal`: deviation of the journal from its circle in this direction, with derivatives by the
-      angle about the journal's own axis; zeros for a circle.
+    - `journal`: deviation of the journal, with derivatives by the angle about its own axis.
     """
 
     cosine: Scalar
@@ -281,7 +250,6 @@ class Approach(NamedTuple):
 class PlanarAxes(NamedTuple):
     """Components of a journal's x and y axes along the x and y axes of its bearing.
 
-    For example, `x_along_y` is the component of the journal's x axis along the bearing's y axis.
     The journal may be tilted, or its axis may point against the bearing's.
     """
 
@@ -304,20 +272,15 @@ def closest_approach(
 ) -> Approach:
     """Return where a journal comes closest to the wall of its bearing, or penetrates it most.
 
-    The penetration is the maximum over the angle of x cos(angle) + y sin(angle) - clearance -
-    (deviation of the wall) + (deviation of the journal). The search begins at the best of evenly
-    spaced angles and ends with Newton steps, so it finds the largest of several maxima if the
-    angles resolve them. There are at most `MOST_ANGLES` of these angles. At least one of `bearing`
-    and `journal` must be given, since two circles need no search.
+    The search begins at the best of evenly spaced angles and ends with Newton steps, so it finds
+    the largest of several maxima of `overlaps` if the angles resolve them. At least one of
+    `bearing` and `journal` must be given, since two circles need no search.
 
     **Arguments:**
 
-    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m from the
-      bearing's centre along the bearing's x and y axes.
-    - `clearance`: radius of the bearing's circle less that of the journal's, m. The profiles are
-      deviations from these circles.
+    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m.
+    - `clearance`: radius of the bearing's circle less that of the journal's, m.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
-    - `axes`: components of the journal's x and y axes along the bearing's.
     """
     # JAX does not differentiate the search, except for its last Newton step.
     shapes = x, y, bearing, journal, axes
@@ -326,10 +289,10 @@ def closest_approach(
     count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
     spacing = 2.0 * np.pi / count
     angles = np.arange(count) * spacing
-    found = overlaps(*constant[:2], angles, *constant[2:])
+    overlap = overlaps(*constant[:2], angles, *constant[2:])
     # The angle of the largest overlap; of equal ones the largest angle. An argmax is avoided, since
     # XLA aborts when it compiles two of them in one program (jaxlib 0.10).
-    start = jnp.max(jnp.where(found == jnp.max(found), angles, 0.0))
+    start = jnp.max(jnp.where(overlap == jnp.max(overlap), angles, 0.0))
 
     # A loop, since steps that are written out would take longer to compile.
     def refine(k: jax.Array, angle: Scalar) -> Scalar:
@@ -355,11 +318,7 @@ def _newton_step(
     journal: AbstractProfile | None,
     axes: PlanarAxes,
 ) -> Scalar:
-    """Return the change of an angle, rad, that leads to the maximum of `overlaps`, or zero if the
-    second derivative is not that of a maximum.
-
-    The arguments are those of `overlaps`.
-    """
+    """Return the change of an angle, rad, that leads to the maximum of `overlaps`."""
     # First and second derivative of the penetration by the angle. Those of the journal's deviation
     # contain the rate of the angle about the journal's own axis, which may be tilted.
     cosine, sine = jnp.cos(angle), jnp.sin(angle)
@@ -379,13 +338,7 @@ def overlaps(
     journal: AbstractProfile | None,
     axes: PlanarAxes,
 ) -> Scalar:
-    """Return the overlap of journal and wall in given directions, m, if the clearance were zero.
-
-    It is the penetration plus the clearance.
-
-    **Arguments:** `angle`: of the direction in the bearing's cross-section, rad, a number or an
-    array. The other arguments are those of `closest_approach`.
-    """
+    """Return the overlap of journal and wall at an angle, rad, m, if the clearance were zero."""
     numpy = library((angle,))
     cosine, sine = numpy.cos(angle), numpy.sin(angle)
     wall = _ROUND if bearing is None else bearing.at(angle)
@@ -396,14 +349,7 @@ def overlaps(
 def _of_journal(
     cosine: Scalar, sine: Scalar, journal: AbstractProfile | None, axes: PlanarAxes
 ) -> tuple[Deviation, Scalar, Scalar]:
-    """Return the journal's deviation in a direction of the bearing's cross-section.
-
-    **Arguments:** `cosine`, `sine`: of the direction's angle. `journal`, `axes`: as for
-    `closest_approach`.
-
-    **Returns:** the deviation, and the first and second derivative of the angle about the journal's
-    own axis by the angle in the cross-section. For a circle all are zero.
-    """
+    """Return the journal's deviation in a direction, and two derivatives of its own angle."""
     if journal is None:
         return _ROUND, 0.0, 0.0
     # Components of the direction along the journal's axes. Their polar angle is that about the
@@ -422,14 +368,7 @@ def _of_journal(
 def require_room(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
-    """Check that a journal in the centre of its bearing doesn't touch the wall, however the two are
-    rotated relative to each other.
-
-    **Arguments:** `clearance`: radius of the bearing's circle less that of the journal's, m;
-    `bearing`, `journal`: the profiles, or ``None`` for a circle.
-
-    **Raises:** `ValueError`, with the clearance that the profiles need, if they may touch.
-    """
+    """Raise a `ValueError` if a centred journal may touch the wall at any relative rotation."""
     if bearing is None and journal is None:
         return
     # The highest point of the journal may face the point where the bearing is narrowest.
@@ -444,14 +383,9 @@ def caution_two_contacts(
 ) -> None:
     """Warn if the journal may touch the wall at two points that are close to each other.
 
-    The model has one contact, the deepest, in each cross-section. The journal touches at one point
-    at most if the smallest radius of curvature of the wall exceeds the largest of the journal. The
-    radius of curvature is R + h + h'' for a circle of radius R and a deviation h, whose second
-    derivative by the angle is h''. A clearance or a profile that JAX traces is not checked. The
-    arguments are those of `require_room`.
-
-    **Warns:** `UnusualValueWarning`, with the clearance that the profiles need, if the condition
-    for the radii of curvature is not met.
+    The model has one contact, the deepest. The journal touches at one point at most if the smallest
+    radius of curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of
+    radius R and a deviation h.
     """
     if bearing is None and journal is None:
         return
@@ -470,10 +404,7 @@ def caution_two_contacts(
 
 
 def _sampled(profile: AbstractProfile | None) -> Deviation:
-    """Return the deviation at evenly spaced angles, four times as many as resolve the profile.
-
-    For a circle, whose profile is ``None``, it is zero at one angle.
-    """
+    """Return the deviation at evenly spaced angles, four times as many as resolve the profile."""
     if profile is None:
         return Deviation(*(np.zeros(1),) * 3)
     count = 4 * profile.angles()

@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 import jax
 import numpy as np
+from typing_extensions import override
 
 from .._fields.cautions import LooseBodyWarning, caution
 from .._fields.checks import caution_above, caution_unless, concrete, named, nearest, require
@@ -45,11 +46,11 @@ class Scene(AbstractReadable):
 
     **Raises:** `ValueError` if there is no body, a body is named "ground", a name is empty or not a
     string, an element has the wrong class or names an unknown body, a joint and a force have the
-    same name, or the gravity is not three finite numbers.
-    **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with joints, or
-    if no chain of joints, apart from drivers, connects the two bodies of a driver, drive torque or
-    torsional spring; `UnusualValueWarning` if a point is farther than 100 radii of gyration from
-    its body's centre of mass, or gravity exceeds 1e3 m/s^2.
+    same name, or the gravity is not three finite numbers. **Warns:** `LooseBodyWarning` if no joint
+    and no force acts on a body of a scene with joints, or if no chain of joints, apart from
+    drivers, connects the two bodies of a driver, drive torque or torsional spring;
+    `UnusualValueWarning` if a point is farther than 100 radii of gyration from its body's centre of
+    mass, or gravity exceeds 1e3 m/s^2.
 
     >>> scene = cj.Scene(
     ...     bodies={"arm": cj.Body(mass=1.0, inertia=(1e-3, 0.1, 0.1))},
@@ -77,16 +78,8 @@ class Scene(AbstractReadable):
         self.forces = named("forces", forces, "pass for example {name: SpringDamper(...)}")
         self.gravity = gravity
 
+    @override
     def _check_together(self) -> None:
-        """Check the bodies, the elements and their names, and warn of unusual numbers.
-
-        `AbstractReadable` calls it when a scene has been made. Runs repeat it, without warnings.
-
-        **Raises:** `ValueError` if there is no body, a body is named "ground", an element has the
-        wrong class or names an unknown body, or a joint and a force have the same name.
-        **Warns:** `UnusualValueWarning` if a point is far from its body's centre of mass, or
-        gravity is large.
-        """
         remedy = "pass {name: Body(...)}"
         require(len(self.bodies) > 0, "bodies", {}, "a dictionary with at least one body", remedy)
         expected = "without the reserved name of the fixed body"
@@ -95,11 +88,11 @@ class Scene(AbstractReadable):
             expected = "one of " + ", ".join(kind.__name__ for kind in kinds)
             for name, element in getattr(self, family).items():
                 # The advice names the argument in which the element belongs, if there is one.
-                belongs = [one for one, classes in KINDS.items() if isinstance(element, classes)]
+                belongs = [key for key, classes in KINDS.items() if isinstance(element, classes)]
                 remedy = "pass an element of that class"
-                remedy += "".join(f"; pass this one in `{one}`" for one in belongs)
-                argument, given = f"{family}[{name!r}]", type(element).__name__
-                require(isinstance(element, kinds), argument, given, expected, remedy)
+                remedy += "".join(f"; pass this one in `{key}`" for key in belongs)
+                argument, kind = f"{family}[{name!r}]", type(element).__name__
+                require(isinstance(element, kinds), argument, kind, expected, remedy)
         for family in ("joints", "forces"):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
@@ -112,15 +105,8 @@ class Scene(AbstractReadable):
             size = np.linalg.norm(self.gravity)
             caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
 
+    @override
     def _caution_together(self) -> None:
-        """Warn of bodies on which nothing acts, and of drives whose axis no joint holds.
-
-        A drive is a driver, a drive torque or a torsional spring. `AbstractReadable` calls the
-        method when a scene has been made.
-
-        **Warns:** `LooseBodyWarning` if no joint and no force acts on a body of a scene with
-        joints, or if no chain of joints, apart from drivers, connects the two bodies of a drive.
-        """
         elements = (*self.joints.values(), *self.forces.values())
         connected = {body for element in elements for body in element.body_names()}
         for name in self.bodies:
@@ -151,58 +137,44 @@ class Scene(AbstractReadable):
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints that have contacts, by name."""
-        joints = self.joints.items()
-        return {name: one for name, one in joints if isinstance(one, AbstractContactJoint)}
+        return {
+            name: joint
+            for name, joint in self.joints.items()
+            if isinstance(joint, AbstractContactJoint)
+        }
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
-        """Return the friction laws with bristles, ``laws[joint][contact]``.
-
-        Joints without such a law are left out.
-        """
+        """Return the bristle laws of the joints that have such laws, ``laws[joint][contact]``."""
         laws = {name: joint.bristle_laws() for name, joint in self.contact_joints().items()}
         return {name: family for name, family in laws.items() if family}
 
     def laws(self) -> dict[str, dict[str, AbstractContactLaw]]:
-        """Return the laws of the normal force, ``laws[joint][contact]``, by name of the joint and
-        label of the contact."""
+        """Return the laws of the normal force, ``laws[joint][contact]``."""
         return {name: joint.laws() for name, joint in self.contact_joints().items()}
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Check that the scene has all bodies whose names an element contains.
-
-    **Arguments:** `argument`: name of the element in the error message; `bodies`: of the scene.
-
-    **Raises:** `ValueError` for a body that is neither in the scene nor the ground.
-    """
-    known = {GROUND, *bodies}
+    """Raise a `ValueError` if an element names a body that the scene doesn't have."""
+    names = {GROUND, *bodies}
     for name in element.body_names():
-        if name in known:
+        if name in names:
             continue
-        remedy = nearest(name, known, "correct the name, or add the body to the scene")
-        expected = f"between known bodies {sorted(known)}"
+        remedy = nearest(name, names, "correct the name, or add the body to the scene")
+        expected = f"between known bodies {sorted(names)}"
         # The message names the field that holds this very string.
         fields = [f".{key}" for key, value in vars(element).items() if value is name]
         require(False, f"{argument}{''.join(fields[:1])}", name, expected, remedy)
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of points of an element that are far from their body's centre of mass, since their unit
-    may be wrong.
-
-    Points of the ground, and points and bodies with traced numbers, are not checked.
-
-    **Arguments:** `argument`: name of the element in the warning; `bodies`: of the scene.
-
-    **Warns:** `UnusualValueWarning` if the distance exceeds 100 radii of gyration of the body.
-    """
+    """Warn of points that are far from their body's centre of mass; their unit may be wrong."""
     for name, body, point in element.attachments():
         # A point of the ground may be anywhere.
         numbers = (bodies[body], point) if body in bodies else ()
         if not numbers or any(concrete(leaf) is None for leaf in jax.tree.leaves(numbers)):
             continue
         distance, radius = float(np.linalg.norm(point)), bodies[body].gyration_radius()
-        fine, unit = distance <= FARTHEST * radius, "m from the centre of mass"
+        is_near, unit = distance <= FARTHEST * radius, "m from the centre of mass"
         expected = f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}"
         remedy = "give points in m, and inertias in kg m^2"
-        caution_unless(fine, f"{argument}.{name}", distance, unit, expected, remedy)
+        caution_unless(is_near, f"{argument}.{name}", distance, unit, expected, remedy)

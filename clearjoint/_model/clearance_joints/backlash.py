@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Annotated
 
 import equinox as eqx
+from typing_extensions import override
 
 from ..._fields.checks import as_number, require, require_axis, require_numbers, require_positive
 from ..._fields.objects import quantity
@@ -34,14 +35,14 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     Let theta be the second body's angle about the axis, measured from the middle of the play, and r
     the radius of the flanks. The penetrations are
 
-        delta = r (theta - play/2) at the upper flank,
-        delta = r (-theta - play/2) at the lower flank.
+        delta = r (theta - play/2) at the upper flank, delta = r (-theta - play/2) at the lower
+        flank.
 
     The normal force F of a flank acts on the bodies as a couple F r without a net force, so that
-    every normal law can be used. A torsional stiffness of k N m/rad corresponds to k/r^2 N/m, and
-    the radius then has no influence on the motion, except that it converts a `play_length` to an
-    angle. Angles are taken modulo 2 pi from the middle of the play: the number of revolutions is
-    unlimited.
+    every normal law can be used (M. Nordin, P.-O. Gutman, Controlling mechanical systems with
+    backlash: a survey, Automatica 38, 2002). A torsional stiffness of k N m/rad corresponds to
+    k/r^2 N/m. Angles are taken modulo 2 pi from the middle of the play: the number of revolutions
+    is unlimited.
 
     Backlash doesn't hold the axis. Add a `RevoluteJoint`, or another joint that allows the relative
     rotation. For two gears with separate axes use `GearBacklash`.
@@ -49,12 +50,12 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies; one may be the ground.
-    - `axis_first`, `axis_second`: direction of the axis of rotation in the axes of the first and of
-      the second body, (3,), any length; z by default.
+    - `axis_first`, `axis_second`: direction of the axis of rotation in each body's axes, (3,), any
+      length; z by default.
     - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
       at `radius`, as specified for gears. The joint stores the angle.
-    - `radius`: m, of the flanks. Optional with a `torsional_stiffness` and an angle `play`: 0.01 m
-      by default.
+    - `radius`: m, of the flanks. With a `torsional_stiffness` and an angle `play` it is optional
+      and has no influence on the motion; 0.01 m by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play, zero by
       default. If `axis_first` and `axis_second` have the same components, the joint's angle is zero
       when the body axes of both bodies are parallel.
@@ -62,28 +63,14 @@ class Backlash(AbstractPair, AbstractFlankJoint):
       `torsional_stiffness`: N m/rad, of a pressed flank as in gearbox catalogues, with
       `restitution`, 0.5 by default; the law is then a linear `ExactRestitution`.
 
-    **Raises:** `ValueError` if the play is not between zero and a full revolution; unless exactly
-    one of `play` and `play_length`, and exactly one of `law` and `torsional_stiffness`, is given;
-    if a `law` is given with a `restitution`; if a `law` or a `play_length` is given without a
-    `radius`; if the law's stiffness is not given as a number; if an axis has zero length; if both
-    bodies are the same; or if another value is outside its range. **Warns:** `UnusualValueWarning`
-    for a play of more than 0.5 rad or a radius of more than 10 m.
+    **Raises:** `ValueError` unless exactly one of `play` and `play_length`, and exactly one of
+    `law` and `torsional_stiffness`, is given; if a `law` is given with a `restitution`; if a `law`
+    or a `play_length` is given without a `radius`; or if a value is invalid. **Warns:**
+    `UnusualValueWarning` for a play of more than 0.5 rad or a radius of more than 10 m.
 
-    Source: dead-zone model with a contact law at the two flanks (M. Nordin, P.-O. Gutman,
-    Controlling mechanical systems with backlash: a survey, Automatica 38, 2002).
-
-    ```python
-    import clearjoint as cj
-
-    axis = (0, 0, 1)
-    bodies = {"motor": cj.Body(1.0, (1e-3, 1e-3, 1e-3)), "link": cj.Body(2.0, (0.1, 0.1, 0.1))}
-    joints = {
-        "shaft": cj.RevoluteJoint("ground", "motor", (0, 0, 0), (0, 0, 0), axis, axis),
-        "hinge": cj.RevoluteJoint("motor", "link", (0, 0, 0), (0, 0, 0), axis, axis),
-        "gearbox": cj.Backlash("motor", "link", play=1e-3, torsional_stiffness=2e4),
-    }
-    scene = cj.Scene(bodies, joints)
-    ```
+    >>> gearbox = cj.Backlash("motor", "link", play=1e-3, torsional_stiffness=2e4)
+    >>> list(gearbox.laws())
+    ['lower flank', 'upper flank']
     """
 
     first: str = eqx.field(static=True)
@@ -117,10 +104,10 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         torsional_stiffness: Annotated[Scalar | None, "N m/rad"] = None,
         restitution: Annotated[Scalar | None, "1"] = None,
     ):
-        one = (play is None) != (play_length is None)
+        exactly_one = (play is None) != (play_length is None)
         expected = "given if and only if `play_length` is not"
         remedy = "pass one of the two: an angle in rad, or a length at the radius in m"
-        require(one, "play", play, expected, remedy)
+        require(exactly_one, "play", play, expected, remedy)
         # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
         # law's stiffness is that of the couple over the square of the radius.
         if law is None and radius is None:
@@ -143,8 +130,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             restitution = 0.5 if restitution is None else restitution
             law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
         else:
-            given = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
-            for name, value in given.items():
+            excluded = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
+            for name, value in excluded.items():
                 require(value is None, name, value, "omitted with a `law`", "leave one out")
         self.first, self.second = first, second
         self.axis_first, self.axis_second, self.law = axis_first, axis_second, law
@@ -153,29 +140,25 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         else:
             self.play = as_number(play, "play", "rad")
 
+    @override
     def _check_together(self) -> None:
         expected = "smaller than a full revolution"
         remedy = "give the angle from flank to flank in rad"
         require_numbers(lambda play: play < TURN, "play", (self.play,), expected, remedy)
 
+    @override
     def deepest_penetration(self) -> Scalar:
-        """Return the penetration that ends a run, m.
-
-        Opposite the middle of the play the angle jumps by 2 pi, and the contact would change to the
-        other flank. The penetration there is radius (pi - play/2), of which half is allowed.
-        """
+        # Half of the penetration opposite the middle of the play, where the angle jumps by 2 pi,
+        # and the contact would change to the other flank.
         return 0.25 * self.radius * (TURN - self.play)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad in [-pi, pi], as a row: the angle
-        with its derivatives by the bodies' motion.
-
-        In the middle of the play the angle equals the joint's `middle`.
-        """
+        """Return the second body's angle about the axis, rad in [-pi, pi], which is `middle` in the
+        middle of the play, as a row."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of the contacts by label, "lower flank" and "upper flank"."""
         row = self.relative_angle(motions)
         # The angle modulo 2 pi allows any number of revolutions, with unchanged derivatives.
         angle = wrapped(row.value - self.middle, TURN)
@@ -195,12 +178,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
             contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
         return contacts
 
+    @override
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the constraint row "angle": the second body's angle from the middle of the play,
-        rad.
-
-        `assemble`, which corrects initial states, uses it to move a body that starts outside the
-        play to the middle of the play.
-        """
         row = self.relative_angle(motions)
         return {"angle": replace(row, value=wrapped(row.value - self.middle, TURN))}

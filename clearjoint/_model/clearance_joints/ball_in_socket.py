@@ -4,6 +4,7 @@ from dataclasses import KW_ONLY
 
 import equinox as eqx
 import numpy as np
+from typing_extensions import override
 
 from ..._fields.checks import require_point
 from ..._fields.objects import quantity
@@ -28,28 +29,23 @@ class BallInSocket(AbstractCentredJoint):
     the eccentricity e is the distance between the two centres and c the clearance (P. Flores et
     al., Dynamics of multibody systems with spherical clearance joints, 2006). The law receives both
     radii, so that `RavnStiffness`, Hertz's stiffness of a sphere in a sphere, can depend on them.
-    The ball rotates freely about all axes.
 
     **Arguments:**
 
-    - `socket_body`, `ball_body`: names of the bodies; one may be the ground, whose points are
-      measured from the origin.
-    - `socket_point`, `ball_point`: centres, (3,) m from each body's centre of mass in its axes.
+    - `socket_body`, `ball_body`: names of the bodies; one may be the ground.
+    - `socket_point`, `ball_point`: centres, (3,) m from each body's centre of mass in its axes; on
+      the ground from the origin.
     - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
     - `law`: normal law of the contact.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` if the clearance is not smaller than the socket's radius, both bodies
-    are the same, or another value is of the wrong class or outside its range. **Warns:**
-    `UnusualValueWarning` for a socket radius of more than 2 m; `LawRangeWarning` for a clearance
-    outside the range of `law`.
+    **Warns:** `UnusualValueWarning` for a socket radius of more than 2 m; `LawRangeWarning` for a
+    clearance outside the range of `law`.
 
-    ```python
-    import clearjoint as cj
-
-    law = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
-    tip = cj.BallInSocket("rocker", "coupler", socket_radius=10e-3, clearance=0.2e-3, law=law)
-    ```
+    >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
+    >>> tip = cj.BallInSocket("rocker", "coupler", socket_radius=10e-3, clearance=0.2e-3, law=law)
+    >>> print(f"{tip.deepest_penetration():.4f} m")  # the ball's radius
+    0.0098 m
     """
 
     socket_body: str = eqx.field(static=True)
@@ -68,24 +64,25 @@ class BallInSocket(AbstractCentredJoint):
     friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
     point_fields = {"socket_point": "socket_body", "ball_point": "ball_body"}
 
+    @override
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.socket_radius, "the socket's radius")
 
+    @override
     def _caution_together(self) -> None:
         caution_beyond(self.law_limits(CONTACT, 0.0), "clearance")
 
+    @override
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the label of the only contact, "ball"."""
         return (CONTACT,)
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contact "ball", whose normal points from the socket's centre to the ball's."""
         socket, ball = motions[self.socket_body], motions[self.ball_body]
-        centres = self.socket_point, self.ball_point
         eccentricity, normal = norm_and_direction(self._offset(motions))
         velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
-        radii = self.socket_radius, self.clearance
-        gap = Gap(eccentricity - self.clearance, velocity.dot(normal), *radii)
+        depth, rate = eccentricity - self.clearance, velocity.dot(normal)
+        gap = Gap(depth, rate, self.socket_radius, self.clearance)
         # Friction acts on both bodies at one point, midway between the surfaces.
         shift = 0.5 * gap.depth
         on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
@@ -94,40 +91,41 @@ class BallInSocket(AbstractCentredJoint):
         if self.friction is not None:
             slip = slip_at(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
-        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
+        contact = Contact(
+            gap,
+            normal,
+            on_socket,
+            on_ball,
+            slip,
+            line_first=self.socket_point,
+            line_second=self.ball_point,
+        )
+        return {CONTACT: contact}
 
+    @override
     def deepest_penetration(self) -> Scalar:
-        """Return the ball's radius, m, at which the ball's centre is on the socket's surface."""
         return subtract(self.socket_radius, self.clearance)
 
+    @override
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the normal law at a penetration, m; `name`, the contact's
-        label, makes no difference."""
         return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
 
+    @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal spherical joint that keeps the centres of ball and socket together."""
-        return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
+        return SphericalJoint(self.socket_body, self.ball_body, self.socket_point, self.ball_point)
 
+    @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the spherical joint that holds the ball where a load presses it to the socket, at
-        the penetration at which the elastic force is the load.
-
-        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        For a zero load the result is ``None``.
-
-        **Arguments:** `load`: of the ball on the socket, (3,) N in the axes of the socket's body.
-        """
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
         radii = self.socket_radius, self.clearance
         depth = resting_depth([self.law], float(size), self.deepest_penetration(), *radii)
         centre = self.socket_point + (self.clearance + depth) / size * load
-        return SphericalJoint(*self.pair(), centre, self.ball_point)
+        return SphericalJoint(self.socket_body, self.ball_body, centre, self.ball_point)
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a ball in a socket."""
         socket = Marker(self.socket_body, self.socket_point)
         ball = Marker(self.ball_body, self.ball_point)
         pen.socket(socket, ball, radius=self.socket_radius, clearance=self.clearance)

@@ -4,6 +4,7 @@ from dataclasses import KW_ONLY
 
 import equinox as eqx
 import numpy as np
+from typing_extensions import override
 
 from ..._fields.checks import require_axis, require_point
 from ..._fields.objects import optional_quantity, quantity
@@ -25,53 +26,44 @@ from .common import (
 from .journal_bases import SIDES
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
-"""Labels of the contacts with the two walls and with the two ends of the slot.
-
-"lower" is on the negative side of the slot's normal or axis, "upper" on the positive side.
-"""
+"""Labels of the contacts with the two walls and with the two ends of the slot; "upper" is on the
+positive side of the slot's normal or axis."""
 
 
 class PinInSlot(AbstractFrictionJoint):
     """A cylindrical pin in a straight slot, in which the pin slides and rotates, with play across.
 
     The pin touches one of two parallel walls when its centre is half the play from the middle, and
-    one of two flat ends when its centre is half the travel from the middle. The play is the slot's
-    width minus the pin's diameter. The contacts are called "lower wall" and "upper wall", along the
-    normal, and "lower end" and "upper end", along the axis.
+    one of two flat ends when its centre is half the travel from the middle. The contacts are called
+    "lower wall" and "upper wall", along the normal, and "lower end" and "upper end", along the
+    axis.
 
     Each contact is a line along the pin, perpendicular to axis and normal, and its force acts at
     the middle of the line. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m with
     the exponent 1, where 1/E* is the sum of (1 - nu^2)/E of both materials (V. L. Popov, Contact
     Mechanics and Friction, chapter 5): pass this number as the stiffness of a law, such as
-    `Hertz(stiffness, exponent=1.0)`. Only the walls and ends hold the pin: the other joints of a
-    planar mechanism have to hold both bodies in the plane.
+    `Hertz(stiffness, exponent=1.0)`. The other joints of a planar mechanism have to hold both
+    bodies in the plane.
 
     **Arguments:**
 
-    - `slot_body`, `pin_body`: names of the bodies; one may be the ground, whose points are measured
-      from the origin.
-    - `slot_point`: middle of the slot, (3,) m from its body's centre of mass in its axes.
-    - `slot_axis`: direction of the slot, (3,) in the same axes, any length.
-    - `slot_normal`: normal of the walls, perpendicular to `slot_axis`, (3,), any length.
-    - `pin_point`: centre of the pin, (3,) m from its body's centre of mass in its axes.
+    - `slot_body`, `pin_body`: names of the bodies; one may be the ground.
+    - `slot_point`, `pin_point`: middle of the slot, and centre of the pin, (3,) m from each body's
+      centre of mass in its axes; on the ground from the origin.
+    - `slot_axis`, `slot_normal`: direction of the slot and normal of its walls, perpendicular to
+      each other, (3,) in the axes of the slot's body, any length.
     - `pin_radius`: m.
-    - `play`: m, total distance that the pin can move between the walls.
+    - `play`: m, the slot's width minus the pin's diameter.
     - `travel`: m, total distance that the pin can move between the ends; ``None``, the default, for
       a slot without ends.
     - `law`: normal law of walls and ends; its stiffness must be given as a number, because they are
       flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the law's stiffness is
-    not given as a number, both bodies are the same, or another value is of the wrong class or
-    outside its range.
-
-    ```python
-    import clearjoint as cj
-
-    law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
-    slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
-    ```
+    >>> law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
+    >>> slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
+    >>> list(slot.laws())
+    ['lower wall', 'upper wall', 'lower end', 'upper end']
     """
 
     slot_body: str = eqx.field(static=True)
@@ -90,22 +82,23 @@ class PinInSlot(AbstractFrictionJoint):
     friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
     point_fields = {"slot_point": "slot_body", "pin_point": "pin_body"}
 
+    @override
     def _check_together(self) -> None:
         require_flat_law(self.law, "the slot's walls")
         require_right_angle("slot_axis", self.slot_axis, "slot_normal", self.slot_normal)
 
+    @override
     def pair(self) -> tuple[str, str]:
-        """Return the names of the slot's body and the pin's body."""
         return self.slot_body, self.pin_body
 
+    @override
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of both walls, and of both ends if the slot has ends."""
         return WALLS if self.travel is None else WALLS + ENDS
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contacts by label: walls, and ends if the slot has ends."""
         slot, pin = (motions[name] for name in self.pair())
-        part = self.pin_point, self.pin_radius, self.friction is not None
+        has_friction = self.friction is not None
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
@@ -113,41 +106,33 @@ class PinInSlot(AbstractFrictionJoint):
         for labels, outward, room in directions:
             for side, label in zip(SIDES, labels, strict=True):
                 wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
-                contacts[label] = wall.contact(slot, pin, *part)
+                contacts[label] = wall.contact(
+                    slot, pin, self.pin_point, self.pin_radius, has_friction
+                )
         return contacts
 
+    @override
     def deepest_penetration(self) -> Scalar:
-        """Return `pin_radius`, m, at which the pin's centre is at the wall."""
         return self.pin_radius
 
+    @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that keeps the pin's centre in the middle plane of the slot.
-
-        `assemble`, which corrects initial states, uses it if the pin penetrates a wall or an end
-        by more than a micrometre. The joint doesn't move the pin along the slot. A pin that
-        penetrates an end therefore stays there, and `assemble` raises an error if the penetration
-        exceeds a hundredth of `pin_radius`.
-        """
+        """Return a joint that keeps the pin in the slot's middle plane, not between its ends."""
         return self._ideal(self.slot_point)
 
+    @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the pin's centre where a load presses it to a wall, at
-        the penetration at which the wall's elastic force is the load's normal component.
-
-        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        The result is ``None`` if the load is along the walls, apart from rounding errors.
-
-        **Arguments:** `load`: of the pin on the slot, (3,) N in the axes of the slot's body.
-        """
         room, wall = 0.5 * self.play, [self.law]
         offset = offset_at_flat_wall(self.slot_normal, room, load, wall, self.pin_radius)
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
+        return PointInPlaneJoint(
+            self.slot_body, self.pin_body, point, self.pin_point, self.slot_normal
+        )
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw two walls and a roller between them."""
         slot = Marker(self.slot_body, self.slot_point, self.slot_axis)
         pin = Marker(self.pin_body, self.pin_point)
         room = 2.0 * self.pin_radius + self.play
@@ -171,47 +156,33 @@ class SliderInGuide(AbstractFrictionJoint):
     Each of the slider's four corners can touch the wall on its side and then applies the full
     normal law. The contacts are called "rear upper", "front upper", "rear lower" and "front lower",
     where front is along the slider's axis and upper along its normal. The slider can fly freely,
-    pivot about one corner, rest on a wall with two corners, or jam between the walls (P. Flores,
-    R. Leine and C. Glocker, Multibody System Dynamics 23, 2010; their corners 1 to 4 are the
-    contacts in this order). The walls have no ends.
+    pivot about one corner, rest on a wall with two corners, or jam between the walls (P. Flores, R.
+    Leine and C. Glocker, Multibody System Dynamics 23, 2010; their corners 1 to 4 are the contacts
+    in this order). The walls have no ends.
 
-    The walls act on the slider only within the plane of its axis and normal. Other joints of the
-    mechanism, such as a `RevoluteJoint` at the slider's pin, have to prevent it from moving or
-    tilting out of this plane. The angle between slider and guide has to stay below 90 degrees.
+    The walls act on the slider only within the plane of its axis and normal. Other joints, such as
+    a `RevoluteJoint` at the slider's pin, have to keep it in this plane. The angle between slider
+    and guide has to stay below 90 degrees.
 
     **Arguments:**
 
-    - `guide_body`, `slider_body`: names of the bodies; one may be the ground, whose points are
-      measured from the origin.
-    - `guide_point`: a point midway between the walls, (3,) m from the centre of mass of the guide's
-      body in its axes.
-    - `guide_normal`: normal of the walls, from the lower to the upper, (3,) in the same axes, any
-      length.
-    - `slider_point`: the slider's centre, (3,) m from its body's centre of mass in its axes.
-    - `slider_axis`, `slider_normal`: perpendicular directions in the same axes, (3,), any length.
+    - `guide_body`, `slider_body`: names of the bodies; one may be the ground.
+    - `guide_point`, `slider_point`: a point midway between the walls, and the slider's centre, (3,)
+      m from each body's centre of mass in its axes; on the ground from the origin.
+    - `guide_normal`: normal of the walls, from the lower to the upper, (3,) in the axes of the
+      guide's body, any length.
+    - `slider_axis`, `slider_normal`: perpendicular directions in the axes of the slider's body,
+      (3,), any length.
     - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
-    - `clearance`: m, on either side of a centred slider.
+    - `clearance`: m, on either side of a centred slider, smaller than `half_height`.
     - `law`: normal law of a corner; its stiffness must be given as a number, because the walls are
       flat.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
-    **Raises:** `ValueError` if the axis is not perpendicular to the normal, the clearance is not
-    smaller than `half_height`, the law's stiffness is not given as a number, both bodies are the
-    same, or another value is of the wrong class or outside its range.
-
-    ```python
-    import clearjoint as cj
-
-    guide = cj.SliderInGuide(
-        "ground",
-        "slider",
-        half_length=0.05,
-        half_height=0.025,
-        clearance=1e-3,
-        law=cj.laws.ExactRestitution(0.4, 1e9),
-        friction=cj.frictions.RegularisedCoulomb(0.01),
-    )
-    ```
+    >>> law, sizes = cj.laws.ExactRestitution(0.4, 1e9), {"half_length": 0.05, "half_height": 0.025}
+    >>> guide = cj.SliderInGuide("ground", "slider", **sizes, clearance=1e-3, law=law)
+    >>> list(guide.laws())
+    ['rear upper', 'front upper', 'rear lower', 'front lower']
     """
 
     guide_body: str = eqx.field(static=True)
@@ -230,21 +201,22 @@ class SliderInGuide(AbstractFrictionJoint):
     # The guide's point is left out, since it may be far away along the walls.
     point_fields = {"slider_point": "slider_body"}
 
+    @override
     def _check_together(self) -> None:
         require_flat_law(self.law, "the guide's walls")
         require_smaller_clearance(self.clearance, self.half_height, "half the slider's height")
         require_right_angle("slider_axis", self.slider_axis, "slider_normal", self.slider_normal)
 
+    @override
     def pair(self) -> tuple[str, str]:
-        """Return the names of the guide's body and the slider's body."""
         return self.guide_body, self.slider_body
 
+    @override
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the four corners' contacts."""
         return tuple(CORNERS)
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each corner's contact with the wall on its side, by label."""
         guide, slider = (motions[name] for name in self.pair())
         upward, room = unit(self.guide_normal), add(self.half_height, self.clearance)
         # A wall's distance from the middle is half the slider's height plus the clearance.
@@ -258,37 +230,32 @@ class SliderInGuide(AbstractFrictionJoint):
             contacts[label] = walls[side].contact(guide, slider, corner, 0.0, has_friction)
         return contacts
 
+    @override
     def deepest_penetration(self) -> Scalar:
-        """Return `half_height`, m, at which the middle of the slider's end is at the wall."""
         return self.half_height
 
+    @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that keeps the slider's axis in the middle plane of the guide.
-
-        `assemble`, which corrects initial states, uses it if a corner penetrates a wall by more
-        than a micrometre.
-        """
         return self._ideal(self.guide_point)
 
+    @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the slider where a load presses it to a wall, at the
-        penetration at which two corners together carry the load's normal component.
-
-        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        The result is ``None`` if the load is along the walls, apart from rounding errors.
-
-        **Arguments:** `load`: of the slider on the guide, (3,) N in the axes of the guide's body.
-        """
         room, corners = self.clearance, [self.law, self.law]
         offset = offset_at_flat_wall(self.guide_normal, room, load, corners, self.half_height)
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        axes = self.guide_normal, self.slider_axis
-        return LineInPlaneJoint(*self.pair(), point, self.slider_point, *axes)
+        return LineInPlaneJoint(
+            self.guide_body,
+            self.slider_body,
+            point_first=point,
+            point_second=self.slider_point,
+            normal=self.guide_normal,
+            axis=self.slider_axis,
+        )
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw two walls and a block between them."""
         guide = Marker(self.guide_body, self.guide_point)
         slider = Marker(self.slider_body, self.slider_point, self.slider_axis)
         sizes = 2.0 * self.half_length, 2.0 * self.half_height

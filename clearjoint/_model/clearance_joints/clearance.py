@@ -1,13 +1,7 @@
-"""The spatial revolute joint with clearance.
+"""The spatial revolute joint with clearance, and its axial behaviour.
 
 Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
-
-The first body carries the bearing, the second the journal. The journal's bases V and W are the
-circles at its two ends. Each base can touch the bearing's wall and then applies the full normal
-law. The tilt between journal and bearing is assumed small, so that the bases' circles lie in the
-bearing's cross-section (as in the paper). With `line_points`, circles between the bases can touch
-the wall as well, and the force is the mean of the normal law over the journal's length.
 """
 
 import itertools
@@ -17,6 +11,7 @@ from typing import Annotated, ClassVar
 
 import equinox as eqx
 import numpy as np
+from typing_extensions import override
 
 from ..._fields.checks import (
     as_number,
@@ -104,9 +99,8 @@ class AbstractAxialPolicy(AbstractConverting):
         return None
 
     def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
-        """Return the friction law of the shoulders and their mean radius, m; ``None``, the default,
-        for shoulders without friction.
-        """
+        """Return the shoulders' friction law and mean radius, m; ``None``, the default, for
+        none."""
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
@@ -114,20 +108,15 @@ class AbstractAxialPolicy(AbstractConverting):
 
         By default there is no play: the penetration is `offset`.
 
-        **Arguments:**
-
-        - `side`: 1.0 for the shoulder at the end of the bearing to which its axis points (the upper
-          shoulder), -1.0 for the shoulder at the opposite end (the lower shoulder).
-        - `offset`: m, displacement of the journal's end towards the shoulder, zero for a centred
-          journal.
-        - `rate`: rate of `offset`, m/s.
+        **Arguments:** `side`: 1.0 for the upper shoulder, at the end of the bearing to which its
+        axis points, -1.0 for the lower one. `offset`: displacement of the journal's end towards the
+        shoulder, m, zero for a centred journal; `rate`: its rate, m/s.
         """
         return Gap(offset, rate)
 
 
 class FreeAxially(AbstractAxialPolicy):
-    """No axial support: the journal slides freely, and its contact forces are those in a bearing of
-    unlimited length.
+    """No axial support: the journal slides freely, as in a bearing of unlimited length.
 
     Use it in a mechanism whose other joints hold the bodies in a plane, such as a slider-crank.
     Elsewhere the journal eventually slides out and `simulate` warns with a `LeftBearingWarning`;
@@ -155,12 +144,10 @@ class EndPlay(AbstractAxialPolicy):
     """Shoulders at both ends of the bearing that stop the journal after half the play to each side.
 
     Each shoulder's force acts along the bearing's axis, at the centre of the base that touches the
-    shoulder.
-
-    A shoulder with friction is a thrust face. It resists sliding across the axis and rotation about
-    it: for the sliding velocity v of the base's centre and the relative spin w about the axis, the
-    slip speed is sqrt(v^2 + (r w)^2) with the mean radius r of the face. If the face only rotates,
-    the moment of friction is r times the law's friction force. A face does not resist tilting.
+    shoulder. A shoulder with friction is a thrust face, which resists sliding across the axis and
+    rotation about it, but not tilting: for the sliding velocity v of the base's centre and the
+    relative spin w about the axis, the slip speed is sqrt(v^2 + (r w)^2) with the mean radius r of
+    the face.
 
     **Arguments:**
 
@@ -170,9 +157,6 @@ class EndPlay(AbstractAxialPolicy):
     - `friction`: an `AbstractFriction`, or ``None``, the default, for no friction.
     - `radius`: mean radius of the faces, m, if and only if they have friction. For a face between
       the radii a and b, (2/3) (b^3 - a^3)/(b^2 - a^2) gives the moment of a uniform pressure.
-
-    **Raises:** `ValueError` if only one of `friction` and `radius` is given, the law's stiffness is
-    not given as a number, or a value is of the wrong class or outside its range.
 
     >>> collars = cj.EndPlay(play=0.2e-3, law=cj.laws.Hertz(1e9))
     >>> gap = collars.shoulder_gap(1.0, offset=0.15e-3, rate=0.0)
@@ -193,45 +177,43 @@ class EndPlay(AbstractAxialPolicy):
         expected = "given if and only if `friction` is"
         require(both, "radius", self.radius, expected, "pass both, or none of the two")
 
+    @override
     def shoulder_law(self) -> AbstractContactLaw:
-        """Return the law of both shoulders."""
         return self.law
 
+    @override
     def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
-        """Return the friction law and the mean radius of both shoulders, m; ``None`` without
-        friction.
-        """
         if self.friction is None or self.radius is None:
             return None
         return self.friction, self.radius
 
+    @override
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
-        """Return the penetration into a shoulder, m, and its rate, m/s.
-
-        The penetration is the part of `offset` beyond half the play; it is negative without
-        contact.
-        """
         return Gap(offset - 0.5 * self.play, rate)
 
 
 WIDEST_CLEARANCE = 0.1
-"""Ratio of clearance to bearing radius above which a warning is issued, since the unit of one of
-them is probably wrong."""
+"""Ratio of clearance to bearing radius above which a warning is issued, since a unit is probably
+wrong."""
 LARGEST_BEARING = 2.0
 """Bearing radius above which a warning is issued, m, since it may have been given in mm."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
-"""Contact labels of the shoulders; the upper one is at the end of the bearing to which its axis
+"""Contact labels of the shoulders; the upper one is at the end to which the bearing's axis
 points."""
 MOST_POINTS = 64
-"""Largest number of points along the journal. It is limited because each point is a contact, whose
-force is computed at every evaluation of the equations of motion."""
+"""Largest number of points along the journal. Each is a contact, whose force is computed at every
+evaluation of the equations of motion."""
 LONGEST_JOURNAL = 100.0
 """Ratio of journal length to bearing radius above which a warning is issued, since the length may
-have been given in mm."""
+be in mm."""
 
 
 class ClearanceJoint(AbstractCentredJoint):
     """A revolute joint with clearance: a journal inside a slightly larger bearing.
+
+    The journal's bases V and W are the circles at its two ends. Each base can touch the bearing's
+    wall and then applies the full normal law. The tilt between journal and bearing is assumed
+    small, so that the bases' circles lie in the bearing's cross-section (as in Flores et al. 2006).
 
     **Arguments:**
 
@@ -242,10 +224,10 @@ class ClearanceJoint(AbstractCentredJoint):
       length from the centre against the axis, base W half a length along it.
     - `bearing_radius`: m.
     - `journal_radius` or `clearance`: m, exactly one of them, positive; `clearance` is the
-      difference of the radii. The joint stores the clearance, because it is small and often varied.
+      difference of the radii.
     - `journal_length`: m, distance between the bases.
-    - `law`: normal law of the contact of each base, "V" and "W"; with `line_points`, of the contact
-      along the journal's whole length.
+    - `law`: normal law of the contact of each base; with `line_points`, of the contact along the
+      journal's whole length.
     - `friction`: an `AbstractFriction` or an `AbstractBristleFriction` for the contacts with the
       wall; ``None``, the default, for no friction. Shoulders have a friction law of their own.
     - `axial`: `FreeAxially()`, the default, if other joints support the journal along the axis;
@@ -257,22 +239,19 @@ class ClearanceJoint(AbstractCentredJoint):
       warning tells of such a wall.
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
       from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
-      the length, is then the force per unit of length. The Gauss-Lobatto rule with n points
-      integrates it along the axis, and each point is a contact: "V", "point 2", "point 3" and so
-      on, "W". The wall thus presses a parallel journal with the force of `law`, not with that of
-      two bases, which is twice as large. `cj.quantities.Reaction` gives the sum over all points.
-      The error of force and moment is largest if a journal touches along a part of its length only.
-      It then decreases as n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5
-      points it is typically 3 % of the force that the penetration of the deepest point would cause
-      along the whole length, and 1 % with 8 points.
+      the length, is then the force per unit of length, which the Gauss-Lobatto rule with n points
+      integrates. Each point is a contact: "V", "point 2", "point 3" and so on, "W";
+      `cj.quantities.Reaction` gives their sum. The wall thus presses a parallel journal with the
+      force of `law`, not with that of two bases, which is twice as large. The error of force and
+      moment is largest if a journal touches along a part of its length only. It then decreases as
+      n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5 points it is
+      typically 3 % of the force that the penetration of the deepest point would cause along the
+      whole length, and 1 % with 8 points.
 
-    **Raises:** `ValueError` if both or neither of `journal_radius` and `clearance` are given, the
-    clearance is not between zero and the bearing's radius, an axis has zero length, a profile
-    leaves a centred journal no room, both bodies are the same, or another value is of the wrong
-    class or outside its range. **Warns:** `UnusualValueWarning` for a clearance of more than a
-    tenth of the bearing's radius, a bearing radius of more than 2 m, a journal longer than 100
-    bearing radii, or a wall that is curved too strongly; `LawRangeWarning` for a clearance outside
-    the range of `law`.
+    **Raises:** `ValueError` if a value is invalid, such as profiles that leave a centred journal no
+    room. **Warns:** `UnusualValueWarning` for a clearance of more than a tenth of the bearing's
+    radius, a bearing radius of more than 2 m, or a journal longer than 100 bearing radii;
+    `LawRangeWarning` for a clearance outside the range of `law`.
 
     >>> pin = cj.ClearanceJoint(
     ...     "ground",
@@ -283,7 +262,7 @@ class ClearanceJoint(AbstractCentredJoint):
     ...     journal_length=20e-3,
     ...     law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
     ... )
-    >>> print(f"{pin.bearing_radius - pin.clearance:.4f} m")  # the journal's radius
+    >>> print(f"{pin.journal_radius:.4f} m")
     0.0095 m
     """
 
@@ -326,9 +305,9 @@ class ClearanceJoint(AbstractCentredJoint):
         journal_profile: AbstractProfile | None = None,
         line_points: int | None = None,
     ):
-        one = (journal_radius is None) != (clearance is None)
+        exactly_one = (journal_radius is None) != (clearance is None)
         expected = "given if and only if `journal_radius` is not"
-        require(one, "clearance", clearance, expected, "pass one of the two, in m")
+        require(exactly_one, "clearance", clearance, expected, "pass one of the two, in m")
         # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
         # would lose its digits.
         outer = as_number(bearing_radius, "bearing_radius", "m")
@@ -361,17 +340,19 @@ class ClearanceJoint(AbstractCentredJoint):
             expected = f"from {len(BASES)} to {MOST_POINTS}"
             require(len(BASES) <= points <= MOST_POINTS, "line_points", points, expected, remedy)
 
+    @override
     def _check_together(self) -> None:
         require_smaller_clearance(self.clearance, self.bearing_radius, "the bearing's radius")
         require_room(self.clearance, self.bearing_profile, self.journal_profile)
 
+    @override
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
-            fine = bool(clearance <= WIDEST_CLEARANCE * radius)
+            is_usual = bool(clearance <= WIDEST_CLEARANCE * radius)
             expected = f"at most a tenth of the bearing's radius of {float(radius):g} m"
             remedy = "give the journal's radius as `journal_radius`, and the radial clearance in m"
-            caution_unless(fine, "clearance", float(clearance), "m", expected, remedy)
+            caution_unless(is_usual, "clearance", float(clearance), "m", expected, remedy)
             remedy = "give lengths in m; 1 mm is 1e-3 m"
             longest = LONGEST_JOURNAL * float(radius)
             caution_above("journal_length", self.journal_length, "m", longest, remedy)
@@ -384,44 +365,34 @@ class ClearanceJoint(AbstractCentredJoint):
         """Bearing radius minus clearance, m."""
         return self.bearing_radius - self.clearance
 
+    @override
     def contact_labels(self) -> tuple[str, ...]:
-        """Return the labels of the contacts that use `law` and `friction`: "V" and "W" for the
-        bases, and with `line_points` those of the points between them, such as "point 2"."""
         return tuple(self._axial_points())
 
     def _axial_points(self) -> dict[str, AxialPoint]:
-        """Return the points of the journal's axis at which contact is computed, by label: each with
-        its position, from -1 at base V to 1 at base W, and its share of the length as `weight`."""
         return axial_points(len(BASES) if self.line_points is None else self.line_points)
 
+    @override
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: "V" and "W", points between them, and shoulders.
-
-        With `line_points`, the law of a point along the journal is `law` times the point's share of
-        the length. Shoulders are listed only if the axial policy has them.
-        """
         laws, shoulder_law = super().laws(), self.axial.shoulder_law()
         if self.line_points is not None:
             for label, point in self._axial_points().items():
                 laws[label] = WeightedLaw(self.law, point.weight)
         return laws if shoulder_law is None else laws | dict.fromkeys(SHOULDERS, shoulder_law)
 
+    @override
     def deepest_penetration(self) -> Scalar:
-        """Return the journal's radius, m, at which the journal's axis is at the wall.
-
-        Shoulders are flat, and thus have no limit.
-        """
         return subtract(self.bearing_radius, self.clearance)
 
+    @override
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the contact `name` at a penetration, m."""
-        is_flat = name in SHOULDERS
-        radii = () if is_flat else (self.bearing_radius, self.clearance)
-        return self.laws()[name].limits(Gap(depth, 0.0, *radii))
+        gap = Gap(depth, 0.0)
+        if name not in SHOULDERS:
+            gap = Gap(depth, 0.0, self.bearing_radius, self.clearance)
+        return self.laws()[name].limits(gap)
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label: bases, and points between them and
-        shoulders if there are any."""
         base_at = self.journal_bases(motions)
         contacts = {
             label: self._wall_contact(motions, base_at(point.position))
@@ -438,8 +409,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return contacts
 
     def _wall_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of one base, or of a point between the bases, with the wall (Flores et
-        al. 2006, eqs 10-21)."""
+        """Return the contact of a base with the wall (Flores et al. 2006, eqs 10-21)."""
         if self.bearing_profile is not None or self.journal_profile is not None:
             return self._profile_contact(motions, base)
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
@@ -465,8 +435,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of one base, or of a point between the bases, if the wall or the
-        journal deviates from a circle."""
+        """Return the contact of a base if the wall or the journal is no circle."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
@@ -500,34 +469,23 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the journal's x and y axes along the bearing's x and y axes.
-
-        The x and y axes of the bearing are those that `transverse_axes` returns for the bearing's
-        axis, and likewise for the journal. The components convert angles around the journal to
-        angles around the bearing. `bearing` and `journal` are the motions of the two bodies.
-        """
+        """Return the components of the journal's `transverse_axes` along the bearing's."""
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Return the penetration e - c, m, computed as (e^2 - c^2)/(e + c).
+        """Return the penetration e - c, m, of the eccentricity e, computed as (e^2 - c^2)/(e + c).
 
-        Here e is the `eccentricity` of a base, m, and c the clearance. A direct subtraction would
-        round differently at the two bases, and repeated impacts amplify the difference to a
-        misalignment. In the difference of the squares, the term with the largest rounding error is
-        the same for both bases.
+        A direct subtraction would round differently at the two bases, and repeated impacts amplify
+        the difference to a misalignment. In the difference of the squares, the term with the
+        largest rounding error is the same for both bases.
         """
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
 
     def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
-        """Return the contact of a base with the shoulder that it faces.
-
-        **Arguments:** `side`: -1.0 for the lower shoulder, 1.0 for the upper one. `base`: position
-        and velocity of the base.
-        """
         outward = base.axis * side
         offset = side * base.height - 0.5 * self.journal_length
         gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
@@ -541,15 +499,13 @@ class ClearanceJoint(AbstractCentredJoint):
             slip = slip + outward * (spin.dot(outward) * radius)
         return Contact(gap, outward, base.on_bearing, base.local, slip, face_radius=radius)
 
+    @override
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the journal's body, N in global axes; ``None`` without
         friction.
 
-        For a law with bristles it is that of steady sliding. For a shoulder, only the components
-        across the axis are a force. The component along the axis, times the mean radius of the
-        face (`Contact.face_radius`), is the moment of the friction about the axis.
-
-        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N.
+        For a shoulder, the component along the axis is no force: times the mean radius of the face
+        (`Contact.face_radius`), it is the moment of the friction about the axis.
         """
         face = self.axial.shoulder_friction() if name in SHOULDERS else None
         if face is None or contact.slip is None:
@@ -558,12 +514,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
-        """Return a function that computes the position and velocity of a point on the journal's
-        axis relative to the bearing.
-
-        The argument of the returned function is the point: -1 for base V, 1 for base W, and a
-        number in between for a point between the bases.
-        """
+        """Return a function of a position on the journal's axis, -1 for base V, 1 for base W."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
         centre, half_arm = self._offset(motions), journal.direction(half)
@@ -594,9 +545,7 @@ class ClearanceJoint(AbstractCentredJoint):
         axes of the bearing's body.
 
         **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
-        default, for the journal's centre.
-
-        **Raises:** `ValueError` for another label.
+        default, for the journal's centre; a `ValueError` for another label.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         offset = self._offset(motions)
@@ -611,23 +560,19 @@ class ClearanceJoint(AbstractCentredJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a row: the
-        angle with its derivatives by the bodies' motion.
+        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a row.
 
-        The angle is zero if the bodies' frames differ by the shortest rotation that makes the two
-        axes parallel, in the same or the opposite sense. It is the same sense if the scalar product
-        of the given components `bearing_axis` and `journal_axis` is not negative.
+        It is zero if the bodies' frames differ by the shortest rotation that makes the axes
+        parallel, or antiparallel if the scalar product of `bearing_axis` and `journal_axis` is
+        negative.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
 
+    @override
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance along the axis from the journal to a bearing of the same length, m.
-
-        It is negative until the journal has left the bearing completely. ``None`` stands for a
-        journal that is held axially or has shoulders.
-        """
+        """Return the distance by which a free journal has left a bearing of its length, m."""
         if not self._is_free():
             return None
         bearing = motions[self.bearing_body]
@@ -635,30 +580,16 @@ class ClearanceJoint(AbstractCentredJoint):
         return abs(height) - self.journal_length
 
     def _is_free(self) -> bool:
-        """Return whether the joint lets the journal slide along the axis without limit."""
         return not self.axial.holds_centre and self.axial.shoulder_law() is None
 
+    @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return the ideal joint that keeps the journal's axis on the bearing's: a revolute joint,
-        or a cylindrical joint if the journal is axially free.
-
-        `assemble`, which corrects initial states, uses it to centre a journal that starts outside
-        of the bearing.
-        """
         return self._ideal(self.bearing_point)
 
+    @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal where a load presses it to the wall, at the
-        penetration at which its contacts together carry the load across the axis.
-
-        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`.
-        The result is ``None`` if the load doesn't press the journal to the wall, because its
-        component across the axis is at most `LEAST_TRANSVERSE_LOAD` times the load. The journal
-        counts as a circle, since the load doesn't determine its rotation.
-
-        **Arguments:** `load`: of the journal on the bearing, (3,) N in the axes of the bearing's
-        body.
-        """
+        """Return the ideal joint that holds the journal, taken as a circle, where a load presses it
+        to the wall; ``None`` for a load along the axis."""
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
         size = np.linalg.norm(across)
@@ -683,33 +614,31 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint that keeps the journal's axis parallel to the bearing's, and the
-        journal's centre at the point `centre`, (3,) m in the axes of the bearing's body.
-
-        It is a revolute joint, or for an axially free journal a cylindrical joint, which lets the
-        journal's centre move along the axis.
-        """
-        points, axes = (centre, self.journal_point), (self.bearing_axis, self.journal_axis)
+        """Return the ideal joint with the journal's centre at `centre`, m in the bearing's body."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
-        return kind(*self.pair(), *points, *axes)
+        return kind(
+            self.bearing_body,
+            self.journal_body,
+            point_first=centre,
+            point_second=self.journal_point,
+            axis_first=self.bearing_axis,
+            axis_second=self.journal_axis,
+        )
 
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""
         return unit(self.journal_axis) * (0.5 * self.journal_length)
 
+    @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "axial" if the axial policy holds the journal's centre, and no row if not.
-
-        The row's value is the distance of the centre from the bearing's middle plane, m.
-        """
         if not self.axial.holds_centre:
             return {}
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         points = self.bearing_point, unit(self.bearing_axis), self.journal_point
         return {"axial": point_in_plane(self.pair(), bearing, journal, *points)}
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a journal in a bearing."""
         pen.bearing(
             Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
             Marker(self.journal_body, self.journal_point, self.journal_axis),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from ..._fields.checks import as_shown, checkable, require, require_numbers
 from ..._fields.types import Single, Triple
@@ -43,14 +44,13 @@ LEAST_DEPTH = 1e-18
 LEAST_FORCE = 1e-300
 """Force, N, that takes the place of a smaller one in `resting_depth`, whose logarithm it takes."""
 LEAST_TRANSVERSE_LOAD = 1e-6
-"""The component of a load that presses a part to a wall counts as rounding error if it is at most
-this fraction of the load. For a bearing it is the component across the axis, for flat walls the
-component along their normal."""
+"""Fraction of a load up to which its component towards a wall counts as rounding error: across a
+bearing's axis, or along the normal of flat walls."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the normal law `law` and the friction law
-    `friction`, which is ``None`` for no friction."""
+    """Base class of joints whose contacts share the laws `law` and `friction`, ``None`` for
+    none."""
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]
@@ -62,34 +62,27 @@ class AbstractOneLawJoint(AbstractContactJoint):
     def contact_labels(self) -> tuple[str, ...]:
         """Return the labels of the contacts that share `law` and `friction`."""
 
+    @override
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law of each contact by label."""
         return dict.fromkeys(self.contact_labels(), self.law)
 
     @abc.abstractmethod
     def deepest_penetration(self) -> Scalar:
         """Return the penetration of a contact in `contact_labels`, m, that ends a run."""
 
+    @override
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, by label of the contact."""
         return dict.fromkeys(self.contact_labels(), self.deepest_penetration())
 
+    @override
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N in global axes; ``None`` without
-        friction.
-
-        For a law with bristles, this is the force in steady sliding, without a viscous part. Where
-        a run integrates the bristles, it uses the laws of `bristle_laws` instead.
-
-        **Arguments:** `name`: label of the contact. `contact`: geometry of the contact.
-        `normal_force`: N.
-        """
+        """Return the friction force, N; for a law with bristles that of steady sliding."""
         if self.friction is None or contact.slip is None:
             return None
         return self.friction.force(normal_force, contact.slip)
 
+    @override
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the bristle law of each contact by label; empty for other friction."""
         if isinstance(self.friction, AbstractBristleFriction):
             return dict.fromkeys(self.contact_labels(), self.friction)
         return {}
@@ -98,10 +91,8 @@ class AbstractOneLawJoint(AbstractContactJoint):
 class AbstractFlankJoint(AbstractOneLawJoint):
     """Base class of joints with two flanks, which the second body touches as it rotates.
 
-    There is no friction.
-
-    **Raises:** `ValueError` if `law` is no contact law, or has a stiffness that is not given as a
-    number: flanks are flat and have no radii on which the stiffness could depend.
+    There is no friction. The law's stiffness must be given as a number: flanks are flat and have no
+    radii on which it could depend.
     """
 
     friction: ClassVar[None] = None
@@ -109,49 +100,39 @@ class AbstractFlankJoint(AbstractOneLawJoint):
     def __check_init__(self):
         require_flat_law(self.law, "flanks")
 
+    @override
     def contact_labels(self) -> tuple[str, ...]:
-        """Return "lower flank" and "upper flank"."""
         return tuple(FLANKS)
 
+    @override
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the validity limits of the law of the flank `name` at a penetration, m."""
         return self.laws()[name].limits(Gap(depth, 0.0))
 
     @abc.abstractmethod
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the constraint row that holds the second body in the middle of the play, by label;
-        its value is zero there."""
+        """Return the constraint row that holds the second body in the middle of the play."""
 
+    @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return the constraint that holds the second body in the middle of the play."""
         return CentredInPlay(self)
 
 
 class CentredInPlay(AbstractConstraint):
-    """Constraint row that holds two bodies in the middle of the play of a joint with backlash.
-
-    `assemble`, which corrects initial states, uses it for bodies that start outside the play.
-
-    - `joint`: the joint with backlash.
-    """
+    """Constraint row that holds two bodies in the middle of the play of a joint with backlash."""
 
     joint: AbstractFlankJoint
 
+    @override
     def body_names(self) -> tuple[str, ...]:
-        """Return the names of the first and the second body."""
         return self.joint.pair()
 
+    @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the joint's `centred_rows`, whose value is zero in the middle of the play."""
         return self.joint.centred_rows(motions)
 
 
 class AbstractFrictionJoint(AbstractOneLawJoint):
-    """Base class of clearance joints that may have friction.
-
-    **Raises:** `ValueError` if both bodies are the same, `law` is no contact law, or `friction` is
-    neither ``None`` nor a friction law.
-    """
+    """Base class of clearance joints that may have friction."""
 
     def __check_init__(self):
         require_distinct(*self.pair())
@@ -161,53 +142,34 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Check that a clearance, m, is smaller than a radius, m.
-
-    **Arguments:** `radius_name`: what the message calls the radius.
-
-    **Raises:** `ValueError` if the clearance is not smaller; the message has both numbers.
-    """
+    """Raise a `ValueError` unless a clearance is smaller than a radius, m, called `radius_name`."""
     values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
     require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Check that a direction, (3,), is perpendicular to an axis, (3,).
-
-    **Arguments:** `argument`, `other`: names of the direction and of the axis in the message.
-
-    **Raises:** `ValueError` if the cosine of the angle between direction and axis is not below
-    `RIGHT_ANGLE` in absolute value.
-    """
-    if (known := checkable(direction, axis)) is not None:
-        numbers, base = known
+    """Raise a `ValueError` unless a direction is perpendicular to an axis, within `RIGHT_ANGLE`."""
+    if (both := checkable(direction, axis)) is not None:
+        numbers, base = both
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
-        fine = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
+        is_right = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
         expected = f"perpendicular to `{other}` = {as_shown(base)}"
-        require(fine, argument, numbers, expected, "change one of the two directions")
+        require(is_right, argument, numbers, expected, "change one of the two directions")
 
 
 class AbstractCentredJoint(AbstractFrictionJoint):
     """Base class of joints that hold a point of one body near a point of another.
 
-    The two points are those of `attachments`: the first of its two entries is a point of the first
-    body, the second a point of the second body.
+    The two points are those of `attachments`, of the first and of the second body.
     """
 
+    @override
     def pair(self) -> tuple[str, str]:
-        """Return the names of the first and the second body."""
         (_, first, _), (_, second, _) = self.attachments()
         return first, second
 
+    @override
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the two points of a joint between a moving body and the ground; ``None`` for two
-        moving bodies.
-
-        Runs may use the small vector between these points as a variable in place of the body's
-        position, since it has smaller rounding errors. The result consists of the moving body's
-        name, the joint's point on this body, m from its centre of mass in its axes, and the joint's
-        point on the ground, m in global axes.
-        """
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if first == GROUND:
             return second, on_second, on_first
@@ -216,11 +178,7 @@ class AbstractCentredJoint(AbstractFrictionJoint):
         return None
 
     def _offset(self, motions: Motions) -> Vector:
-        """Return the vector from the first body's point to the second body's, m, global axes.
-
-        If one body is the ground, `point_from` avoids the difference of two large coordinates,
-        which would lose digits: it uses the small vector between the two points of `anchor`.
-        """
+        """Return the vector from the first body's point to the second body's, m, global axes."""
         (_, first, on_first), (_, second, on_second) = self.attachments()
         if second == GROUND:
             return -motions[first].point_from(on_second, on_first)
@@ -237,13 +195,12 @@ def offset_at_flat_wall(
     """Return the displacement by which a load presses a part against one of two parallel walls.
 
     The displacement, (3,) m, begins at the centred position, and includes the penetration at which
-    the contacts carry the load. It is ``None`` if the load presses the
-    part to neither wall, because its component along their normal is at most
-    `LEAST_TRANSVERSE_LOAD` times the load. All vectors are in the axes of the walls' body.
+    the contacts carry the load. It is ``None`` if the load presses the part to neither wall. All
+    vectors are in the axes of the walls' body.
 
-    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
-    either side, m. `load`: force of the part on the walls' body, (3,) N. `laws`: those of the
-    contacts that share the load; `deepest`: their largest penetration, m.
+    **Arguments:** `normal`: of the walls, any length. `clearance`: of the centred part on either
+    side, m. `load`: force of the part on the walls' body, N. `laws`: those of the contacts that
+    share the load; `deepest`: their largest penetration, m.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward
@@ -260,14 +217,8 @@ def resting_depth(
     bearing_radius: Scalar | None = None,
     clearance: Scalar | None = None,
 ) -> float:
-    """Return the penetration, m, at which contacts side by side carry a load at rest.
-
-    The contacts have the same penetration, at which the sum of their elastic forces is the load. If
-    it would be larger than `deepest`, m, the result is `deepest`.
-
-    **Arguments:** `laws`: the laws of the contacts; `load`: N, positive; `bearing_radius`,
-    `clearance`: m, for stiffnesses that depend on them.
-    """
+    """Return the penetration, m, at most `deepest`, at which contacts side by side carry a load, N,
+    at rest."""
     # Importing it takes long, and few programs need it.
     from scipy.optimize import root_scalar
 
@@ -293,13 +244,7 @@ def resting_depth(
 def slip_at(
     first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
 ) -> Vector:
-    """Return the tangential velocity of the second body's surface relative to the first body's,
-    m/s in global axes.
-
-    **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact point
-    on each body, m from its centre of mass in its axes. `normal`: of the contact, a global unit
-    vector.
-    """
+    """Return the tangential velocity of the second surface relative to the first, m/s, global."""
     sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
     return slip_velocity(sliding, normal, sliding.dot(normal))
 
@@ -308,12 +253,10 @@ def slip_at(
 class FlatWall:
     """A flat wall of the first body that stops a part of the second body.
 
-    Points are given in m from the centre of mass of their body, in its axes.
-
-    - `origin`: a point of the first body in front of the wall.
+    - `origin`: a point of the first body in front of the wall, m in its axes.
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
-    - `room`: distance from the origin to the part's centre, measured along the normal, when the
-      part touches the wall, m.
+    - `room`: distance along the normal from the origin to the part's centre, when the part touches
+      the wall, m.
     """
 
     origin: Vector
@@ -323,12 +266,7 @@ class FlatWall:
     def contact(
         self, first: Motion, second: Motion, centre: Vector, radius: Scalar, has_friction: bool
     ) -> Contact:
-        """Return the contact of a cylinder, sphere or corner of the second body with the wall.
-
-        **Arguments:** `first`, `second`: motions of the bodies. `centre`: of the part, a point of
-        the second body. `radius`: of the part, m; 0.0 for a corner. `has_friction`: whether the
-        contact needs a slip; without friction its `slip` is ``None``.
-        """
+        """Return the contact of a cylinder, sphere or corner (of `radius` 0.0) with the wall."""
         normal = first.direction(self.normal)
         apart = second.point(centre) - first.point(self.origin)
         depth = subtract(apart.dot(normal), self.room)

@@ -4,6 +4,8 @@ import math
 import operator
 from dataclasses import dataclass
 
+from typing_extensions import override
+
 from ..._fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Single, Triple
@@ -20,8 +22,8 @@ from .common import FLANKS, AbstractFlankJoint
 LARGEST_MODULE = 0.1
 """Module above which a warning is issued, m, since it may have been given in mm."""
 WIDEST_BACKLASH = 0.2
-"""Ratio of the backlash to the pitch (pi times the module) above which a warning is issued, since a
-unit is probably wrong."""
+"""Ratio of the backlash to the pitch above which a warning is issued, since a unit is probably
+wrong."""
 PRESSURE_ANGLES = 0.1, 0.8
 """Smallest and largest allowed pressure angle, rad. Common gears have 14.5 to 30 degrees, 0.25 to
 0.52 rad; an angle in degrees is refused."""
@@ -36,12 +38,9 @@ def involute(sine: Scalar, cosine: Scalar) -> Scalar:
 class LineOfCentres:
     """The line from the first gear's centre to the second's, in the plane across the first's axis.
 
-    - `axis`: of the first gear, a global unit vector.
-    - `along`: global unit vector along the line.
-    - `across`: global unit vector perpendicular to `axis` and `along`, such that `along`, `across`
-      and `axis` form a right-handed frame.
-    - `distance`: length of the line, m.
-    - `height`: of the second gear's centre above the first's along the axis, m.
+    `axis` (of the first gear), `along` (the line) and `across` are global unit vectors of a
+    right-handed frame along, across, axis. `distance` is the length of the line, and `height` that
+    of the second gear's centre above the first's along the axis, m.
     """
 
     axis: Vector
@@ -51,22 +50,14 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], as seen from the gear.
-
-        It is measured from the first of the `transverse_axes` of the gear's axis, two unit vectors
-        across it that are fixed to the gear. For the second gear, too, `along` is the direction
-        from the first centre to the second.
-
-        **Arguments:** `gear`: motion of the gear's body. `axis`: of the gear, in its body's axes.
-        """
+        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], from the first of its
+        `transverse_axes`."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError``, which names `argument`, unless `value` is a whole number other than
-    zero."""
     require_shape(argument, value, (), "pass a number of teeth")
     require_numbers(
         lambda number: (number == number.round()) & (abs(number) >= 1.0),
@@ -83,72 +74,49 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     $$\delta = \pm s - (r_1 + r_2) (\mathrm{inv}\, \alpha' - \mathrm{inv}\, \alpha) - \frac{j}{2}
     \cos \alpha$$
 
-    Each flank touches along its line of action, a common tangent of the base circles of radii
-    r = m z cos(alpha)/2, with the module m, the numbers of teeth z and the pressure angle alpha.
-    Let j be the backlash, theta the gears' angles from the line of centres, about the first gear's
-    axis, and a the length of this line. The displacement s along the line of action, the
-    penetrations delta of the upper (+) and lower (-) flank and the working pressure angle alpha'
-    follow from
-
-        s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha),
-        delta = +-s - (r1 + r2)(inv(alpha') - inv(alpha)) - j cos(alpha)/2,
-        cos(alpha') = |r1 + r2|/a, inv(x) = tan(x) - x.
+    Each flank touches along its line of action, a common tangent of the base circles of radii r = m
+    z cos(alpha)/2, with the module m, the numbers of teeth z and the pressure angle alpha. The
+    penetration delta is that of the upper (+) or lower (-) flank, and j the backlash. The working
+    pressure angle alpha' follows from cos(alpha') = |r1 + r2|/a at the distance a of the centres,
+    and inv(x) = tan(x) - x (involute gearing after ISO 21771). The displacement along the line of
+    action is s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha), with the
+    gears' angles theta from the line of centres about the first gear's axis. The number of
+    revolutions is therefore unlimited.
 
     The normal force acts along the line of action in the plane of the first gear. It drives the
     gears in the ratio of their teeth, and loads their bearings with its radial component too. The
     centres may move, in bearings with clearance or on a planet carrier: the backlash changes with
-    their distance according to involute geometry. Since s is taken modulo the base pitch, the
-    number of revolutions is unlimited.
-
-    One law represents all tooth pairs in mesh. The model has no contact ratio and no friction, and
-    assumes that other joints keep the axes parallel.
+    their distance. One law represents all tooth pairs in mesh (A. Kahraman, R. Singh, Non-linear
+    dynamics of a spur gear pair, J. Sound Vib. 142, 1990). The model has no contact ratio and no
+    friction, and assumes that other joints keep the axes parallel.
 
     **Arguments:**
 
-    - `first`, `second`: names of the gears' bodies.
-    - `point_first`, `point_second`: the gears' centres, (3,) m from the body's centre of mass, in
-      body axes.
+    - `point_first`, `point_second`: the gears' centres, (3,) m from each body's centre of mass in
+      its axes.
     - `axis_first`, `axis_second`: the gears' axes of rotation, (3,) in body axes. They have to be
       parallel, in the same or in opposite directions.
-    - `teeth_first`, `teeth_second`: z1 and z2, numbers of teeth; `teeth_second` is negative for an
-      internal second gear, as in ISO 21771.
-    - `module`: the module, m.
-    - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance
-      m |z1 + z2|/2.
-    - `law`: normal law of the mesh, whose stiffness is given as a number. ISO 6336 gives about
-      20 N/um per mm of tooth width for steel.
-    - `pressure_angle`: alpha, rad; 20 degrees by default.
+    - `teeth_first`, `teeth_second`: z1 and z2, whole numbers of teeth; `teeth_second` is negative
+      for an internal second gear, as in ISO 21771, which must be larger than the first.
+    - `module`: m, in m.
+    - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance m |z1 +
+      z2|/2; smaller than the pitch, pi m.
+    - `law`: normal law of the mesh, whose stiffness is given as a number. ISO 6336 gives about 20
+      N/um per mm of tooth width for steel.
+    - `pressure_angle`: alpha, rad, 0.1 to 0.8; 20 degrees by default.
     - `phase`: rad, rotation of the first gear from its reference position; zero by default. At
       phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
       centre to the second has the direction of the first of the axis's `transverse_axes` (x for an
       axis along z).
 
-    **Raises:** `ValueError` if a number of teeth is zero or not a whole number, `teeth_first` is
-    not positive, an internal gear is not larger than the first gear, the backlash is not smaller
-    than the pitch (pi times the module), the pressure angle is outside 0.1 to 0.8 rad, the law's
-    stiffness is not given as a number, both bodies are the same, or another value is outside its
-    range. **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more
-    than 0.2 times the pitch.
+    **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2
+    times the pitch.
 
-    Source: involute gearing after ISO 21771; backlash as a dead zone with impacts after
-    A. Kahraman, R. Singh, Non-linear dynamics of a spur gear pair, J. Sound Vib. 142, 1990.
-
-    >>> law = cj.laws.ExactRestitution(0.8, 1.8e11)
-    >>> mesh = cj.GearBacklash(
-    ...     "pinion",
-    ...     "wheel",
-    ...     (0, 0, 0),
-    ...     (0, 0, 0),
-    ...     (0, 0, 1),
-    ...     (0, 0, 1),
-    ...     teeth_first=20,
-    ...     teeth_second=50,
-    ...     module=3e-3,
-    ...     backlash=0.1e-3,
-    ...     law=law,
-    ... )
-    >>> mesh.pair(), list(mesh.laws())
-    (('pinion', 'wheel'), ['lower flank', 'upper flank'])
+    >>> law, axis, centre = cj.laws.ExactRestitution(0.8, 1.8e11), (0, 0, 1), (0, 0, 0)
+    >>> sizes = {"teeth_first": 20, "teeth_second": 50, "module": 3e-3, "backlash": 0.1e-3}
+    >>> mesh = cj.GearBacklash("pinion", "wheel", centre, centre, axis, axis, **sizes, law=law)
+    >>> list(mesh.laws())
+    ['lower flank', 'upper flank']
     """
 
     axis_first: Triple = quantity("1", check=require_axis)
@@ -168,6 +136,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     )
     phase: Single = quantity("rad", shape=(), default=0.0)
 
+    @override
     def _check_together(self) -> None:
         require_numbers(
             lambda second, first: (first > 0.0) & ((second > 0.0) | (-second > first)),
@@ -179,6 +148,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         values, expected = (self.backlash, math.pi * self.module), "smaller than the pitch of {1} m"
         require_numbers(operator.lt, "backlash", values, expected, "check the units (m)")
 
+    @override
     def _caution_together(self) -> None:
         module = concrete(self.module)
         if module is not None:
@@ -186,14 +156,14 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             remedy = "give the play along the pitch circle in m"
             caution_above("backlash", self.backlash, "m", widest, remedy)
 
+    @override
     def deepest_penetration(self) -> Scalar:
         """Return half of a tooth's thickness along the line of action, m."""
         play = self.backlash * cosine(self.pressure_angle)
         return 0.25 * (self._base_pitch() - play)
 
     def _base_pitch(self) -> Scalar:
-        """Return the distance from tooth to tooth along the line of action, m: pi times the module
-        times cos(alpha)."""
+        """Return the distance from tooth to tooth along the line of action, m."""
         return math.pi * self.module * cosine(self.pressure_angle)
 
     def _base_radii(self) -> tuple[Scalar, Scalar]:
@@ -202,12 +172,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
-        """Return the displacement s along the line of action from the middle of the play, m.
-
-        It is taken modulo the base pitch, so that its absolute value is at most half that pitch.
-
-        **Arguments:** `first`, `second`: motions of the gears' bodies.
-        """
+        """Return the displacement s along the line of action from the middle of the play, m."""
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
         # The second axis may be antiparallel to the first: its angle then counts backwards.
@@ -219,18 +184,16 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return wrapped(-rolled, self._base_pitch())
 
     def _line(self, first: Motion, second: Motion) -> LineOfCentres:
-        """Return the line between the gears' centres, from the motions of their bodies."""
         axis = first.direction(unit(self.axis_first))
         apart = second.point(self.point_second) - first.point(self.point_first)
         height = apart.dot(axis)
         distance, along = norm_and_direction(apart - axis * height)
         return LineOfCentres(axis, along, axis.cross(along), distance, height)
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contacts of both flanks by label; both forces act at the pitch point.
-
-        The penetration is infinite if the gears are too close to mesh.
-        """
+        """Return the contacts of both flanks, at the pitch point; infinitely deep if the gears are
+        too close."""
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         # The pitch point divides the line of centres in the ratio of the teeth. For an internal
@@ -246,7 +209,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         radii = add(*self._base_radii())
         # The sum of the base radii is negative for an internal gear, whose contact is reversed.
         sense = where(radii < 0.0, -1.0, 1.0)
-        # Cosine and sine of the working pressure angle alpha', which grows with the distance.
+        # Cosine and sine of the working pressure angle alpha', which grows with the distance of the
+        # centres (ISO 21771): cos(alpha') is the sum of the base radii over this distance.
         tangential = radii * sense / line.distance
         square = 1.0 - tangential * tangential
         # Involutes have no common normal if the gears are closer than the sum of their base radii.
@@ -271,13 +235,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             contacts[label] = Contact(gap, normal, at_first, at_second, None)
         return contacts
 
+    @override
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
-        """Return the constraint row "mesh": the displacement from the middle of the play, m.
-
-        `assemble`, which corrects initial states, uses it to move gears that start outside the play
-        to the middle of the play.
-        """
-
         def residual(first: Pose, second: Pose) -> tuple[Scalar]:
             # The displacement depends on positions only, so that the velocities may be zero.
             poses = (Motion(*pose, ZERO, ZERO) for pose in (first, second))
@@ -286,8 +245,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         names, *bodies = self._between(motions)
         return rows_from_residual(names, ("mesh",), residual, *bodies)
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw two gears, with a tooth of the second in a gap of the first."""
         first, second = self.ends(self.axis_first, self.axis_second)
         # A rotation by half a pitch puts a gap of the first gear where the teeth mesh. With an
         # internal gear this is on the side away from the internal gear's centre.

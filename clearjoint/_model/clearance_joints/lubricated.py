@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix
 from jaxtyping import Complex, Float, PyTree
+from typing_extensions import override
 
 from ..._compilation import Compiled
 from ..._fields.checks import require, require_positive, require_shape
@@ -38,34 +39,27 @@ integrand is a polynomial of degree 9 and 10."""
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
-    """Return a factor that rises smoothly from 0 at a depth of 0 m to 1 at `transition`, m.
-
-    It is 0 at negative depths, and 1 at depths beyond `transition`.
-    """
+    """Return a factor that rises smoothly from 0 at a depth of 0 m to 1 at `transition`, m."""
     ratio = jnp.clip(depth / transition, 0.0, 1.0)
     return ratio * ratio * (3.0 - 2.0 * ratio)
 
 
 class BlendedContactLaw(AbstractLawAround):
-    """A contact law multiplied by the `blending_factor`, so that the force begins smoothly.
-
-    - `law`: the law of the dry contact.
-    - `transition`: penetration from which the factor is 1, m.
-    """
+    """A contact law times the `blending_factor`, so that its force begins smoothly."""
 
     transition: Single
     force_jumps = False
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the blended normal force, N."""
         return self._factor(gap) * self.law.force(gap, entry_speed)
 
+    @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the blended elastic force, N."""
         return self._factor(gap) * self.law.elastic_force(gap)
 
+    @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the integral of the blended elastic force over the penetration, J."""
         # By parts, the integral of factor times force is factor times energy, less the integral of
         # the factor's slope times the energy. For the latter, Gauss quadrature in the square root
         # of the depth is accurate for energies that grow with half-integer powers.
@@ -80,8 +74,8 @@ class BlendedContactLaw(AbstractLawAround):
             removed = removed + weight * 2.0 * node * end * slope * energy
         return self._factor(gap) * self.law.stored_energy(gap) - removed
 
+    @override
     def slope_jumps(self) -> bool:
-        """Return ``False``: the blended force starts with zero slope."""
         return False
 
     def _factor(self, gap: Gap) -> Scalar:
@@ -89,8 +83,7 @@ class BlendedContactLaw(AbstractLawAround):
 
 
 THINNEST_FILM = 1e-3
-"""Smallest allowed value of 1 - `largest_ratio`. At the eccentricity ratio `largest_ratio`, this
-difference is the smallest film thickness divided by the clearance."""
+"""Smallest allowed value of 1 - `largest_ratio`: the smallest film thickness over the clearance."""
 
 
 def _of_dry_joint(name: str) -> PyTree:
@@ -109,14 +102,13 @@ class LubricatedJoint(AbstractContactJoint):
     The film extends over the journal's length. It is computed in two halves, one at each base (end
     of the journal), from the eccentricity of that base. Force and reaction act at one point midway
     between the two axes, so that the film conserves angular momentum. The energy ledger of a run
-    lists the energy that the film dissipates as "film".
+    lists the energy that the film dissipates as "film". The film is that of circular surfaces, even
+    if `dry` has profiles.
 
-    If `transition` is given, contact begins when the journal touches the wall. As the penetration
-    grows from zero to `transition`, contact smoothly replaces the film. This is the blend of P.
+    If `transition` is given, contact begins when the journal touches the wall, and smoothly
+    replaces the film as the penetration grows from zero to `transition`. This is the blend of P.
     Flores et al. 2006, but with a continuous slope. If `transition` is ``None``, film and contact
-    act together. In both cases the eccentricity ratio used for the film is limited to
-    `largest_ratio`, because the film force would be infinite at the wall. The film is that of
-    circular surfaces, even if `dry` has profiles.
+    act together.
 
     With a film the journal touches the wall slowly. A law that divides by the entry speed then
     gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.
@@ -124,30 +116,20 @@ class LubricatedJoint(AbstractContactJoint):
     **Arguments:**
 
     - `dry`: the `ClearanceJoint` without the film, which defines the geometry.
-    - `film`: the `AbstractFilm`.
-    - `transition`: m, penetration at which contact has replaced the film; a few hundredths of the
-      clearance. With ``None``, the default, contact acts beside the film (mixed lubrication), and
-      neither is faded out. Use ``None`` with a law that carries load before the film is gone, such
-      as `clearjoint.laws.RoughCylinders`. The film is then that of smooth surfaces, and the ratio
-      of the smallest film thickness to the roughness determines the shares of film and asperities.
-    - `largest_ratio`: largest eccentricity ratio used for the film, 0.5 to 0.999; 0.99 by default.
-      The limit sets in smoothly: ratios above `largest_ratio` - 0.1 (1 - `largest_ratio`) are
-      reduced.
+    - `film`: the `AbstractFilm`. A `LawRangeWarning` tells of a bearing outside its range.
+    - `transition`: m, a few hundredths of the clearance; ``None``, the default, for mixed
+      lubrication. Use ``None`` with a law that carries load before the film is gone, such as
+      `clearjoint.laws.RoughCylinders`. The film is then that of smooth surfaces, and the ratio of
+      the smallest film thickness to the roughness determines the shares of film and asperities.
+    - `largest_ratio`: largest eccentricity ratio used for the film, whose force would be infinite
+      at the wall; 0.5 to 0.999, 0.99 by default. The limit sets in smoothly: ratios above
+      `largest_ratio` - 0.1 (1 - `largest_ratio`) are reduced.
 
-    **Raises:** `ValueError` if `dry` or `film` is of another class, or a number is outside its
-    range. **Warns:** `LawRangeWarning` if the bearing is outside the validity range of the film
-    law.
-
-    ```python
-    import clearjoint as cj
-
-    dry = cj.ClearanceJoint(
-        "ground", "rotor", bearing_radius=25e-3, clearance=50e-6, journal_length=20e-3,
-        law=cj.laws.Hertz(1e10), axial=cj.FixedAxially(),
-    )
-    joint = cj.LubricatedJoint(dry, cj.films.CaponeFilm(viscosity=0.02), transition=1e-6)
-    scene = cj.Scene({"rotor": cj.Body(5.0, (5e-3, 5e-3, 1e-2))}, {"bearing": joint})
-    ```
+    >>> scene, state = cj.mechanisms.double_pendulum(clearance=50e-6, law=cj.laws.Hertz(1e10))
+    >>> film = cj.films.CaponeFilm(viscosity=0.02)
+    >>> joint = cj.LubricatedJoint(scene.joints["shoulder"], film, transition=1e-6)
+    >>> joint.pair()
+    ('ground', 'arm 2')
     """
 
     dry: ClearanceJoint
@@ -167,6 +149,7 @@ class LubricatedJoint(AbstractContactJoint):
         require_instance("dry", self.dry, ClearanceJoint, remedy=remedy)
         require_instance("film", self.film, AbstractFilm, remedy=remedy)
 
+    @override
     def _caution_together(self) -> None:
         for limit in self.film.limits(self.dry.bearing_radius, self.dry.journal_length):
             caution_beyond((limit,), limit.quantity)
@@ -197,29 +180,23 @@ class LubricatedJoint(AbstractContactJoint):
     anchor = _of_dry_joint("anchor")
     draw = _of_dry_joint("draw")
 
+    @override
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the normal law by label: blended for the wall, unchanged for shoulders.
-
-        Without a `transition` all laws are those of `dry`.
-        """
         laws = self.dry.laws()
         if self.transition is not None:
             for label in self.dry.contact_labels():
                 laws[label] = BlendedContactLaw(laws[label], self.transition)
         return laws
 
+    @override
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the film's wrench on the bearing's and on the journal's body, by body name."""
         base_at = self.dry.journal_bases(motions)
         lower, upper = (self._half_of_film(motions, base_at(side)) for side in SIDES)
         bearing, journal = self.pair()
         return {bearing: lower[0] + upper[0], journal: lower[1] + upper[1]}
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film on the bearing's and on the journal's body.
-
-        The half is computed from the position and velocity of one base of the journal, `base`.
-        """
+        """Return the wrenches of half the film on the bearing's and on the journal's body."""
         bearing, journal = (motions[name] for name in self.pair())
         # The vector from the bearing's axis to the journal's centre, plus the component across the
         # axis of the vector from there to the base's centre.
@@ -249,15 +226,7 @@ class LubricatedJoint(AbstractContactJoint):
         )
 
     def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
-        """Return the input of the film law, with an eccentricity ratio limited to `largest_ratio`.
-
-        Vectors are in global axes.
-
-        **Arguments:** `axis`: of the bearing, a unit vector. `eccentricity`: from the bearing's
-        axis to the base's centre, m. `velocity`: of the journal's body relative to the bearing's,
-        midway between the two axes, m/s. `spin`: of the journal's body relative to the bearing's,
-        about the axis, rad/s.
-        """
+        """Return the input of the film law, with a limited eccentricity ratio."""
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
         ratio, _ = norm_and_direction(offset)
@@ -276,19 +245,15 @@ TOLERANCE = 1e-12
 the clearance."""
 NEARLY_CENTRED = 1e-3
 """Eccentricity ratio in each of the two directions at which the search for the equilibrium starts.
-
-It isn't zero, because the force of a film may not be differentiable for a centred journal.
-"""
+The force of a film may not be differentiable for a centred journal."""
 
 
 class CarriedJournal(NamedTuple):
     """Equilibrium of a journal in its film, and the linearised force near the equilibrium.
 
     The force and the moment on the journal are those of the film and, for a joint without
-    `transition`, of the contact and its friction.
-
-    Components refer to two fixed directions x and y across the bearing's axis z, which form a
-    right-handed frame.
+    `transition`, of the contact and its friction. Components refer to two fixed directions x and y
+    across the bearing's axis z, which form a right-handed frame.
 
     - `offset`: (2,) m, from the bearing's axis to the journal's.
     - `stiffness`: (2, 2) N/m, minus the derivative of the force by the offset.
@@ -309,11 +274,9 @@ class CarriedJournal(NamedTuple):
     moment: Scalar
 
     def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
-        """Return the eigenvalues of small motions about the equilibrium, (4,) complex, 1/s.
+        """Return the eigenvalues, (4,) complex, 1/s, of small motions of a body of this mass, kg.
 
-        The equilibrium is stable if all eigenvalues have negative real parts.
-
-        **Arguments:** `mass`: of the body that the journal carries, kg.
+        The equilibrium is stable if all of them have negative real parts.
         """
         # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
@@ -327,39 +290,32 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
 
     The bearing is at rest, and the axes are parallel. The search for the equilibrium is limited to
     eccentricities below the clearance, but not to the joint's `largest_ratio`. For a joint with a
-    `transition`, contact with the wall does not add to the force, so that profiles of the dry joint
-    have no effect. For a joint without a `transition`, contact adds the normal force of the joint's
-    law between circles, and friction. Of a law that uses the entry speed only the elastic force
-    counts.
-
-    ```python
-    import clearjoint as cj
-
-    scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
-    carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -20.0 * 9.81), speed=200.0)
-    is_stable = carried.growth(mass=20.0).real.max() < 0.0
-    ```
+    `transition`, contact with the wall does not add to the force. For a joint without a
+    `transition`, contact adds the normal force of the joint's law between circles, and friction. Of
+    a law that uses the entry speed only the elastic force counts.
 
     **Arguments:**
 
     - `joint`: the lubricated joint; without a `transition`, its dry joint may not have profiles.
-    - `load`: (2,) N, external force on the journal along x and y, two directions across the axis
-      z that form a right-handed frame.
+    - `load`: (2,) N, external force on the journal along x and y, two directions across the axis z
+      that form a right-handed frame.
     - `speed`: angular velocity of the journal about z, rad/s, positive.
 
-    **Returns:** `CarriedJournal` with the offset, (2,) m, the stiffness, (2, 2) N/m, the damping,
-    (2, 2) N s/m, in the same directions as the load, and the moment, N m.
+    **Raises:** `ValueError` for an invalid argument; `RuntimeError` if the search for the
+    equilibrium doesn't converge.
 
-    **Raises:** `ValueError` if the load doesn't have the shape (2,) or is not finite, the speed is
-    not a positive number, or the joint has no `transition` and its dry joint has a profile;
-    `RuntimeError` if the search for the equilibrium doesn't converge.
+    >>> scene, _ = cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))
+    >>> carried = cj.carried_journal(scene.joints["bearing"], load=(0.0, -196.2), speed=200.0)
+    >>> bool(carried.growth(mass=20.0).real.max() < 0.0)  # stable
+    True
     """
     fields = "bearing_profile", "journal_profile"
-    given = [name for name in fields if getattr(joint.dry, name) is not None]
+    profiles = [name for name in fields if getattr(joint.dry, name) is not None]
     # The contact in `_load` is that of circles, whereas a run computes that of the profiles.
-    fine, expected = joint.transition is not None or not given, "without profiles in its dry joint"
+    is_round = joint.transition is not None or not profiles
+    expected = "without profiles in its dry joint"
     remedy = "leave out the profiles, or give the joint a `transition`"
-    require(fine, "joint", f"with {' and '.join(given)}", expected, remedy)
+    require(is_round, "joint", f"with {' and '.join(profiles)}", expected, remedy)
     require_shape("load", load, (2,), "give its components across the axis in N")
     require_positive("speed", speed, "give rad/s, with the axis such that it is positive")
     return _solve_equilibrium(joint, on_device(load), on_device(speed))
@@ -367,7 +323,6 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
 
 @Compiled
 def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
-    """Return the result of `carried_journal`, whose arguments have been checked."""
     # Joints and films compute with scalars: `unpack` replaces the joint's arrays (3,) by `Vector`s.
     joint, rest = unpack(joint), jnp.zeros(2)
     clearance, load_size = joint.dry.clearance, jnp.linalg.norm(load)
@@ -394,13 +349,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 def _load(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> tuple[jax.Array, Scalar]:
-    """Return the force on the journal, (2,) N, and the moment about its axis, N m.
-
-    They are those of the film and, without `transition`, of the contact.
-
-    **Arguments:** `speed`: angular velocity of the journal about its axis, rad/s. `offset`: from
-    the bearing's axis to the journal's, (2,) m. `velocity`: rate of the offset, (2,) m/s.
-    """
+    """Return the force on the journal, (2,) N, and the moment about its axis, N m."""
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)
@@ -408,8 +357,15 @@ def _load(
     # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
     # same rate from the relative velocity midway between the two axes.
     rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
-    sizes = dry.bearing_radius, dry.clearance, dry.journal_length
-    film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
+    film = FilmGap(
+        axis=UNIT_Z,
+        offset=eccentricity,
+        rate=rate,
+        spin=speed,
+        bearing_radius=dry.bearing_radius,
+        clearance=dry.clearance,
+        length=dry.journal_length,
+    )
     force, moment = joint.film.force(film), joint.film.drag(film)
     # As in `_half_of_film`, the force acts midway between the axes.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))

@@ -1,6 +1,7 @@
 """Clearance modelled as a massless link: the journal stays in contact with the wall."""
 
 import equinox as eqx
+from typing_extensions import override
 
 from ..._fields.checks import require, require_axis, require_point
 from ..._fields.objects import quantity
@@ -20,20 +21,16 @@ class MasslessLink(AbstractConstraint):
 
     The bases are the circles at the journal's two ends. At each base the eccentricity vector acts
     as a massless rod between the axes (S. W. E. Earles, C. L. S. Wu 1973; R. S. Haines 1985), which
-    is one constraint row. The model has no impacts and no separation. The wall pushes the journal
-    towards the bearing's axis, as a rod in tension does. A compressive force in a rod, for which
-    the row's Lagrange multiplier is positive, indicates that the journal would leave the wall. The
-    model is then invalid.
+    is one constraint row. There are no impacts and no separation. The wall pushes the journal
+    towards the bearing's axis, as a rod in tension does. A positive Lagrange multiplier of a row, a
+    rod in compression, indicates that the journal would leave the wall: the model is then invalid.
 
     **Arguments:**
 
     - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
     - `clearance`: radius of the bearing less that of the journal, m.
     - `journal_length`: distance between the bases, m.
-    - `bearing_point`, `bearing_axis`: centre and axis of the bearing, (3,) in its body's axes; the
-      centre of mass and z by default. The centre is in m from the body's centre of mass; on the
-      ground, from the origin.
-    - `journal_point`, `journal_axis`: centre and axis of the journal, likewise.
+    - `bearing_point`, `bearing_axis`, `journal_point`, `journal_axis`: as in `ClearanceJoint`.
     - `axial`: `FreeAxially()`, the default, or `FixedAxially()`.
 
     The journal must start at the wall: call `assemble`, which corrects initial states, with a state
@@ -61,22 +58,18 @@ class MasslessLink(AbstractConstraint):
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
         require_instance("axial", self.axial, AbstractAxialPolicy)
-        fine, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
+        has_none, expected = self.axial.shoulder_law() is None, "FreeAxially() or FixedAxially()"
         remedy = "use a ClearanceJoint for shoulders, which are contacts"
-        require(fine, "axial", type(self.axial).__name__, expected, remedy)
+        require(has_none, "axial", type(self.axial).__name__, expected, remedy)
 
+    @override
     def body_names(self) -> tuple[str, ...]:
-        """Return the names of the bearing's body and the journal's body."""
         return self.bearing_body, self.journal_body
 
+    @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the rows "V" and "W" of the bases, and "axial" if the axial policy holds the
-        journal's centre.
-
-        The value of a base's row is (e^2 - c^2)/(2 c), m, with the eccentricity e of the base and
-        the clearance c. The value of the row "axial" is the coordinate of the journal's centre
-        along the bearing's axis, m from the bearing's centre.
-        """
+        """Return the rows (e^2 - c^2)/(2 c), m, of the bases' eccentricities e and the clearance
+        c."""
         names = self.bearing_body, self.journal_body
         bearing, journal = (motions[name] for name in names)
 
@@ -94,8 +87,8 @@ class MasslessLink(AbstractConstraint):
             rows["axial"] = coordinate(axis, self.journal_point)
         return rows
 
+    @override
     def draw(self, pen: AbstractPen) -> None:
-        """Draw a journal in a bearing."""
         pen.bearing(
             Marker(self.bearing_body, self.bearing_point, self.bearing_axis),
             Marker(self.journal_body, self.journal_point, self.journal_axis),

@@ -1,17 +1,7 @@
-"""Contact laws with a dashpot parallel to the spring, F = K delta^n + D delta^m rate.
+"""Contact laws with a dashpot parallel to the spring, which don't use the entry speed.
 
-delta is the penetration, m, rate its time derivative, m/s, K the stiffness and D the damping
-coefficient. Such laws don't use the entry speed.
-
-A contact ends at delta = 0. Already before, in the rebound, the force is set to zero as soon as the
-dashpot pulls more strongly than the spring pushes, so that the surfaces never attract each other.
-The delivered restitution, the ratio of rebound speed to entry speed in a free impact, depends on
-this rule. If the force could pull, `KelvinVoigt` and `Tsuji` would deliver the requested
-restitution. Since it can't, they deliver a larger one, which `clamped_restitution` computes. The
-forces of `KelvinVoigt`, `SpringDashpot` and `Ristow`, for which m = 0, jump at the onset.
-
-The last three laws, `ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt`, have other kinds of
-damping, whose force is zero at the onset.
+`ElastoGap`, `ImpactFunction` and `FloresKelvinVoigt` have other kinds of damping, whose force is
+zero at the onset.
 """
 
 import abc
@@ -19,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+from typing_extensions import override
 
 from ..._fields.checks import require_type
 from ..._fields.objects import quantity
@@ -38,10 +29,14 @@ from .laws import (
 class AbstractDashpotLaw(AbstractPowerLaw):
     """Base class of laws F = max(0, K delta^n + D delta^m rate) for a penetration delta > 0.
 
+    The force is zero as soon as the dashpot would pull more strongly in the rebound than the spring
+    pushes. The delivered restitution, the ratio of rebound speed to entry speed in a free impact,
+    depends on this rule.
+
     A subclass declares the field `stiffness`, K, and the class constants `exponent`, n, and
     `damping_exponent`, m, and defines `damping`, which returns D. If m is zero, the force jumps at
-    the onset: declare ``force_jumps = True``. An elasticity that is not a power of the penetration
-    can be the stiffness too; its force then replaces K delta^n.
+    the onset: declare ``force_jumps = True``. The force of an elasticity that is not a power of the
+    penetration replaces K delta^n.
 
     ```python
     import clearjoint as cj
@@ -72,8 +67,8 @@ class AbstractDashpotLaw(AbstractPowerLaw):
     def damping(self, gap: Gap) -> Scalar:
         """Return the damping coefficient D, N s/m^(1+m), which may depend on the radii in `gap`."""
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N."""
         # Without contact, a depth of one replaces the actual depth: a power with an exponent below
         # one has an infinite derivative at zero, and is NaN for negative numbers.
         closed = gap.depth > 0.0
@@ -82,16 +77,12 @@ class AbstractDashpotLaw(AbstractPowerLaw):
         return jnp.where(closed, jnp.maximum(self.elastic_force(gap) + dashpot, 0.0), 0.0)
 
     def _damped_rate(self, gap: Gap) -> Scalar:
-        """Return the rate that the damping coefficient multiplies, m/s; a subclass may limit it."""
         return gap.rate
 
 
 def damping_ratio(restitution: Scalar) -> Scalar:
-    """Return the damping ratio of a linear oscillator from the loss of speed in half a period.
-
-    It is -ln c/sqrt(pi^2 + ln^2 c), dimensionless. c is `restitution`, in (0, 1]: the speed at the
-    end of the half period divided by that at its start.
-    """
+    """Return -ln c/sqrt(pi^2 + ln^2 c) of a linear oscillator whose speed falls by the factor c in
+    half a period."""
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
 
@@ -99,13 +90,12 @@ def damping_ratio(restitution: Scalar) -> Scalar:
 def clamped_restitution(ratio: Scalar) -> Scalar:
     r"""Return rebound speed over entry speed for an impact on a linear spring and dashpot.
 
-    The mass is released where the sum of the two forces vanishes, since a contact can't pull.
-
     $$e = \exp\left(-\frac{2 z \arccos z}{\sqrt{1 - z^2}}\right)$$
 
-    **Arguments:** `ratio`: the damping ratio z of the oscillator, below 1.
+    The mass is released where the sum of the two forces vanishes, since a contact can't pull (T.
+    Schwager, T. Poeschel 2007).
 
-    Source: T. Schwager, T. Poeschel 2007.
+    **Arguments:** `ratio`: the damping ratio z of the oscillator, below 1.
 
     >>> print(f"{cj.laws.clamped_restitution(0.2155):.3f}")  # of KelvinVoigt(restitution=0.5)
     0.550
@@ -116,23 +106,14 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
 class AbstractTunedDashpotLaw(AbstractDashpotLaw):
     """Base class of dashpot laws whose damping follows from a requested restitution.
 
-    The restitution is that of free impacts of a given effective mass.
-
-    **Arguments:**
-
-    - `restitution`: c in (0, 1], requested ratio of rebound speed to entry speed.
-    - `stiffness`: K, a number in N/m^n, with the law's `exponent` n, or an `AbstractStiffness`.
-    - `effective_mass`: kg; m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an impact
-      against a wall.
-
-    **Raises:** `ValueError` if the restitution is not in (0, 1], the mass or the stiffness is not
-    positive, or the stiffness is an elasticity that is not a power of the penetration.
+    Arguments are those of `KelvinVoigt`. The stiffness must be that of a power law.
     """
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     effective_mass: Single = quantity("kg", positive=True, remedy="give the mass that rebounds")
 
+    @override
     def _check_together(self) -> None:
         expected = "a number or an AbstractStiffness"
         remedy = "the damping of this law is computed from the stiffness K of a power law"
@@ -140,14 +121,12 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
         require_rebound(self.restitution)
 
     def _root(self, gap: Gap) -> Scalar:
-        """Return sqrt(K m), with the effective mass m; K may depend on the radii in `gap`."""
         assert isinstance(self.stiffness, AbstractStiffness)
         return jnp.sqrt(self.stiffness.value(gap) * self.effective_mass)
 
 
 class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
-    """Base class of tuned dashpot laws that would deliver the requested restitution if the force
-    could pull, and deliver a larger one because it can't."""
+    """Base class of laws that would deliver the requested restitution if the force could pull."""
 
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact of the effective mass."""
@@ -155,16 +134,16 @@ class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
 
 
 class KelvinVoigt(AbstractClampedDashpotLaw):
-    r"""Linear spring and dashpot, F = K delta + D rate, with D = 2 z sqrt(K m) (W. Voigt, Kelvin).
+    r"""Linear spring and dashpot whose damping follows from a restitution (W. Voigt, Kelvin).
 
     $$F = K \delta + 2 z \sqrt{K m}\, \dot\delta$$
 
-    m is the effective mass, and z the `damping_ratio` for the requested restitution. This
-    restitution would be delivered if the force could pull until the surfaces separate. Since it
-    can't, the requested values 0.1, 0.5 and 0.9 deliver 0.253, 0.550 and 0.902. At the onset the
-    force jumps to D times the entry speed. S. A. Anagnostopoulos 1988 uses the same law for
-    colliding buildings. `SpringDashpot` is the same law with a given D. The arguments are those of
-    `AbstractTunedDashpotLaw`.
+    m is the `effective_mass`, kg: m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an
+    impact against a wall. z is the damping ratio of an oscillator that delivers the requested
+    `restitution`, above 0, if the force may pull; since it can't, the values 0.1, 0.5 and 0.9
+    deliver 0.253, 0.550 and 0.902. At the onset the force jumps. S. A. Anagnostopoulos 1988 uses
+    the same law for colliding buildings. Choose `SpringDashpot` if the damping coefficient is
+    known.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -175,19 +154,19 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
     damping_exponent = 0.0
     force_jumps = True
 
+    @override
     def damping(self, gap: Gap) -> Scalar:
-        """Return 2 z sqrt(K m), N s/m."""
         return 2.0 * damping_ratio(self.restitution) * self._root(gap)
 
 
 class Tsuji(AbstractClampedDashpotLaw):
-    r"""Law F = K delta^1.5 + sqrt(5) z sqrt(K m) delta^(1/4) rate (Y. Tsuji et al. 1992).
+    r"""Nonlinear spring and dashpot whose damping follows from a restitution (Y. Tsuji et al.
+    1992).
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
-    m is the effective mass, and z the `damping_ratio` for the requested restitution (D. Antypov,
-    J. A. Elliott 2011). The delivered restitution is that of `KelvinVoigt`. The arguments are those
-    of `AbstractTunedDashpotLaw`.
+    m, z (D. Antypov, J. A. Elliott 2011) and the delivered restitution are those of `KelvinVoigt`,
+    but the force begins at zero.
 
     >>> law = cj.laws.Tsuji(restitution=0.9, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -197,8 +176,8 @@ class Tsuji(AbstractClampedDashpotLaw):
     exponent = 1.5
     damping_exponent = 0.25
 
+    @override
     def damping(self, gap: Gap) -> Scalar:
-        """Return sqrt(5) z sqrt(m K), N s/m^(5/4)."""
         return 5.0**0.5 * damping_ratio(self.restitution) * self._root(gap)
 
 
@@ -208,10 +187,8 @@ class Jankowski(AbstractTunedDashpotLaw):
     $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
-    m is the effective mass, and z a damping ratio that follows from the requested restitution c.
-    The damping applies while the penetration increases; in the rebound the force is K delta^1.5.
-    The force never pulls, and the delivered restitution is close to c. The arguments are those of
-    `AbstractTunedDashpotLaw`.
+    In the rebound the force is K delta^1.5. It never pulls, and the delivered restitution is close
+    to c. The arguments are those of `KelvinVoigt`.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound
@@ -221,29 +198,22 @@ class Jankowski(AbstractTunedDashpotLaw):
     exponent = 1.5
     damping_exponent = 0.25
 
+    @override
     def damping(self, gap: Gap) -> Scalar:
-        """Return 2 z sqrt(K m), N s/m^(5/4)."""
         c = self.restitution
         ratio = 4.5 * 5.0**0.5 * (1.0 - c**2) / (c * (c * (9.0 * jnp.pi - 16.0) + 16.0))
         return 2.0 * ratio * self._root(gap)
 
+    @override
     def _damped_rate(self, gap: Gap) -> Scalar:
-        """Return the penetration rate, m/s, or zero in the rebound, which is not damped."""
         return jnp.maximum(gap.rate, 0.0)
 
 
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
     """Base class of dashpot laws with a given damping coefficient.
 
-    **Arguments:**
-
-    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
-    - `damping_coefficient`: D, N s/m^(1+m), not negative.
-
-    n and m are the `exponent` and the `damping_exponent` of the subclass.
-
-    **Raises:** `ValueError` if D is negative, or the stiffness is neither a positive number nor an
-    elasticity.
+    **Arguments:** `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force
+    replaces K delta^n. `damping_coefficient`: D, N s/m^(1+m), not negative.
     """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
@@ -251,20 +221,20 @@ class AbstractGivenDashpotLaw(AbstractDashpotLaw):
         "N s/m^(1+m)", positive=True, zero=True, remedy="give D in N, m and s"
     )
 
+    @override
     def damping(self, gap: Gap) -> Scalar:
-        """Return the damping coefficient D, N s/m^(1+m)."""
         return self.damping_coefficient
 
 
 class SpringDashpot(AbstractGivenDashpotLaw):
-    r"""The law of `KelvinVoigt`, F = K delta + D rate, with the damping coefficient D itself.
+    r"""Linear spring and dashpot with a given damping coefficient, N s/m.
 
     $$F = K \delta + D \dot\delta$$
 
-    Take it for stops and flanks whose D, N s/m, is known or fitted, also overdamped ones;
-    `KelvinVoigt` computes D from a restitution and a mass. K is in N/m. The force jumps at the
-    onset. A free impact of the mass m has the damping ratio z = D/(2 sqrt(K m)), and below 1 it
-    delivers the restitution `clamped_restitution(z)`.
+    Take it for stops and flanks whose D is known or fitted, also overdamped ones; `KelvinVoigt`
+    computes D from a restitution and a mass. The force jumps at the onset. A free impact of the
+    mass m has the damping ratio z = D/(2 sqrt(K m)), and below 1 it delivers the restitution
+    `clamped_restitution(z)`.
 
     >>> law = cj.laws.SpringDashpot(stiffness=1e6, damping_coefficient=2e3)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 100 + 200
@@ -277,15 +247,14 @@ class SpringDashpot(AbstractGivenDashpotLaw):
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
-    r"""Law F = K delta^1.5 + D delta^(1/2) rate for spheres of a viscous material.
+    r"""Law for spheres of a viscous material (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al.
+    1996).
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
-    The damping coefficient D is in N s/m^1.5, the stiffness K in N/m^1.5. The restitution decreases
-    with the entry speed, as with metals. The force begins at zero, but the derivative of the
-    damping force by the penetration is infinite at the onset.
-
-    Source: G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996.
+    `damping_coefficient` is D, N s/m^1.5. The restitution decreases with the entry speed, as with
+    metals. The force begins at zero, but the derivative of the damping force by the penetration is
+    infinite at the onset.
 
     >>> law = cj.laws.KuwabaraKono(stiffness=1e9, damping_coefficient=2e5)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
@@ -297,11 +266,11 @@ class KuwabaraKono(AbstractGivenDashpotLaw):
 
 
 class BordbarHyppanen(AbstractGivenDashpotLaw):
-    r"""Law F = K delta^1.5 + D delta^0.65 rate (M. H. Bordbar, T. Hyppanen 2007).
+    r"""Law of M. H. Bordbar, T. Hyppanen 2007.
 
     $$F = K \delta^{1.5} + D \delta^{0.65} \dot\delta$$
 
-    The damping coefficient D is in N s/m^1.65, the stiffness K in N/m^1.5.
+    `damping_coefficient` is D, N s/m^1.65.
 
     >>> law = cj.laws.BordbarHyppanen(stiffness=1e9, damping_coefficient=1e6)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")
@@ -313,11 +282,11 @@ class BordbarHyppanen(AbstractGivenDashpotLaw):
 
 
 class Ristow(AbstractGivenDashpotLaw):
-    r"""Law F = K delta^1.5 + D rate (G. H. Ristow 1992).
+    r"""Law of G. H. Ristow 1992, whose force jumps at the onset.
 
     $$F = K \delta^{3/2} + D \dot\delta$$
 
-    The damping coefficient D is in N s/m, the stiffness K in N/m^1.5. The force jumps at the onset.
+    `damping_coefficient` is D, N s/m.
 
     >>> law = cj.laws.Ristow(stiffness=1e9, damping_coefficient=2e3)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
@@ -330,13 +299,10 @@ class Ristow(AbstractGivenDashpotLaw):
 
 
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
-    """Base class of laws with the elastic force K delta^n and a damping that a subclass defines.
+    """Base class of laws with the elastic force K delta^n and a damping force that begins at zero.
 
-    A subclass declares the fields `stiffness`, K, and `exponent`, n, and defines `force`. This
-    force must not jump at the onset of a contact, and must not use the entry speed, which is the
-    rate at the onset.
-
-    **Raises:** `ValueError` if the exponent n is below 1.
+    A subclass defines `force`, which must not use the entry speed. `stiffness` is K, a number in
+    N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n; `exponent` is n, at least 1.
     """
 
     uses_entry_speed = False
@@ -347,24 +313,14 @@ class AbstractBoundedDampingLaw(AbstractPowerLaw):
 
 
 class ElastoGap(AbstractBoundedDampingLaw):
-    r"""Law F = K delta^n + D rate, with the damping force limited to the elastic force.
+    r"""Linear dashpot whose force is limited to the elastic force.
 
     $$F = K \delta^n + D \dot\delta, \quad |D \dot\delta| \le K \delta^n$$
 
-    The force neither jumps nor becomes negative. Source: Modelica's
-    Translational.Components.ElastoGap.
-
-    **Arguments:**
-
-    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
-    - `damping`: D, N s/m, not negative.
-    - `exponent`: n, at least 1; 1 by default.
-
-    **Raises:** `ValueError` if a value is outside its range.
+    The force neither jumps nor becomes negative, as in Modelica's
+    Translational.Components.ElastoGap. `damping` is D, N s/m, not negative; n is 1 by default.
 
     >>> law = cj.laws.ElastoGap(stiffness=1e6, damping=5e3)
-    >>> print(law.force(extend.Gap(depth=1e-3, rate=0.1), None))  # N: 1000 + 500
-    1500.0
     >>> print(law.force(extend.Gap(depth=1e-3, rate=1.0), None))  # twice the elastic force at most
     2000.0
     """
@@ -373,26 +329,19 @@ class ElastoGap(AbstractBoundedDampingLaw):
     damping: Single = quantity("N s/m", positive=True, zero=True)
     exponent: float = eqx.field(default=1.0, static=True)
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N."""
         elastic = self.elastic_force(gap)
         return elastic + jnp.clip(self.damping * gap.rate, -elastic, elastic)
 
 
 class ImpactFunction(AbstractBoundedDampingLaw):
-    r"""Law F = max(0, K delta^n + D(delta) rate): the IMPACT function of Adams and SolidWorks.
+    r"""The IMPACT function of Adams and SolidWorks, whose damping grows with the penetration.
 
     $$F = \max(0, K \delta^n + D s^2 (3 - 2 s) \dot\delta), \quad s = \min(\delta / d, 1)$$
 
-    **Arguments:**
-
-    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
-    - `damping`: D, N s/m, the largest value of D(delta); not negative.
-    - `full_damping_depth`: d, m, positive. D(delta) rises from zero at the onset to D at the depth
-      d, as a cubic polynomial, and is constant beyond.
-    - `exponent`: n, at least 1; 1.5 by default.
-
-    **Raises:** `ValueError` if a value is outside its range.
+    `damping` is D, N s/m, not negative, and `full_damping_depth` d, m, positive; n is 1.5 by
+    default.
 
     >>> law = cj.laws.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200
@@ -404,8 +353,8 @@ class ImpactFunction(AbstractBoundedDampingLaw):
     full_damping_depth: Single = quantity("m", positive=True, remedy="give it in m")
     exponent: float = eqx.field(default=1.5, static=True)
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N."""
         ratio = jnp.clip(gap.depth / self.full_damping_depth, 0.0, 1.0)
         damping = self.damping * ratio**2 * (3.0 - 2.0 * ratio)
         return jnp.maximum(self.elastic_force(gap) + damping * gap.rate, 0.0)
@@ -416,25 +365,14 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
 
     $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
-    The force is K delta^n in compression, and c K delta^n in the rebound. The ratio of rebound
-    speed to entry speed in a free impact is therefore not c but sqrt(c). Where the rate changes its
-    sign, the two forces are blended by a hyperbolic tangent, because integration steps don't end
-    there. Impacts that are not much faster than the transition speed lose less energy. The law is
-    that of the program DyS (github.com/ladisk/DyS), generalised to any exponent.
-
-    **Arguments:**
-
-    - `restitution`: c, 0 to 1, the ratio of the force in the rebound to that in compression.
-    - `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n.
-    - `transition_speed`: m/s, positive, scale of the hyperbolic tangent; 1e-3 by default.
-    - `exponent`: n, at least 1; 1 by default.
-
-    **Raises:** `ValueError` if a value is outside its range.
+    A free impact delivers the restitution sqrt(c), not c, the `restitution`. Where the rate changes
+    its sign, a hyperbolic tangent blends the two forces, because integration steps don't end there.
+    Impacts that are not much faster than the `transition_speed`, m/s, 1e-3 by default, lose less
+    energy. n is 1 by default. The law is that of the program DyS (github.com/ladisk/DyS),
+    generalised to any exponent.
 
     >>> law = cj.laws.FloresKelvinVoigt(restitution=0.81, stiffness=1e6)
-    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=0.1), None):.1f}")  # N, compression
-    1000.0
-    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # restitution
+    >>> print(f"{law.force(extend.Gap(depth=1e-3, rate=-0.1), None):.1f}")  # N, in the rebound
     810.0
     """
 
@@ -443,27 +381,21 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
     transition_speed: Single = quantity("m/s", default=1e-3, positive=True, remedy="give m/s")
     exponent: float = eqx.field(default=1.0, static=True)
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N."""
         loading = 0.5 * (1.0 + jnp.tanh(gap.rate / self.transition_speed))
         full = self.stiffness.force(gap, self.exponent)
         return full * (self.restitution + (1.0 - self.restitution) * loading)
 
+    @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return (1 + c) K delta^n/2, N, the mean of the forces in compression and rebound.
-
-        It doesn't depend on the rate, so that it is conservative. The rest of the force, at most
-        (1 - c) K delta^n/2 in magnitude, opposes the rate and dissipates energy.
-        """
+        """Return the mean of the forces in compression and rebound, N, which is conservative."""
         return 0.5 * (1.0 + self.restitution) * super().elastic_force(gap)
 
+    @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the integral of the elastic force over the penetration, J."""
         return 0.5 * (1.0 + self.restitution) * super().stored_energy(gap)
 
     def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact, sqrt(c).
-
-        The value holds for impacts much faster than the transition speed.
-        """
+        """Return sqrt(c), for impacts much faster than the transition speed."""
         return jnp.sqrt(self.restitution)

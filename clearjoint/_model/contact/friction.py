@@ -1,16 +1,4 @@
-"""Friction laws of contacts, as functions of the slip speed, or with the deflection of bristles.
-
-In both kinds of law the friction is proportional to the normal force, so that it starts and ends
-with the contact.
-
-Laws of the slip speed give the ratio mu(v) of friction to normal force for the speed v, m/s. They
-regularise the jump of Coulomb friction at zero speed, so that a contact creeps under a tangential
-load.
-
-Bristle laws model sticking. The deflection of the bristles is an additional state of a contact,
-integrated with the motion: a load below the breakaway force deflects them and then causes no
-motion.
-"""
+"""Friction laws of contacts, as functions of the slip speed, or with the deflection of bristles."""
 
 import abc
 import operator
@@ -19,6 +7,7 @@ from typing import TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from typing_extensions import override
 
 from ..._fields.checks import require_numbers
 from ..._fields.objects import AbstractConverting, quantity
@@ -28,11 +17,12 @@ from ..._math.vectors import Scalar, Vector
 
 
 class AbstractFriction(AbstractConverting):
-    """Base class of friction laws without bristles: a force against the slip, proportional to the
-    normal force. Laws with bristles derive from `AbstractBristleFriction`.
+    """Base class of friction laws without bristles, for contacts that slide most of the time.
 
-    A subclass defines the ratio of friction to normal force as a function of the slip speed. The
-    ratio must vanish at zero speed, so that the force and its derivatives are finite there.
+    The force opposes the slip and is the normal force times a ratio mu(v) of the slip speed v, m/s.
+    The ratio must vanish at zero speed, so that the force and its derivatives are finite there; a
+    loaded contact therefore creeps instead of sticking. Use an `AbstractBristleFriction` where
+    sticking matters.
 
     ```python
     import clearjoint as cj
@@ -49,9 +39,7 @@ class AbstractFriction(AbstractConverting):
             excess = (self.slow - self.fast) / (1.0 + (slip_speed / self.fading_speed) ** 2)
             return (self.fast + excess) * jnp.tanh(slip_speed / self.regularisation_speed)
 
-    friction = Fading(slow=0.15, fast=0.1, fading_speed=0.01)
-    check_friction(friction)
-    scene, state = cj.mechanisms.double_pendulum(friction=friction)
+    check_friction(Fading(slow=0.15, fast=0.1, fading_speed=0.01))
     ```
     """
 
@@ -60,10 +48,9 @@ class AbstractFriction(AbstractConverting):
         """Return the ratio of friction to normal force at a slip speed, m/s; zero at zero speed."""
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
-        """Return the friction force on the second body, N; it opposes the slip.
+        """Return the friction force on the second body, N.
 
-        **Arguments:** `normal_force`: N. `slip`: tangential velocity of the second body relative to
-        the first, m/s.
+        `slip` is the tangential velocity of the second body relative to the first, m/s.
         """
         speed, _ = norm_and_direction(slip)
         rests = speed == 0.0
@@ -76,10 +63,8 @@ class AbstractFriction(AbstractConverting):
 class AbstractRegularisedFriction(AbstractFriction):
     """Base class of Coulomb friction that is regularised at low speed.
 
-    Well above the `regularisation_speed`, m/s, the ratio of friction to normal force is constant:
-    the `coefficient` mu, or a fixed fraction of it.
-
-    **Raises:** `ValueError` if mu is negative or the speed is not positive.
+    `coefficient` is mu, and `regularisation_speed` v_d, m/s, 1e-3 by default. With a smaller one
+    surfaces creep less, but the equations of motion are stiffer.
     """
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
@@ -89,62 +74,49 @@ class AbstractRegularisedFriction(AbstractFriction):
 
 
 class RegularisedCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction mu tanh(v/v_d), smoothed around zero speed; a loaded contact creeps.
+    r"""Coulomb friction that is smooth around zero speed.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
-
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
-
-    **Raises:** `ValueError` if mu is negative or v_d is not positive.
 
     >>> friction = cj.frictions.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
     0.0762
     """
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu tanh(v/v_d)."""
         return self.coefficient * jnp.tanh(slip_speed / self.regularisation_speed)
 
 
 class LinearCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction mu min(v/v_d, 1), linear below the speed v_d; a loaded contact creeps.
+    r"""Coulomb friction that is linear below the speed v_d.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
-
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
-
-    **Raises:** `ValueError` if mu is negative or v_d is not positive.
 
     >>> friction = cj.frictions.LinearCoulomb(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5e-3):.4f}")
     0.0500
     """
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu min(v/v_d, 1)."""
         return self.coefficient * jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
 
 
 class Threlfall(AbstractRegularisedFriction):
-    r"""Coulomb friction that rises as mu (1 - exp(-3 v/v_d)) up to v_d (A. G. Threlfall 1978).
+    r"""Coulomb friction that rises exponentially up to the speed v_d (A. G. Threlfall 1978).
 
     $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
-    Above the speed v_d it has the constant value (1 - exp(-3)) mu = 0.9502 mu. With the value
-    0.95 mu, which is often printed, the law would jump at v_d. A loaded contact creeps.
-
-    **Arguments:** `coefficient`: mu. `regularisation_speed`: v_d, m/s; 1e-3 by default.
-
-    **Raises:** `ValueError` if mu is negative or v_d is not positive.
+    Above v_d it is 0.9502 mu. With 0.95 mu, which is often printed, the law would jump at v_d.
 
     >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
     >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
     """
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu (1 - exp(-3 min(v/v_d, 1)))."""
         rise = jnp.minimum(slip_speed / self.regularisation_speed, 1.0)
         return -self.coefficient * jnp.expm1(-3.0 * rise)
 
@@ -154,12 +126,8 @@ class Ambrosio(AbstractFriction):
 
     $$\mu(v) = \mu\, \frac{v - v_0}{v_1 - v_0}, \quad v_0 \le v \le v_1$$
 
-    Below v0 the ratio mu(v) is zero, and above v1 it is mu.
-
-    **Arguments:** `coefficient`: mu. `lower_speed`, `upper_speed`: v0 and v1, m/s; 1e-4 and 1e-3 by
-    default.
-
-    **Raises:** `ValueError` if mu or v0 is negative, or v1 is not above v0.
+    Below v0 the ratio mu(v) is zero, and above v1 it is mu. `lower_speed` and `upper_speed` are v0
+    and v1 > v0, m/s; 1e-4 and 1e-3 by default.
 
     >>> friction = cj.frictions.Ambrosio(0.1, lower_speed=1e-4, upper_speed=1e-3)
     >>> print(f"{friction.ratio(0.55e-3):.4f}")  # half-way
@@ -172,12 +140,13 @@ class Ambrosio(AbstractFriction):
     )
     upper_speed: Single = quantity("m/s", default=1e-3, shape=())
 
+    @override
     def _check_together(self) -> None:
         speeds, remedy = (self.upper_speed, self.lower_speed), "give v1 > v0 in m/s"
         require_numbers(operator.gt, "upper_speed", speeds, "above lower_speed = {1}", remedy)
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu c_d(v), where c_d is 0 up to v0, rises linearly to 1 at v1, and stays 1."""
         rise = (slip_speed - self.lower_speed) / (self.upper_speed - self.lower_speed)
         # The derivative at v0 is that above v0. With `jnp.maximum` it would be the mean of both
         # sides, which is wrong for v0 = 0, where there are no lower speeds.
@@ -185,7 +154,7 @@ class Ambrosio(AbstractFriction):
 
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
-    """Raise a ``ValueError`` if the breakaway coefficient is smaller than the kinetic one."""
+    """Raise a `ValueError` if the breakaway coefficient is smaller than the kinetic one."""
     expected, remedy = "at least kinetic = {1}", "give mu_S >= mu_C"
     require_numbers(operator.ge, "breakaway", (breakaway, kinetic), expected, remedy)
 
@@ -193,15 +162,14 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 class AbstractFallingFriction(AbstractFriction):
     """Base class of friction that falls with the slip speed from a maximum to a lower limit.
 
-    `breakaway` is mu_S, the maximum of the ratio of friction to normal force, which some laws reach
-    only approximately. `kinetic` is mu_C, the limit of this ratio at high speed.
-
-    **Raises:** `ValueError` if mu_S or mu_C is negative, or mu_S is below mu_C.
+    `breakaway` is mu_S, the maximum of the ratio, which some laws reach only approximately, and
+    `kinetic` mu_C <= mu_S, its limit at high speed.
     """
 
     breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
     kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
 
+    @override
     def _check_together(self) -> None:
         require_breakaway(self.breakaway, self.kinetic)
 
@@ -214,15 +182,9 @@ class Stribeck(AbstractFallingFriction):
     The viscous term k v that is often added is left out, since it doesn't depend on the normal
     force. Add a damper to the scene for it.
 
-    **Arguments:**
-
-    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `stribeck_speed`: v_S, m/s, positive.
-    - `exponent`: delta, at least 1; 2 by default.
-    - `regularisation_speed`: v_d, m/s, positive; 1e-4 by default. The maximum of mu(v) is close to
-      mu_S only if v_d is well below v_S.
-
-    **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
+    **Arguments:** `breakaway`, `kinetic`: mu_S and mu_C. `stribeck_speed`: v_S, m/s. `exponent`:
+    delta, at least 1; 2 by default. `regularisation_speed`: v_d, m/s; 1e-4 by default. The maximum
+    of mu(v) is close to mu_S only if v_d is well below v_S.
 
     >>> friction = cj.frictions.Stribeck(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
@@ -235,14 +197,15 @@ class Stribeck(AbstractFallingFriction):
         "m/s", default=1e-4, positive=True, remedy="give v_d in m/s"
     )
 
+    @override
     def _check_together(self) -> None:
         super()._check_together()
         remedy = "give delta >= 1; below, the slope at rest is infinite"
         values = (self.exponent,)
         require_numbers(lambda delta: delta >= 1.0, "exponent", values, "at least 1", remedy)
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the ratio of friction to normal force at a slip speed, m/s."""
         fade = jnp.exp(-positive_power(slip_speed / self.stribeck_speed, self.exponent))
         curve = self.kinetic + (self.breakaway - self.kinetic) * fade
         return curve * jnp.tanh(slip_speed / self.regularisation_speed)
@@ -253,16 +216,8 @@ class BengisuAkay(AbstractFallingFriction):
 
     $$\mu(v) = \mu_C + (\mu_S - \mu_C) e^{-\xi (v - v_0)}, \quad v \ge v_0$$
 
-    Below v0, mu(v) is the parabola mu_S (1 - (1 - v/v0)^2). The curve is continuous, with a kink at
-    v0.
-
-    **Arguments:**
-
-    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `breakaway_speed`: v0, m/s, positive; 1e-3 by default.
-    - `decay`: xi, s/m, positive; 100 by default.
-
-    **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
+    Below v0, mu(v) is the parabola mu_S (1 - (1 - v/v0)^2). The curve has a kink at v0, the
+    `breakaway_speed`, m/s, 1e-3 by default. `decay` is xi, s/m, 100 by default.
 
     >>> friction = cj.frictions.BengisuAkay(breakaway=0.2, kinetic=0.1, breakaway_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
@@ -272,8 +227,8 @@ class BengisuAkay(AbstractFallingFriction):
     breakaway_speed: Single = quantity("m/s", default=1e-3, positive=True, remedy="give v0 in m/s")
     decay: Single = quantity("s/m", default=100.0, positive=True, remedy="give xi in s/m")
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the ratio of friction to normal force at a slip speed, m/s."""
         x = jnp.minimum(slip_speed / self.breakaway_speed, 1.0)
         beyond = jnp.maximum(slip_speed - self.breakaway_speed, 0.0)
         fall = (self.breakaway - self.kinetic) * jnp.expm1(-self.decay * beyond)
@@ -286,14 +241,8 @@ class BrownMcPhee(AbstractFallingFriction):
     $$\mu(v) = \mu_C \tanh\frac{4 v}{v_t} + (\mu_S - \mu_C) \frac{v / v_t}{\left(\frac{1}{4} (v /
     v_t)^2 + \frac{3}{4}\right)^2}$$
 
-    The second term has its maximum mu_S - mu_C at v = v_t.
-
-    **Arguments:**
-
-    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `transition_speed`: v_t, m/s, positive; 1e-3 by default.
-
-    **Raises:** `ValueError` if a value is outside its range, or mu_S is below mu_C.
+    **Arguments:** `breakaway`, `kinetic`: mu_S and mu_C. `transition_speed`: v_t, m/s, positive, at
+    which the second term has its maximum; 1e-3 by default.
 
     >>> friction = cj.frictions.BrownMcPhee(breakaway=0.2, kinetic=0.1, transition_speed=1e-3)
     >>> print(f"{friction.ratio(1e-3):.4f}, {friction.ratio(1.0):.4f}")
@@ -304,26 +253,26 @@ class BrownMcPhee(AbstractFallingFriction):
         "m/s", default=1e-3, positive=True, remedy="give v_t in m/s"
     )
 
+    @override
     def ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the ratio of friction to normal force at a slip speed, m/s."""
         x = slip_speed / self.transition_speed
         peak = (self.breakaway - self.kinetic) * x / (0.25 * x**2 + 0.75) ** 2
         return self.kinetic * jnp.tanh(4.0 * x) + peak
 
 
 class AbstractBristleFriction(AbstractConverting):
-    """Base class of bristle laws: friction from a deflection that is integrated with the motion.
+    """Base class of bristle laws, with which contacts stick.
 
-    A subclass defines `rate`, the rate of the deflection; `ratio`, the vector of friction over
-    normal force; and, for steady sliding, the magnitudes of this vector, `sliding_ratio`, and of
-    the deflection, `full_deflection`. The rate must be zero without slip, so that a sticking
-    contact doesn't drift. The deflection is a vector in m that is zero at the onset of contact. It
-    is stored in the axes of the contact's first body, and only its component perpendicular to the
-    normal acts.
+    A load below the breakaway force deflects the bristles, elastic deflections of the surfaces, and
+    then causes no motion. The deflection z is a state of the contact, integrated with the motion: a
+    vector in m that is zero at the onset, stored in the axes of the contact's first body. Only its
+    component perpendicular to the normal acts. Friction is the normal force times a vector `ratio`.
+    The rate of the deflection must be zero without slip, so that a sticking contact doesn't drift.
+    In the formulas v is the slip, m/s, the tangential velocity of the second body relative to the
+    first, F_t the friction force and F_n the normal force.
 
     ```python
     import clearjoint as cj
-    import jax.numpy as jnp
     from clearjoint.testing import check_bristles
 
     class Springs(cj.extend.AbstractBristleFriction):
@@ -346,58 +295,40 @@ class AbstractBristleFriction(AbstractConverting):
             return self.coefficient / self.stiffness
 
     check_bristles(Springs(0.1, 1e5))
-    scene, state = cj.mechanisms.double_pendulum(friction=Springs(0.1, 1e5))
     ```
     """
 
     @abc.abstractmethod
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return the rate of the deflection, m/s.
-
-        All vectors are in the same axes.
-
-        **Arguments:** `deflection`: m. `slip`: tangential velocity of the second body relative to
-        the first, m/s.
-        """
+        """Return the rate of the deflection, m/s; all vectors are in the same axes."""
 
     @abc.abstractmethod
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the vector of friction over normal force.
+        """Return the vector of friction over normal force, along the slip in steady sliding.
 
-        It points along the slip in steady sliding. The friction force on the second body is minus
-        this vector times the normal force.
-
-        **Arguments:** `deflection`: m. `rate`: of the deflection, m/s. `slip`: tangential velocity
-        of the second body relative to the first, m/s.
+        The friction force on the second body is minus this vector times the normal force.
         """
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return the ratio of friction to normal force in steady sliding at a speed, m/s, without
-        a viscous part."""
+        """Return friction over normal force in steady sliding at a speed, without a viscous
+        part."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the approximate size of the deflection in steady sliding, m.
-
-        The solver's error control compares errors of deflections with this number.
-        """
+        """Return the approximate deflection in steady sliding, m: the scale of its error
+        control."""
 
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return the recoverable energy of the bristles over the normal force, m; zero by default.
-
-        With zero, a run counts all work of friction as dissipated. `deflection` is in m.
-        """
+        """Return the recoverable energy over the normal force, m; zero, all dissipated, by
+        default."""
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
-        """Return the friction force on the second body in steady sliding, N.
+        """Return the friction force on the second body in steady sliding, N, without a viscous
+        part.
 
-        A viscous part is left out, as in `sliding_ratio`. Without slip the force is zero. This
-        method is used where deflections are not integrated, such as for rigid contacts.
-
-        **Arguments:** `normal_force`: N. `slip`: tangential velocity of the second body relative to
-        the first, m/s.
+        It serves where deflections are not integrated, as for rigid contacts.
         """
         speed, direction = norm_and_direction(slip)
         return direction * (-normal_force * self.sliding_ratio(speed))
@@ -412,14 +343,8 @@ class Dahl(AbstractBristleFriction):
 
     $$\dot z = v - \frac{\sigma_0 |v|}{\mu} z, \quad \frac{F_t}{F_n} = \sigma_0 z$$
 
-    Here z is the deflection, v the slip, F_t the friction force and F_n the normal force.
-
-    **Arguments:**
-
-    - `coefficient`: mu, friction over normal force in sliding.
-    - `stiffness`: sigma0, 1/m, bristle stiffness over normal force; 1e5 by default.
-
-    **Raises:** `ValueError` if a value is not positive.
+    `coefficient` is mu, friction over normal force in sliding, and `stiffness` sigma0, 1/m, bristle
+    stiffness over normal force, 1e5 by default.
 
     >>> friction = cj.frictions.Dahl(0.1, stiffness=1e5)
     >>> print(f"{friction.full_deflection():.1e} m")  # mu/sigma0
@@ -429,38 +354,32 @@ class Dahl(AbstractBristleFriction):
     coefficient: Single = quantity("1", positive=True, remedy="give mu")
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
 
+    @override
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return v - sigma0 |v| z/mu, m/s."""
         speed, _ = norm_and_direction(slip)
         return slip - deflection * (self.stiffness * speed / self.coefficient)
 
+    @override
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return sigma0 z."""
         return deflection * self.stiffness
 
+    @override
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return mu at every speed."""
         return self.coefficient
 
+    @override
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return sigma0 z^2/2, m."""
         return 0.5 * self.stiffness * deflection.dot(deflection)
 
+    @override
     def full_deflection(self) -> Scalar:
-        """Return mu/sigma0, m."""
         return self.coefficient / self.stiffness
 
 
 class AbstractDampedBristles(AbstractBristleFriction):
     """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
 
-    Friction over normal force is sigma0 z + sigma1 dz/dt + sigma2 v, with the deflection z, m, and
-    the slip v, m/s. `stiffness` is sigma0, 1/m, `damping` sigma1, s/m, and `viscosity` sigma2, s/m.
-    In steady sliding the dry part of the ratio, without sigma2 v, falls from `breakaway` to
-    `kinetic` with the speed, around the `stribeck_speed`, m/s.
-
-    **Raises:** `ValueError` if `breakaway`, `kinetic` or `stribeck_speed` is not positive, or
-    `breakaway` is below `kinetic`.
+    Formulas and arguments are those of `LuGre`.
     """
 
     stiffness: eqx.AbstractVar[Single]
@@ -470,27 +389,25 @@ class AbstractDampedBristles(AbstractBristleFriction):
     kinetic: Single = quantity("1", positive=True, remedy="give mu_C")
     stribeck_speed: Single = quantity("m/s", positive=True, remedy="give v_S in m/s")
 
+    @override
     def _check_together(self) -> None:
         require_breakaway(self.breakaway, self.kinetic)
 
+    @override
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return sigma0 z + sigma1 dz/dt + sigma2 v."""
         return deflection * self.stiffness + rate * self.damping + slip * self.viscosity
 
+    @override
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return sigma0 z^2/2, m."""
         return 0.5 * self.stiffness * deflection.dot(deflection)
 
+    @override
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return g(v) = mu_C + (mu_S - mu_C) exp(-(v/v_S)^2) for the speed v, m/s.
-
-        mu_S is `breakaway`, mu_C `kinetic` and v_S the `stribeck_speed`.
-        """
         fade = jnp.exp(-((slip_speed / self.stribeck_speed) ** 2))
         return self.kinetic + (self.breakaway - self.kinetic) * fade
 
+    @override
     def full_deflection(self) -> Scalar:
-        """Return mu_C/sigma0, m."""
         return self.kinetic / self.stiffness
 
 
@@ -500,20 +417,13 @@ class LuGre(AbstractDampedBristles):
     $$\dot z = v - \frac{\sigma_0 |v|}{g(v)} z, \quad g = \mu_C + (\mu_S - \mu_C) e^{-(v /
     v_S)^2}, \quad \frac{F_t}{F_n} = \sigma_0 z + \sigma_1 \dot z + \sigma_2 v$$
 
-    Here z is the deflection, v the slip, F_t the friction force and F_n the normal force. The law
-    is passive only if sigma2 is at least sigma1 (mu_S - mu_C)/mu_C (N. Barabanov, R. Ortega 2000).
-    With a smaller sigma2, bristles may release more energy than they received, at speeds |v| with
-    sigma1 |v| > 4 g(v).
+    The law is passive only if sigma2 is at least sigma1 (mu_S - mu_C)/mu_C (N. Barabanov, R. Ortega
+    2000). With a smaller sigma2, bristles may release more energy than they received, at speeds |v|
+    with sigma1 |v| > 4 g(v).
 
-    **Arguments:**
-
-    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `stribeck_speed`: v_S, m/s.
-    - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
-      normal force; 1e5, 0 and 0 by default.
-
-    **Raises:** `ValueError` if `damping` or `viscosity` is negative, another value isn't positive,
-    or mu_S is below mu_C.
+    **Arguments:** `breakaway`, `kinetic`: mu_S and mu_C <= mu_S. `stribeck_speed`: v_S, m/s.
+    `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
+    normal force; 1e5, 0 and 0 by default.
 
     >>> friction = cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01)
     >>> print(f"{friction.sliding_ratio(0.01):.4f}")  # 0.1 + 0.1 exp(-1)
@@ -524,8 +434,8 @@ class LuGre(AbstractDampedBristles):
     damping: Single = quantity("s/m", default=0.0, positive=True, zero=True)
     viscosity: Single = quantity("s/m", default=0.0, positive=True, zero=True)
 
+    @override
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return v - sigma0 |v| z/g(v), m/s."""
         speed, _ = norm_and_direction(slip)
         return slip - deflection * (self.stiffness * speed / self.sliding_ratio(speed))
 
@@ -535,24 +445,13 @@ class ElastoPlastic(AbstractDampedBristles):
 
     $$\dot z = v - \alpha(z, v) \frac{\sigma_0 |v|}{g(v)} z$$
 
-    Here z is the deflection and v the slip. Friction over normal force is sigma0 z + sigma1 dz/dt +
-    sigma2 v, and g(v) is its value in steady sliding without the viscous part sigma2 v; both are
-    those of `LuGre`. The factor alpha is 0 for |z| <= z_ba and 1 for |z| >= g(v)/sigma0; between
-    these deflections it rises as half a period of a cosine. It is 0 at any deflection if the slip
-    is against the deflection, so that the bristles relax. Below z_ba an oscillating load causes no
-    drift. In two dimensions alpha is also multiplied by the cosine of the angle between slip and
-    deflection, or by 0 where the cosine is negative.
+    The factor alpha is 0 for |z| <= z_ba and 1 for |z| >= g(v)/sigma0; between these deflections it
+    rises as half a period of a cosine. It is 0 at any deflection if the slip is against the
+    deflection, so that the bristles relax. In two dimensions alpha is also multiplied by the cosine
+    of the angle between slip and deflection, or by 0 where the cosine is negative. Choose this law
+    where an oscillating load must not cause a drift: below z_ba there is none.
 
-    **Arguments:**
-
-    - `breakaway`, `kinetic`: mu_S and mu_C, with mu_S >= mu_C.
-    - `stribeck_speed`: v_S in g(v), m/s.
-    - `elastic_deflection`: z_ba, m, below mu_C/sigma0.
-    - `stiffness`, `damping`, `viscosity`: sigma0 (1/m), sigma1 (s/m) and sigma2 (s/m), all over
-      normal force; 1e5, 0 and 0 by default.
-
-    **Raises:** `ValueError` if `damping` or `viscosity` is negative, another value isn't positive,
-    mu_S is below mu_C, or z_ba is not below mu_C/sigma0.
+    **Arguments:** those of `LuGre`, and `elastic_deflection`: z_ba, m, below mu_C/sigma0.
 
     >>> friction = cj.frictions.ElastoPlastic(0.2, 0.1, 0.01, elastic_deflection=5e-7)
     >>> still = friction.rate(extend.Vector(4e-7, 0.0, 0.0), extend.Vector(1e-3, 0.0, 0.0))
@@ -565,6 +464,7 @@ class ElastoPlastic(AbstractDampedBristles):
     damping: Single = quantity("s/m", default=0.0, positive=True, zero=True)
     viscosity: Single = quantity("s/m", default=0.0, positive=True, zero=True)
 
+    @override
     def _check_together(self) -> None:
         super()._check_together()
         values = self.elastic_deflection, self.full_deflection()
@@ -572,8 +472,8 @@ class ElastoPlastic(AbstractDampedBristles):
         remedy = "give z_ba in m, half of that for example"
         require_numbers(operator.lt, "elastic_deflection", values, expected, remedy)
 
+    @override
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        """Return v - alpha(z, v) sigma0 |v| z/g(v), m/s."""
         speed, along = norm_and_direction(slip)
         size, direction = norm_and_direction(deflection)
         full = self.sliding_ratio(speed) / self.stiffness

@@ -1,12 +1,6 @@
-"""Penetration and slip of a contact, and base classes of the laws and stiffnesses for its normal
-force.
+"""Penetration and slip of a contact, and base classes of laws and stiffnesses for its normal force.
 
-A law computes the force from the penetration delta, m, its rate, m/s, and the entry speed, m/s,
-which is the rate at the onset of the contact. Laws of the Hunt-Crossley family are in
-`hunt_crossley`, laws with a parallel dashpot in `dashpots`, and line contacts in `cylinders`. The
-journal is the inner surface of a joint, and the bearing is the outer one.
-
-User-defined laws subclass `AbstractContactLaw`; test them with `clearjoint.testing.check_law`.
+The journal is the inner surface of a joint, and the bearing is the outer one.
 """
 
 import abc
@@ -19,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._fields.cautions import LawRangeWarning, caution
 from ..._fields.checks import concrete, require, require_numbers, require_type
@@ -54,11 +49,7 @@ class Gap:
 
 
 def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-    """Return bearing radius, journal radius and radial clearance of a gap, m.
-
-    **Raises:** `ValueError` if the gap lacks the bearing radius or the clearance, as between flat
-    surfaces.
-    """
+    """Return bearing radius, journal radius and clearance, m; a `ValueError` without radii."""
     radius, clearance = gap.bearing_radius, gap.clearance
     for argument, value in (("bearing_radius", radius), ("clearance", clearance)):
         needed = "a length in m, on which the law's stiffness depends"
@@ -69,10 +60,8 @@ def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
-    """Return the tangential part of a relative velocity, m/s.
-
-    **Arguments:** `relative`: velocity, m/s. `normal`: unit vector. `rate`: component of the
-    velocity along the normal, m/s.
+    """Return the tangential part of a relative velocity, m/s, whose component along the unit vector
+    `normal` is `rate`, m/s.
 
     >>> normal, relative = extend.UNIT_X, extend.Vector(0.1, 0.2, 0.0)
     >>> extend.slip_velocity(relative, normal, rate=0.1).y
@@ -82,22 +71,15 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 
 class Limit(NamedTuple):
-    """A quantity of a contact: its value, and the range of values for which a law is valid.
+    """A quantity of a contact, such as "penetration", and its range for which a law is valid.
 
-    The method `limits` of a law or of an `AbstractElasticity` returns a `Limit` for each quantity
-    on which its validity depends.
-
-    - `law`: name of the class of the law or elasticity.
-    - `quantity`: name of the quantity, such as "penetration" or "clearance".
-    - `unit`: unit of `value`, `least` and `most`, as text.
-    - `value`: present value of the quantity.
-    - `least`, `most`: ends of the valid range.
+    `law` is the name of the class of the law, and `unit` the unit of `value` and of the ends of the
+    range, `least` and `most`.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> limit = cylinder.limits(gap)[0]
-    >>> limit.quantity, limit.unit
-    ('penetration', 'm')
+    >>> cylinder.limits(gap)[0].quantity
+    'penetration'
     """
 
     law: str
@@ -109,11 +91,7 @@ class Limit(NamedTuple):
 
 
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
-    """Return a sentence, for a warning, on each limit whose value is outside its range.
-
-    **Arguments:** `limits`: those of a law. `quantity`: name of the quantity to check. Limits of
-    other quantities are ignored, and so are limits with numbers that JAX traces.
-    """
+    """Return a sentence on each limit of a `quantity` whose value is outside its range."""
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
@@ -136,17 +114,17 @@ def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
 
 
 SOFTEST_CONTACT = 1e6
-"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued: smaller values are far
-below those of solid bodies, and may be in another unit."""
+"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued: solid bodies are far
+stiffer, so that the value may be in another unit."""
 SOLIDS = 1e9, 2e12
 """Range of Young's modulus, Pa, from plastics to diamond, outside which a warning is issued."""
 _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 
 
 class AbstractElasticity(AbstractConverting):
-    """Base class of the elastic force of a contact as a function of the penetration.
+    """Base class of the elastic force of a contact, which laws accept as their `stiffness`.
 
-    Laws accept it as their `stiffness`; the force need not be a power of the penetration.
+    It need not be a power of the penetration; it then ignores the law's exponent n.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -156,27 +134,18 @@ class AbstractElasticity(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        """Return the elastic force, N, zero without penetration.
-
-        **Arguments:** `gap`: penetration, m, and radii, m. `exponent`: n of a law K delta^n; an
-        elasticity that is not a power of the penetration ignores it.
-        """
+        """Return the elastic force, N, zero without penetration."""
 
     @abc.abstractmethod
     def energy(self, gap: Gap, exponent: float) -> Scalar:
         """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force is known to start with zero slope at the onset.
-
-        If so, a run computes no correction for a kink at the onset and at the end of a contact.
-        `exponent` is n of a law K delta^n. The default is ``False``.
-        """
+        """Return whether the force starts with zero slope; if so, no kink is corrected."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return, for each quantity on which the validity of the elastic force depends, its value
-        at a gap and its valid range; an empty tuple by default."""
+        """Return the limits of validity of the elastic force at a gap; none by default."""
         return ()
 
 
@@ -201,21 +170,18 @@ class AbstractStiffness(AbstractElasticity):
 
     @abc.abstractmethod
     def value(self, gap: Gap) -> Scalar:
-        """Return the stiffness K in N/m^n for the radii of a gap."""
+        """Return the stiffness K, N/m^n, for the radii of a gap."""
 
+    @override
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the exponent is above one, which makes the initial slope zero.
-
-        It is ``False`` for an exponent that is no Python number, such as one that JAX traces.
-        """
         return isinstance(exponent, int | float) and exponent > 1.0
 
+    @override
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        """Return K delta^n, N."""
         return self.value(gap) * positive_power(gap.depth, exponent)
 
+    @override
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        """Return K delta^(n+1)/(n+1), J."""
         return self.value(gap) * positive_power(gap.depth, exponent + 1) / (exponent + 1)
 
 
@@ -232,20 +198,15 @@ class GivenStiffness(AbstractStiffness):
         "N/m^n", positive=True, usual=(SOFTEST_CONTACT, math.inf), remedy="give K in N and m"
     )
 
+    @override
     def value(self, gap: Gap) -> Scalar:
-        """Return the stiffness K, N/m^n."""
         return self.stiffness
 
 
 class AbstractMaterialPair(AbstractConverting):
     """Base class of elasticities that depend on the materials of bearing and journal.
 
-    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
-    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; ``None``, the default, for
-      the same value as that of the bearing.
-
-    **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
-    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
+    Arguments are those of `RavnStiffness`.
     """
 
     young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
@@ -258,8 +219,7 @@ class AbstractMaterialPair(AbstractConverting):
     )
 
     def compliance(self) -> Scalar:
-        """Return 1/E*, 1/Pa: the sum of (1 - nu^2)/E of both materials, with Young's modulus E and
-        Poisson's ratio nu."""
+        """Return 1/E*, 1/Pa: the sum of (1 - nu^2)/E of both materials."""
         modulus = self.journal_young_modulus
         ratio = self.journal_poisson_ratio
         modulus = self.young_modulus if modulus is None else modulus
@@ -272,46 +232,34 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
-    Here i is the bearing, j the journal, E Young's modulus and nu Poisson's ratio. The stiffness K,
-    N/m^1.5, depends on the radii R and thus on the clearance R_i - R_j.
+    Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on the radii R and
+    thus on the clearance R_i - R_j. For cylinders that touch along a line, choose an
+    `AbstractCylinder` instead.
 
-    **Arguments:**
-
-    - `young_modulus`, `poisson_ratio`: of the bearing, Pa and dimensionless.
-    - `journal_young_modulus`, `journal_poisson_ratio`: of the journal; the bearing's by default.
-
-    **Raises:** `ValueError` if a modulus is not positive, or a ratio is outside [-1, 0.5].
-    **Warns:** `UnusualValueWarning` for moduli outside 1e9 to 2e12 Pa.
+    **Arguments:** `young_modulus`, `poisson_ratio`: E, Pa, and nu of the bearing.
+    `journal_young_modulus`, `journal_poisson_ratio`: of the journal; those of the bearing by
+    default. An `UnusualValueWarning` tells of moduli outside 1e9 to 2e12 Pa.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{cj.laws.RavnStiffness(207e9, 0.3).value(gap):.4g} N/m^1.5")
     6.61e+10 N/m^1.5
     """
 
+    @override
     def value(self, gap: Gap) -> Scalar:
-        """Return the stiffness K in N/m^1.5 for the radii of a gap.
-
-        **Raises:** `ValueError` if the gap has no radii.
-        """
         bearing, journal, clearance = radii_of(gap)
         return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(bearing * journal / clearance)
 
 
 def as_stiffness(value: object) -> AbstractElasticity:
-    """Return an elasticity unchanged, or a number in N/m^n as a `GivenStiffness`.
-
-    **Raises:** `ValueError` if the value is neither, or is a number that is not positive.
-    """
+    """Return an elasticity unchanged, or a positive number in N/m^n as a `GivenStiffness`."""
     return value if isinstance(value, AbstractElasticity) else GivenStiffness(value)
 
 
 UNKNOWN_ENTRY_SPEED = 1e9
-"""Entry speed, m/s, assumed for a closed contact whose onset was not recorded, such as a contact
-that is closed when the motion starts.
-
-Damping is proportional to the rate over the entry speed, so that this large value makes the contact
-elastic.
-"""
+"""Entry speed, m/s, of a closed contact whose onset was not recorded, such as one that is closed
+when the motion starts. Damping is proportional to rate over entry speed, so that this large value
+makes the contact elastic."""
 
 
 class AbstractContactLaw(AbstractConverting):
@@ -319,13 +267,11 @@ class AbstractContactLaw(AbstractConverting):
 
     A subclass defines the force, its elastic part and the stored energy, and two class attributes:
 
-    - `uses_entry_speed`: whether the law needs the entry speed of the current contact, which is
-      determined at the onset and kept until separation.
+    - `uses_entry_speed`: whether the law needs the entry speed of the current contact.
     - `force_jumps`: whether the force may be nonzero right after the onset or before separation, as
       with a parallel damper. Derivatives by parameters then include the effect of the jump, at the
-      cost of one more evaluation of the equations of motion per step. The force of a class that
-      defines `force` without this attribute is assumed to jump: set ``force_jumps = False`` if the
-      force starts and ends at zero.
+      cost of one more evaluation of the equations of motion per step. A class that defines `force`
+      without this attribute is assumed to jump.
 
     ```python
     import clearjoint as cj
@@ -347,9 +293,7 @@ class AbstractContactLaw(AbstractConverting):
         def stored_energy(self, gap):
             return 0.5 * self.stiffness * jnp.maximum(gap.depth, 0.0) ** 2
 
-    law = Elastomer(stiffness=1e8, damping=0.5)
-    check_law(law)
-    scene, state = cj.mechanisms.double_pendulum(law=law)
+    check_law(Elastomer(stiffness=1e8, damping=0.5))
     ```
     """
 
@@ -368,14 +312,12 @@ class AbstractContactLaw(AbstractConverting):
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
         """Return the normal force, N, never negative.
 
-        **Arguments:** `gap`: penetration, m, and its rate, m/s. `entry_speed`: m/s, or ``None`` for
-        a law that doesn't use the entry speed.
+        `entry_speed` is in m/s, and ``None`` for a law that doesn't use it.
         """
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the conservative part of the force, N: the derivative of the stored energy by the
-        penetration."""
+        """Return the conservative part of the force, N: the slope of the stored energy."""
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:
@@ -384,36 +326,33 @@ class AbstractContactLaw(AbstractConverting):
     def onset_offset(self) -> Scalar:
         """Return the distance of the surfaces at which the force begins, m; 0 by default.
 
-        It is positive, for example, for a law that is smoothed over a width, or for rough surfaces,
-        whose asperities touch first.
+        It is positive for a law that is smoothed over a width, or for rough surfaces, whose
+        asperities touch first.
         """
         return 0.0
 
     def slope_jumps(self) -> bool:
-        """Return whether the derivative of the force by the penetration may jump at the onset.
+        """Return whether the derivative of the force by the penetration may jump at the onset, as
+        for a linear spring; ``True`` by default.
 
-        For example, it jumps for a linear spring. If the result is ``True``, the default, the
-        solver applies a correction for the kink of the force after each step that ends at the onset
-        or the end of a contact. ``False`` saves this correction, which costs one evaluation of the
-        equations of motion.
+        If it may, the solver corrects for the kink after each step that ends at the onset or the
+        end of a contact, at the cost of one evaluation of the equations of motion.
         """
         return True
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return, for each quantity on which the validity of the law depends, its value at a gap
-        and the range in which the law is valid.
+        """Return the limits of validity of the law at a gap; none by default.
 
-        A warning is issued for a clearance outside its range when a joint with clearance
-        (`ClearanceJoint` or `BallInSocket`) is made, and for a penetration outside its range after
-        a run that records impacts. The default is an empty tuple.
+        A joint with a clearance outside its range, and a run that records impacts with a
+        penetration outside its range, warn.
         """
         return ()
 
 
 class AbstractElasticLaw(AbstractContactLaw):
-    """Base class of laws with an elastic force that the field `stiffness` defines.
+    """Base class of laws whose field `stiffness` defines the elastic force.
 
-    The `stiffness` may be given as a number or an `AbstractElasticity`.
+    It may be given as a number or an `AbstractElasticity`.
 
     >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
     (True, GivenStiffness(stiffness=1000000000.0))
@@ -422,17 +361,12 @@ class AbstractElasticLaw(AbstractContactLaw):
     stiffness: eqx.AbstractVar[AbstractElasticity]
 
     @classmethod
+    @override
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts the values given for the field `name`.
-
-        This method is called when a class is defined. A number given as `stiffness` becomes a
-        `GivenStiffness`; other fields are converted as in the base class.
-        """
         return as_stiffness if name == "stiffness" else super().field_converter(name)
 
+    @override
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of the stiffness depends, with their
-        ranges."""
         return self.stiffness.limits(gap)
 
 
@@ -445,47 +379,37 @@ class AbstractPowerLaw(AbstractElasticLaw):
 
     exponent: eqx.AbstractVar[float]
 
+    @override
     def slope_jumps(self) -> bool:
-        """Return whether the derivative of the force by the penetration may jump at the onset.
-
-        It doesn't if the method `begins_flat` of the stiffness returns ``True``, as for K delta^n
-        with n above one.
-        """
         return not self.stiffness.begins_flat(self.exponent)
 
+    @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return K delta^n, N."""
         return self.stiffness.force(gap, self.exponent)
 
+    @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return K delta^(n+1)/(n+1), J."""
         return self.stiffness.energy(gap, self.exponent)
 
 
 def require_exponent(exponent: Single) -> None:
-    """Raise a ``ValueError`` if the exponent of a power law is below 1, where the slope of the
-    force would be infinite at the onset."""
+    """Raise a `ValueError` for an exponent below 1, whose slope would be infinite at the onset."""
     condition = "at least 1", "use 1.5 for Hertz"
     require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
 
 
 def require_rebound(restitution: Single) -> None:
-    """Raise a ``ValueError`` unless the restitution is positive, for a law whose damping is
-    infinite for a restitution of zero."""
+    """Raise a `ValueError` for a restitution of zero, at which a law's damping is infinite."""
     remedy = "its damping is infinite at 0; use a small value such as 0.01"
     expected = "positive for this law"
     require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)
 
 
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
-    """Check that a value is an object of one of the given classes.
+    """Raise a `ValueError` unless a value is an object of one of the classes `kinds`.
 
-    **Arguments:** `argument`: name of the value in the error message. `value`: any object. `kinds`:
-    the classes. `remedy`: advice in the message; by default to define a subclass of `kinds`, or to
-    pass an object of one of this package's classes. If the value is itself a class, the advice is
-    always to call it.
-
-    **Raises:** `ValueError` that names the argument if the value is no such object.
+    The message advises to define a subclass or to pass an object of this package, unless another
+    `remedy` is given; for a value that is itself a class, to call it.
     """
     names = " or ".join(kind.__name__ for kind in kinds)
     if isinstance(value, type):
@@ -496,14 +420,9 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
-    """Check that a law can be used between flat surfaces, which have no radii.
+    """Raise a `ValueError` unless a law can be used between flat `surfaces`, which have no radii.
 
-    The stiffness of an `AbstractElasticLaw` must be given as a number, since other stiffnesses may
-    depend on radii. Laws of other classes are accepted unchecked.
-
-    **Arguments:** `surfaces`: names of the flat surfaces in the error message.
-
-    **Raises:** `ValueError` if `law` is no contact law, or its stiffness is not given as a number.
+    The stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii.
     """
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
@@ -516,10 +435,8 @@ def require_flat_law(law: object, surfaces: str) -> None:
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
     """Return the normal force of a contact, N.
 
-    **Arguments:** `law`: law of the normal force. `gap`: penetration, m, and its rate, m/s.
-    `entry_speed`: m/s; ``None`` for a law that doesn't use it. Pass 0 as long as the onset has not
-    been recorded: the current rate then replaces it, since at the onset the rate is the entry
-    speed.
+    An `entry_speed` of 0 means that the onset has not been recorded yet: the current rate then
+    replaces it, since at the onset the rate is the entry speed.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
@@ -541,8 +458,8 @@ class AbstractLawAround(AbstractContactLaw):
         """Whether `law` uses the entry speed."""
         return self.law.uses_entry_speed
 
+    @override
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the validity limits of `law` at a gap."""
         return self.law.limits(gap)
 
 
@@ -550,57 +467,46 @@ class WeightedLaw(AbstractLawAround):
     """A contact law times a weight, for one of several contacts that together form a line contact.
 
     The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
-
-    - `law`: the law of the whole contact.
-    - `weight`: share of the law's force and energy.
     """
 
     weight: float = eqx.field(static=True)
 
     @property
+    @override
     def force_jumps(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether the law's force may jump."""
         return self.law.force_jumps
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the weight times the law's force, N."""
         return self.weight * self.law.force(gap, entry_speed)
 
+    @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the weight times the law's elastic force, N."""
         return self.weight * self.law.elastic_force(gap)
 
+    @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return the weight times the law's energy, J."""
         return self.weight * self.law.stored_energy(gap)
 
+    @override
     def onset_offset(self) -> Scalar:
-        """Return the distance of the surfaces at which the law's force begins, m."""
         return self.law.onset_offset()
 
+    @override
     def slope_jumps(self) -> bool:
-        """Return whether the derivative of the law's force may jump at the onset."""
         return self.law.slope_jumps()
 
     @property
     def delivered_restitution(self) -> Callable[[], Scalar]:
-        """Method of the law that returns the coefficient of restitution of a free impact.
-
-        The weight doesn't change the coefficient, because the motion in an impact stays the same if
-        force and mass are multiplied by the same factor. This is a property, so that ``hasattr``
-        tells whether the law has the method.
-
-        **Raises:** `AttributeError` if the law has no such method.
-        """
+        """Method of the law; a property, so that ``hasattr`` tells whether the law has it."""
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the innermost law of nested `AbstractLawAround` laws; any other law unchanged.
+    """Return the law that the user gave: the innermost of nested `AbstractLawAround` laws.
 
-    Reports show the returned law. A `ClearanceJoint` with `line_points`, or a `LubricatedJoint`
-    with a `transition`, computes with a law around the one that the user gave. This function
-    returns the user's law.
+    A `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a `transition`, computes with
+    a law around it.
     """
     while isinstance(law, AbstractLawAround):
         law = law.law

@@ -1,11 +1,4 @@
-"""Drives between two bodies: prescribed rotations and translations, torques and motors.
-
-A driver is a drive that prescribes a motion. Drives that act about an axis do not hold the bodies
-on this axis: add a revolute joint, ideal or with clearance.
-
-A row is a scalar quantity, such as an angle or the error of a constraint equation, with its
-derivatives.
-"""
+"""Drives between two bodies: prescribed rotations and translations, torques and motors."""
 
 import abc
 import math
@@ -16,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._fields.checks import require_axis, require_euler_parameters
 from ..._fields.objects import optional_quantity, quantity
@@ -46,17 +40,12 @@ from .functions_of_time import (
 
 
 class AbstractDrive(AbstractPair):
-    """Base class of elements that act on the angle of a second body about an axis of a first body.
+    """Base class of elements that prescribe, or apply a torque to, the angle of a body about an
+    axis.
 
-    They either prescribe the angle or apply a torque.
-
-    - `first`, `second`: names of the bodies.
-    - `axis`: (3,) in the first body's axes, any length.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero.
-
-    **Raises:** `ValueError` if the bodies are the same, the axis is zero, or the orientation does
-    not have unit norm.
+    They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
+    is in the first body's axes, any length, and `orientation` that of the second body in the
+    first's at angle zero, as Euler parameters.
     """
 
     axis: eqx.AbstractVar[Triple]
@@ -67,13 +56,7 @@ class AbstractDrive(AbstractPair):
         require_euler_parameters("orientation", self.orientation)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis relative to the first body, as a row.
-
-        The row's value is the angle, rad in [-pi, pi], right-handed about the axis. The row's
-        `jacobian` holds the derivatives of the angle's rate by the velocities of both bodies.
-
-        **Arguments:** `motions`: positions and velocities of each body, by its name.
-        """
+        """Return the second body's angle about the axis, rad in [-pi, pi], right-handed."""
         return angle_about(*self._between(motions), self.axis, self.orientation)
 
 
@@ -91,14 +74,12 @@ class AbstractDriveAboutAxis(AbstractDrive):
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     """Base class of ideal drivers: the second body's angle follows a function of time.
 
-    A driver has one constraint row. Its Lagrange multiplier is the driving moment in N m, positive
-    if it pushes the second body towards larger angles. `observe(...).reactions[driver]` contains
-    this moment as it acts on each body. The energy ledger of a run lists the work of the moment as
-    "supplied". Angles are taken modulo 2 pi, so that the number of revolutions is unlimited.
-
-    If the angle has kinks, return their times from the method `breakpoints`: an impulse of the
-    driver makes velocities jump there. A run ends with `RESULTS.not_followed` if the mechanism
-    can't follow the driver.
+    The Lagrange multiplier of its one row is the driving moment in N m, positive if it pushes the
+    second body towards larger angles; `observe(...).reactions[driver]` contains it, and the energy
+    ledger of a run lists its work as "supplied". Angles are taken modulo 2 pi, so that the number
+    of revolutions is unlimited. If the angle has kinks, return their times from the method
+    `breakpoints`: an impulse of the driver makes velocities jump there. A run ends with
+    `RESULTS.not_followed` if the mechanism can't follow the driver.
 
     ```python
     import clearjoint as cj
@@ -116,8 +97,6 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
             return self.amplitude * jnp.sin(self.frequency * t)
 
     swing = Swing("ground", "crank", (0, 0, 1), amplitude=0.5, frequency=20.0)
-    scene, guess = cj.mechanisms.slider_crank(motor=swing)
-    state = cj.assemble(scene, guess)
     ```
     """
 
@@ -129,12 +108,8 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
         `breakpoints`.
         """
 
+    @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return one row, "angle": the angle minus the prescribed angle, rad in [-pi, pi].
-
-        Whole revolutions are left out of the difference, since the bodies' positions determine the
-        angle only up to them.
-        """
         row = row_following(self.relative_angle(motions), self.angle, t)
         return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
 
@@ -142,18 +117,15 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
 class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
     """Rotates the second body relative to the first at constant speed.
 
-    For other motions use `PrescribedAngle`, or subclass `AbstractRotationDriver`.
+    For other motions use `PrescribedAngle`. A revolute joint has to hold the axis.
 
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
     - `axis`: (3,) in the first body's axes, any length.
     - `speed`: rad/s, right-handed about the axis.
     - `initial_angle`: rad, at time zero; zero by default.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame at angle zero; parallel frames by default.
-
-    **Raises:** `ValueError` if the bodies are the same, or a value is invalid.
 
     >>> drive = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=50.0)
     >>> print(f"{drive.angle(0.1):.1f} rad")
@@ -164,19 +136,17 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
     initial_angle: Single = quantity("rad", shape=(), default=0.0)
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
+    @override
     def angle(self, t: Scalar) -> Scalar:
-        """Return the initial angle plus speed times time, rad."""
         return self.initial_angle + self.speed * t
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques on a second body about an axis of a first body.
+    """Base class of torques on a second body about an axis of a first, on which the reaction acts.
 
-    The opposite torque, the reaction, acts on the first body.
-
-    A subclass declares the fields of `AbstractDrive` (`first`, `second`, `axis`, and `orientation`,
-    that of the second body at angle zero) and defines the torque as a function of the second body's
-    angle about the axis, its rate and time, as this motor does:
+    A subclass declares the fields of a drive (`first`, `second`, `axis`, and `orientation`, that of
+    the second body at angle zero) and defines the torque as a function of the second body's angle
+    about the axis, its rate and time:
 
     ```python
     import clearjoint as cj
@@ -204,9 +174,8 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         **Arguments:** `angle`: rad, in [-pi, pi]. `speed`: its rate, rad/s. `t`: s.
         """
 
+    @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the torque on the second body and its reaction on the first, as wrenches by name
-        of the body."""
         angle = self.relative_angle(motions)
         torque = self.torque_at(angle.value, rate_of(angle, motions), t)
         # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
@@ -222,79 +191,50 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A torque on the second body about an axis of the first, constant or a function of time.
 
-    For a torque that depends on angle or speed, subclass `AbstractDriveTorque`, or use `Motor`.
-
-    ```python
-    import clearjoint as cj
-    import jax.numpy as jnp
-
-    axis = (0, 0, 1)
-    pulsing = cj.DriveTorque("ground", "crank", axis, lambda t: 2.0 + jnp.sin(30.0 * t))
-    switched = cj.DriveTorque("ground", "crank", axis, cj.PiecewiseConstant([0, 0.2], [2.0, 0.0]))
-    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 1.8, 2.1, 2.0])
-    replayed = cj.DriveTorque("ground", "crank", axis, measured)
-    ```
+    For a torque that depends on angle or speed, use `Motor`, or subclass `AbstractDriveTorque`.
 
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `torque`: N m, positive towards larger angles: a number, or a function of time such as
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
-      of the compiled program and can't be saved in a scene file.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
+      of the compiled program, can't be saved in a scene file, and can't declare the times of its
+      jumps and kinks.
+    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
 
-    **Raises:** `ValueError` if the torque is neither a number nor a function, or another value is
-    invalid.
-
-    >>> drive = cj.DriveTorque("ground", "crank", (0, 0, 1), torque=2.0)
-    >>> scene, state = cj.mechanisms.slider_crank(motor=drive)
+    >>> axis, steps = (0, 0, 1), cj.PiecewiseConstant([0, 0.2], [2.0, 0.0])
+    >>> switched = cj.DriveTorque("ground", "crank", axis, steps)
+    >>> pulsing = cj.DriveTorque("ground", "crank", axis, lambda t: 2.0 + jnp.sin(30.0 * t))
     """
 
     torque: SingleInTime = single_in_time("N m")
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
+    @override
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the torque at the time `t`, s, in N m."""
         return value_at(self.torque, t)
 
+    @override
     def breakpoints(self) -> PyTree:
-        """Return the times, s, at which a torque that is a function of time jumps or has a kink.
-
-        A Python function can't declare such times, and none are returned for it.
-        """
         return breakpoints_of(self.torque)
 
 
 class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     """Prescribes the second body's angle relative to the first as a function of time.
 
-    Its constraint is the row "angle" of `AbstractRotationDriver`.
-
-    ```python
-    import clearjoint as cj
-    import jax.numpy as jnp
-
-    swing = cj.PrescribedAngle("ground", "crank", (0, 0, 1), lambda t: 0.5 * jnp.sin(20.0 * t))
-    measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
-    replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
-    ```
-
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
-    - `axis`: of rotation, (3,) in the first body's axes, any length.
-    - `function`: the angle in rad as a function of time in s: a `Spline` or `PiecewiseLinear`
-      table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python function that JAX
-      can differentiate twice; or a number for a constant angle. A Python function is part of the
-      compiled program, has no parameters to vary or fit, and can't be saved in a scene file.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `function`: the angle in rad as a continuous function of time in s: a `Spline` or
+      `PiecewiseLinear` table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python
+      function that JAX can differentiate twice; or a number for a constant angle. A Python function
+      is part of the compiled program, has no parameters to vary or fit, and can't be saved in a
+      scene file.
+    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
 
-    **Raises:** `ValueError` if `function` is neither a number nor a continuous function of time, or
-    another value is invalid.
+    >>> measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
+    >>> replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
     """
 
     function: FunctionOfTime = quantity("rad", converter=as_function_of_time)
@@ -303,12 +243,12 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     def __check_init__(self):
         require_continuous(self.function)
 
+    @override
     def angle(self, t: Scalar) -> Scalar:
-        """Return the prescribed angle, rad, at the time `t`, s."""
         return value_at(as_function_of_time(self.function), t)
 
+    @override
     def breakpoints(self) -> PyTree:
-        """Return the breakpoints of the function, s."""
         return breakpoints_of(self.function)
 
 
@@ -322,15 +262,11 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
     **Arguments:**
 
-    - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m from the centre
-      of mass in body axes.
+    - `point_first`, `point_second`: the points whose distance is prescribed, (3,) m from each
+      body's centre of mass in its axes.
     - `axis`: (3,) in the first body's axes, any length.
     - `function`: distance in m from the first body's point to the second's along the axis, negative
       against its direction: a number or a function of time, as for `PrescribedAngle`.
-
-    **Raises:** `ValueError` if the bodies are the same, `function` is neither a number nor a
-    continuous function of time, or a point or the axis is invalid.
 
     >>> slide = cj.PrescribedTranslation(
     ...     "ground", "slider", (0, 0, 0), (0, 0, 0), (1, 0, 0), cj.Polynomial((0.0, 0.2))
@@ -345,15 +281,15 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     def __check_init__(self):
         require_continuous(self.function)
 
+    @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return one row, "distance": the actual minus the prescribed distance, m."""
         points = self.point_first, unit(self.axis), self.point_second
         distance = point_in_plane(*self._between(motions), *points)
         prescribed = partial(value_at, as_function_of_time(self.function))
         return {"distance": row_following(distance, prescribed, t)}
 
+    @override
     def breakpoints(self) -> PyTree:
-        """Return the breakpoints of the function, s."""
         return breakpoints_of(self.function)
 
 
@@ -374,28 +310,18 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     The angle's error is taken within half a revolution. To control a speed regardless of the angle,
     set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
 
-    ```python
-    import clearjoint as cj
-
-    target = cj.Polynomial((0.0, 50.0))  # 50 rad/s
-    axis = (0, 0, 1)
-    motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
-    scene, state = cj.mechanisms.slider_crank(motor=motor)
-    ```
-
     **Arguments:**
 
-    - `first`, `second`: names of the bodies.
     - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`. It may also
       be a `PiecewiseConstant`, whose rate counts as zero.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None``, the default, for no limit.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame at angle zero; parallel frames by default.
+    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
 
-    **Raises:** `ValueError` if the bodies are the same, a value is outside its range, or the target
-    is neither a number nor a function of time.
+    >>> axis, target = (0, 0, 1), cj.Polynomial((0.0, 50.0))  # 50 rad/s
+    >>> motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
+    >>> scene, state = cj.mechanisms.slider_crank(motor=motor)
     """
 
     target: FunctionOfTime = quantity("rad", converter=as_function_of_time)
@@ -404,11 +330,8 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     torque_limit: Single | None = optional_quantity("N m", positive=True, remedy=SI)
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
+    @override
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        """Return the control torque, N m, within the torque limit.
-
-        **Arguments:** `angle`: rad. `speed`: its rate, rad/s. `t`: time, s.
-        """
         # JAX differentiates floats only, not a time given as an integer.
         t = jnp.asarray(t, dtype=float)
         desired = partial(value_at, as_function_of_time(self.target))
@@ -425,6 +348,6 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
         excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
         return torque - ramp(excess, width) + ramp(shortfall, width)
 
+    @override
     def breakpoints(self) -> PyTree:
-        """Return the breakpoints of the target, the times of its jumps and kinks, s."""
         return breakpoints_of(self.target)

@@ -1,12 +1,8 @@
 """Interfaces of the elements of a scene: constraints, forces and contact joints.
 
-An element is anything, except gravity, that acts on bodies: a joint, a force or a driver, which
-prescribes a motion. A row is one scalar constraint equation with its derivatives. A wrench is a
-force at a body's centre of mass together with a moment. A spin is an angular velocity in body axes.
-
-User-defined elements subclass `AbstractConstraint`, `AbstractForce` or `AbstractContactJoint`; no
-registration is needed. In the methods that compute forces and constraints, vectors are `Vector`s of
-three scalars, not arrays, and so are the element's fields with three numbers.
+An element acts on bodies: it is a joint, a force or a driver, which prescribes a motion. In the
+methods that compute forces and constraints, vectors are `Vector`s of three scalars, not arrays, and
+so are the element's fields with three numbers.
 """
 
 import abc
@@ -19,6 +15,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._fields.checks import require, require_point
 from ..._fields.objects import AbstractConverting, quantity
@@ -41,11 +38,10 @@ Motions: TypeAlias = Mapping[str, Motion]
 ...     return motions["arm"].position.z
 """
 ByLabel: TypeAlias = dict[str, dict[str, T]]
-"""Values of contacts or constraint rows, ``values[joint][label]``: by name of the joint, then by
-label of the contact or row."""
+"""Values of contacts or constraint rows, ``values[joint][label]``."""
 Attachment: TypeAlias = tuple[str, str, Triple]
-"""A point that an element has on a body: the name of the element's field that holds the point, the
-name of the body, and the point's position from the centre of mass, (3,) m in body axes."""
+"""A point that an element has on a body: the name of the element's field that holds it, the name of
+the body, and the point, (3,) m from the centre of mass in body axes."""
 
 
 @jax.tree_util.register_dataclass
@@ -75,8 +71,7 @@ class Row:
 
 
 class AbstractElement(AbstractConverting):
-    """Base class of joints, forces and drivers: everything in a scene, except gravity, that acts on
-    bodies.
+    """Base class of joints, forces and drivers, which act on the bodies of a scene.
 
     `point_fields` has the name of each field with a point, and of the field with the body's name.
     """
@@ -88,38 +83,28 @@ class AbstractElement(AbstractConverting):
         """Return the names of the bodies on which the element acts; the ground is "ground"."""
 
     def breakpoints(self) -> PyTree:
-        """Return the times in s at which the element is not a smooth function of time; the default
-        is an empty tuple.
+        """Return the times in s at which the element is not smooth in time; none by default.
 
-        A breakpoint is the time of a jump or kink of the force, or of a kink of the angle or
-        distance that a driver prescribes. Return a number, an array of any shape, or a tuple of
-        numbers and arrays, in any order. Infinite times have no effect. The times may be
-        parameters: compute them from the element's fields to get derivatives by them.
-
-        Integration steps end at breakpoints, so that no step extends across a jump or kink, and
-        derivatives by parameters include the effect of a shift of the breakpoint. An undeclared
-        jump of a force costs many short steps, and at an undeclared kink of a driver a run ends
-        with `RESULTS.not_followed`. `sensitivities`, which computes derivatives by parameters,
-        raises an error for a class that inherits this method and compares, rounds or clips a number
-        that depends on time. If the elements of such a class are smooth in time all the same, let
-        the class define this method and return an empty tuple.
+        They are the times of jumps and kinks of the force, or of kinks of the angle or distance
+        that a driver prescribes: a number, an array, or a tuple of both, in any order. Compute them
+        from the element's fields to get derivatives by them. Integration steps end at breakpoints.
+        An undeclared jump of a force costs many short steps, and at an undeclared kink of a driver
+        a run ends with `RESULTS.not_followed`. `sensitivities` raises an error for a class that
+        inherits this method and compares, rounds or clips a number that depends on time; if it is
+        smooth in time all the same, let the class define this method and return an empty tuple.
         """
         return ()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's points on bodies, by default those in `point_fields`.
-
-        The scene warns of a point so far from the centre of mass that its unit is probably wrong.
-        """
+        """Return the element's points on bodies, by default those in `point_fields`."""
         fields = self.point_fields.items()
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen, whose methods draw symbols at points of bodies.
+        """Draw the element with a pen; by default a marker at each point of `attachments`.
 
-        Figures are drawn by this method, and `arranged_state`, which makes a first guess of a
-        state, uses it too: it places the bodies such that the two points at which a joint is drawn
-        coincide. The default draws a marker at each point of `attachments`.
+        `arranged_state`, which makes a first guess of a state, places the bodies such that the two
+        points at which a joint is drawn coincide.
         """
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
@@ -128,10 +113,9 @@ class AbstractElement(AbstractConverting):
 class AbstractConstraint(AbstractElement):
     """Base class of ideal joints and drivers: constraint equations Phi = 0.
 
-    Lagrange multipliers, the forces and moments of the joint, enforce the equations.
-
-    This example is a massless rod between two centres of mass. `rows_from_residual` differentiates
-    its equation (d^2 - l^2)/2 = 0 for the distance d and the rod's length l:
+    Lagrange multipliers, the forces and moments of the joint, enforce the equations. This example
+    is a massless rod between two centres of mass, whose equation (d^2 - l^2)/2 = 0
+    `rows_from_residual` differentiates:
 
     ```python
     import clearjoint as cj
@@ -156,32 +140,24 @@ class AbstractConstraint(AbstractElement):
 
     bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
     scene = cj.Scene(bodies, {"rod": Rod("ground", "ball", length=0.5)})
-    state = cj.State({"ball": cj.body_state((0.5, 0.0, 0.0))})
     ```
     """
 
     @abc.abstractmethod
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the constraint rows by label, at time `t` in s; they must be linearly
-        independent.
-
-        `motions` contains the motion of each body by name.
-        """
+        """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the relative motion that the joint allows, for integration in joint coordinates.
+        """Return the motion that the joint allows relative to the body `parent`, in joint
+        coordinates.
 
-        The returned subspace describes the motion of the joint's other body relative to the body
-        with the name `parent`, and replaces the constraint rows. Return ``None``, the default, if
-        the relative motion has no such description: the joint's constraint rows are then kept.
+        It replaces the constraint rows; ``None``, the default, keeps them.
         """
         return None
 
 
 class AbstractForce(AbstractElement):
     """A force element without contact, such as a spring, a load or a drive torque.
-
-    This example is the quadratic drag of the air on one body:
 
     ```python
     import clearjoint as cj
@@ -200,18 +176,13 @@ class AbstractForce(AbstractElement):
             speed, _ = cj.extend.norm_and_direction(velocity)
             return {self.body: motion.wrench(velocity * (-self.factor * speed), self.point)}
 
-    bodies = {"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
-    scene = cj.Scene(bodies, forces={"air": Drag("ball", factor=0.02)}, gravity=(0, 0, -9.81))
+    air = Drag("ball", factor=0.02)
     ```
     """
 
     @abc.abstractmethod
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrench on each body by name, at time `t` in s.
-
-        A wrench is a force at the centre of mass, N in global axes, and a moment, N m in body axes.
-        A wrench on the ground is ignored. `motions` contains the motion of each body by name.
-        """
+        """Return the wrench on each body by name, at time `t` in s; the ground's is ignored."""
 
     def stored_energy(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the element's potential energy in J, at time `t` in s; 0 by default."""
@@ -220,9 +191,8 @@ class AbstractForce(AbstractElement):
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the power in W by which the element changes the total energy, at time `t` in s.
 
-        The total energy includes `stored_energy`. The power is therefore that of the wrenches plus
-        the rate of the stored energy: zero for a spring, negative for a damper. The default, the
-        power of the wrenches alone, is right for an element without stored energy.
+        It is the power of the wrenches, the default, plus the rate of `stored_energy`: zero for a
+        spring, negative for a damper.
         """
         power: Scalar = 0.0
         for name, wrench in self.wrenches(motions, t).items():
@@ -238,24 +208,23 @@ class Contact:
     - `gap`: penetration, m, and its rate, m/s.
     - `normal`: global unit vector, the direction in which the second body penetrates the first. The
       normal force on the second body is -F normal, on the first +F normal.
-    - `arm_first`, `arm_second`: contact points on the first and the second body's surface, from
-      that body's centre of mass, m in that body's axes.
+    - `arm_first`, `arm_second`: contact points on the surfaces, m from each body's centre of mass
+      in its axes.
     - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
       ``None`` without friction.
     - `line_first`, `line_second`: optional points on the normal force's line of action, such as the
-      centre of a ball, from the centre of mass, m in each body's axes. Without friction the force
-      acts at these points instead of `arm_first` and `arm_second`, which has the same effect with
-      less arithmetic and rounding.
-    - `turning`: ``None``, except for a contact that acts as a couple. It then consists of the
-      derivatives of the penetration's rate by the first and the second body's spin, m in body axes.
-      A normal force F acts as the moments -F times these vectors, without a net force. `normal` is
-      the axis about which the second body rotates into the first, and there is no friction.
-    - `face_radius`: ``None``, except for two flat faces whose friction resists their relative
-      rotation as well. It is the mean radius of the faces, m. `slip` then has a component along the
-      normal: this radius times the spin of the second body relative to the first about the normal.
-    - `lever`: ``None``, except for friction in an ideal hinge or ball. The friction F then acts as
-      a couple with the moment `lever` F, m, and `slip` is `lever` times the angular velocity of the
-      second body relative to the first, about the axis of the hinge.
+      centre of a ball, like `arm_first` and `arm_second`. Without friction the force acts there,
+      which has the same effect with less arithmetic and rounding.
+    - `turning`: ``None``, except for a contact that acts as a couple: the derivatives of the
+      penetration's rate by the first and the second body's spin, m in body axes. A normal force F
+      acts as the moments -F times these vectors. `normal` is the axis about which the second body
+      rotates into the first, and there is no friction.
+    - `face_radius`: ``None``, except for two flat faces whose friction also resists their relative
+      rotation: the mean radius of the faces, m. `slip` then has a component along the normal, this
+      radius times the spin of the second body relative to the first about the normal.
+    - `lever`: ``None``, except for friction in an ideal hinge or ball: the radius, m, by which the
+      friction F acts as a couple with the moment `lever` F. `slip` is then `lever` times the
+      angular velocity of the second body relative to the first.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
@@ -276,12 +245,7 @@ class Contact:
     lever: Scalar | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
-        """Return the points where the force acts on the first and the second body.
-
-        Each is in m, from the centre of mass, in its body's axes. The points are `line_first` and
-        `line_second` if `has_friction` is false and both are given, otherwise `arm_first` and
-        `arm_second`.
-        """
+        """Return the points where the force acts on both bodies, m in body axes."""
         if has_friction or self.line_first is None or self.line_second is None:
             return self.arm_first, self.arm_second
         return self.line_first, self.line_second
@@ -290,9 +254,8 @@ class Contact:
 class AbstractContactJoint(AbstractElement):
     """A joint with unilateral contacts between a first and a second body.
 
-    Each contact has a label and a law for its normal force, which may use the entry speed: the
-    penetration rate at the onset of the contact. This example is a ball on a horizontal floor. Test
-    a user-defined joint with `clearjoint.testing.check_contact_joint`.
+    Each contact has a label and a law for its normal force. This example is a ball on a horizontal
+    floor. Test a user-defined joint with `clearjoint.testing.check_contact_joint`.
 
     ```python
     import clearjoint as cj
@@ -318,9 +281,7 @@ class AbstractContactJoint(AbstractElement):
         def friction_force(self, name, contact, normal_force):
             return None
 
-    bodies = {"ball": cj.Body(0.1, (4e-6, 4e-6, 4e-6))}
-    joints = {"floor": BallOnFloor("ball", radius=0.01, law=cj.laws.Hertz(1e9))}
-    scene = cj.Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
+    floor = BallOnFloor("ball", radius=0.01, law=cj.laws.Hertz(1e9))
     ```
     """
 
@@ -330,34 +291,21 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact, from the motion of each body by name.
-
-        The labels are those of `laws`.
-        """
+        """Return the geometry of each contact by label, as in `laws`."""
 
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the second body, N in global axes; ``None`` without
-        friction.
+        """Return the friction force on the second body, N in global axes; ``None`` for none.
 
-        The friction force is tangential. Only for a contact with a `face_radius` may the result
-        also have a component along the normal, which is not applied as a force: times this radius,
-        it is the moment about the normal by which friction resists the relative rotation of the
-        faces.
-
-        If there is friction, the contact's `slip` must not be ``None``: the energy ledger computes
-        the power of the friction from it.
-
-        **Arguments:** `name`: label of the contact. `contact`: its geometry. `normal_force`: N,
-        positive if the surfaces push each other apart.
+        With friction the contact's `slip` must not be ``None``. The force is tangential. Only for a
+        contact with a `face_radius` may it have a component along the normal: times this radius, it
+        is the moment about the normal by which friction resists the relative rotation of the faces.
         """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the friction laws with bristles by label of the contact; empty by default.
+        """Return bristles that replace `friction_force`, by label of the contact; none by default.
 
-        Such a law models sticking by a deflection of the surfaces, which is integrated with the
-        motion. It replaces `friction_force` for its contact, whose `slip` must not be ``None`` and
-        whose `face_radius` must be ``None``.
+        The contact's `slip` must not be ``None``, and its `face_radius` must be ``None``.
         """
         return {}
 
@@ -365,76 +313,58 @@ class AbstractContactJoint(AbstractElement):
     def pair(self) -> tuple[str, str]:
         """Return the names of the first and the second body."""
 
+    @override
     def body_names(self) -> tuple[str, ...]:
-        """Return the names of the first and the second body."""
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of a lubricant film on each body by name; empty by default.
-
-        The energy ledger of a run counts the whole power of these wrenches as dissipated.
-        """
+        """Return the wrench of a film, which only dissipates, on each body; empty by default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the largest penetration for which the geometry is valid, m, by label of the
-        contact; empty by default.
-
-        A run ends when the penetration of a contact exceeds this value. A contact without an entry
-        has no limit.
-        """
+        """Return the penetration that ends a run, m, by contact; no limits by default."""
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the quantities on which the validity of a contact's law depends, each with its
-        value at the penetration `depth` and its valid range; an empty tuple by default.
+        """Return the limits of validity of a contact's law at a penetration, m; none by default.
 
-        After a run that has recorded impacts, this method is called with the largest penetration of
-        each contact, and a warning is issued if a quantity is outside its range.
-
-        **Arguments:** `name`: label of the contact. `depth`: penetration, m.
+        After a run that has recorded impacts, they are checked at the largest penetration.
         """
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance by which the second body has slid out of the first along the joint's
-        axis, m; negative inside.
+        """Return how far the second body has slid out of the first, m; ``None``, by default, if it
+        can't.
 
-        A run warns of positive values at its saved times and at its end. ``None``, the default,
-        stands for a joint whose second body can't slide out.
+        A run warns of positive values at its saved times and at its end.
         """
         return None
 
     def centred_joint(self) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body midway between its contacts; ``None``
-        by default.
+        """Return the ideal joint to which `assemble` moves a body that starts outside its
+        clearance.
 
-        `assemble`, which corrects initial states, moves a body that starts outside its clearance to
-        this position.
+        It holds the second body midway between its contacts; ``None`` by default.
         """
         return None
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body where it rests under a load.
+        """Return the ideal joint that holds the second body where it rests under a load; ``None``
+        by default.
 
-        `assemble`, which corrects initial states, uses it for the joints in its argument `resting`;
-        these must have a `centred_joint` too. Return ``None``, the default, if there is no position
-        of rest: `assemble` then raises an error. Unlike in most methods, vectors are arrays here,
-        (3,).
-
-        **Arguments:** `load`: (3,) N, force of the second body on the first, in the first body's
-        axes.
+        `assemble` uses it for the joints in its argument `resting`. There the elastic forces of the
+        contacts carry the load: (3,) N, an array, force of the second body on the first, in the
+        first body's axes.
         """
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the two points of a joint between a moving body and the ground; ``None`` by
-        default.
+        """Return the name of a body that a joint connects with the ground, its point and the
+        ground's.
 
-        The result consists of the name of the moving body, the joint's point on this body, m in its
-        axes, and the joint's point on the ground, m in global axes. If the position of the body is
-        an integration variable, it is replaced by the small vector from the ground's point to the
-        body's point. Computed as a difference of large coordinates, this vector would lose digits.
+        The small vector between the points, m in body and in global axes, may replace the body's
+        position as an integration variable: computed as a difference of large coordinates, it would
+        lose digits. ``None``, the default, stands for other joints.
         """
         return None
 
@@ -444,17 +374,14 @@ class AbstractContactJoint(AbstractElement):
 
 
 def require_distinct(first: str, second: str) -> None:
-    """Raise a ``ValueError`` unless two names of bodies are strings and differ."""
+    """Raise a `ValueError` unless two names of bodies are strings and differ."""
     for argument, name in (("first", first), ("second", second)):
         require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")
 
 
 class AbstractPair(AbstractElement):
-    """Base class of elements between two different bodies.
-
-    **Raises:** `ValueError` if the two names are equal or not strings.
-    """
+    """Base class of elements between two different bodies, `first` and `second`."""
 
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
@@ -466,28 +393,25 @@ class AbstractPair(AbstractElement):
         """Return the names of the first and the second body."""
         return self.first, self.second
 
+    @override
     def body_names(self) -> tuple[str, ...]:
-        """Return the names of the first and the second body."""
         return self.pair()
 
     def _between(self, motions: Motions) -> tuple[tuple[str, str], Motion, Motion]:
-        """Return the pair of names, and the motions of both bodies.
-
-        Most functions of the module `.constraint_rows` take these three values as their first three
-        arguments.
-        """
         return self.pair(), motions[self.first], motions[self.second]
 
 
 class AbstractPairAtPoints(AbstractPair):
     """Base class of elements between a point of one body and a point of another.
 
-    `first` and `second` are the names of the bodies, `point_first` and `point_second` the points,
-    (3,) m from each body's centre of mass in its axes. A point of the ground is in global
-    coordinates.
+    **Arguments:**
 
-    **Raises:** `ValueError` if the names are equal or not strings, or a point does not have three
-    finite coordinates.
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point_first`, `point_second`: (3,) m from each body's centre of mass in its axes; on the
+      ground from the origin.
+
+    **Raises:** `ValueError` if the bodies are the same, or a point does not have three finite
+    coordinates.
     """
 
     first: str = eqx.field(static=True)
@@ -499,11 +423,7 @@ class AbstractPairAtPoints(AbstractPair):
     def ends(
         self, axis_first: Triple | None = None, axis_second: Triple | None = None
     ) -> tuple[Marker, Marker]:
-        """Return markers of the element's points on the first and the second body, for drawing.
-
-        **Arguments:** `axis_first`, `axis_second`: direction of each marker, (3,) in body axes, or
-        ``None``, the default, for a marker without direction.
-        """
+        """Return markers of both points, for drawing, with optional axes, (3,) in body axes."""
         first = Marker(self.first, self.point_first, axis_first)
         return first, Marker(self.second, self.point_second, axis_second)
 
@@ -511,11 +431,7 @@ class AbstractPairAtPoints(AbstractPair):
 def each_label(
     function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
 ) -> ByLabel[T]:
-    """Call a function for each contact or row, and return the results by name of joint and label.
-
-    **Arguments:** `function`: gets the name of a joint and the label of one of its contacts or
-    rows. `tables`: labels of each joint, by its name.
-    """
+    """Return the results of a function of each joint's name and label, by joint and label."""
     return {
         name: {label: function(name, label) for label in labels} for name, labels in tables.items()
     }

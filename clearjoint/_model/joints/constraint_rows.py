@@ -1,10 +1,7 @@
 """Constraint rows of which the ideal joints are composed, and their combinations.
 
-A row is one scalar constraint equation Phi = 0 with its derivatives. Its Jacobian holds the
-derivatives of the rate of Phi by the velocities and spins of the bodies, and its bias is the second
-time derivative of Phi if all accelerations are zero. A rate is a time derivative, and a spin is an
-angular velocity in body axes. In a row that describes a quantity, such as an angle, the quantity
-takes the place of Phi.
+`names` are those of the first and the second body, `first` and `second` their motions. In a row
+that describes a quantity, such as an angle, the quantity takes the place of Phi.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -37,14 +34,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return the Jacobian and the bias of a row whose value is a coordinate of a body's point.
-
-    The coordinate is measured along a fixed direction. The bias, m/s^2, is the component along this
-    direction of the point's centripetal acceleration relative to the centre of mass.
-
-    **Arguments:** `local`: the point, m from the centre of mass in body axes; `direction`: a unit
-    vector in global axes.
-    """
+    """Return Jacobian and bias of a point's coordinate in a fixed direction."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -55,14 +45,10 @@ def coincident_points(
 ) -> dict[str, Row]:
     """Return three rows that keep a point of the first body at a point of the second.
 
-    The rows' values are the global components of the vector from the second point to the first, m,
-    with the labels "translation x", "translation y" and "translation z".
+    Their values are the global components of the vector from the second point to the first, m.
 
-    **Arguments:**
-
-    - `names`: of the first and the second body.
-    - `first`, `second`: motions of the bodies.
-    - `local_first`, `local_second`: point of each body, m from its centre of mass in its axes.
+    **Arguments:** `names`, `first`, `second`: of the bodies, and their motions. `local_first`,
+    `local_second`: point of each body, m from its centre of mass in its axes.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -87,13 +73,7 @@ def perpendicular(
 ) -> Row:
     """Return the row that keeps a direction of one body perpendicular to a direction of another.
 
-    The row's value is the scalar product of the two directions.
-
-    **Arguments:**
-
-    - `names`: of the first and the second body.
-    - `first`, `second`: motions of the bodies.
-    - `axis_first`, `axis_second`: unit vector of each body, in that body's axes.
+    Its value is the scalar product of `axis_first` and `axis_second`, unit vectors in body axes.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -125,15 +105,10 @@ def point_in_plane(
 ) -> Row:
     """Return the row that keeps a point of the second body in a plane of the first.
 
-    The row's value is the point's distance from the plane, m, positive on the side of the normal.
+    Its value is the point's distance from the plane, m, positive on the side of the normal.
 
-    **Arguments:**
-
-    - `names`: of the first and the second body.
-    - `first`, `second`: motions of the bodies.
-    - `origin`: a point of the plane, m from the first body's centre of mass in its axes.
-    - `axis`: normal of the plane, a unit vector in the first body's axes.
-    - `local`: the point of the second body, m from its centre of mass in its axes.
+    **Arguments:** `origin`, `axis`: a point of the plane, m, and its unit normal, in the first
+    body's axes. `local`: the point of the second body, m in its axes.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -161,17 +136,10 @@ def turning_angle(
 ) -> Row:
     """Return the angle of a direction of the second body about an axis of the first, as a row.
 
-    The row's value is the angle, rad in [-pi, pi], right-handed about the axis. It is measured in
-    the plane perpendicular to the axis, from the first of the axis' `transverse_axes`, two unit
-    vectors in this plane, to the projection of the direction on the plane. Jacobian and bias are
-    exact even if the direction is not perpendicular to the axis.
-
-    **Arguments:**
-
-    - `names`: of the first and the second body.
-    - `first`, `second`: motions of the bodies.
-    - `axis`: unit vector in the first body's axes.
-    - `direction`: unit vector in the second body's axes, not parallel to the axis.
+    Its value is in rad in [-pi, pi], right-handed about the axis, from the first of the axis'
+    `transverse_axes` to the projection of the direction. Jacobian and bias are exact even if the
+    direction is not perpendicular to the axis; it must not be parallel. `axis` is a unit vector in
+    the first body's axes, `direction` one in the second's.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -201,10 +169,7 @@ def turning_angle(
 
 
 def rate_of(row: Row, motions: Motions) -> Scalar:
-    """Return the part of the rate of a row's value that is due to the motion of the bodies.
-
-    The other part, the row's `time_rate`, is due to a prescribed function of time.
-    """
+    """Return the part of the rate of a row's value that is due to the motion of the bodies."""
     # `Motion.power` multiplies a wrench, here a part of the Jacobian, by velocity and spin.
     return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
 
@@ -214,16 +179,9 @@ def relative_angle_row(
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, as a row.
 
-    The row's value is in rad in [-pi, pi], right-handed about the first body's axis. It is zero if
-    the bodies' frames differ by the shortest rotation that makes the two axes parallel. An axis and
-    its opposite count as the same: the second axis is reversed if the scalar product of
-    `axis_first` and `axis_second` is negative.
-
-    **Arguments:**
-
-    - `names`: of the first and the second body.
-    - `first`, `second`: motions of the bodies.
-    - `axis_first`, `axis_second`: the axis in each body's axes, of any length.
+    It is in rad in [-pi, pi], right-handed about the first body's axis, and zero if the bodies'
+    frames differ by the shortest rotation that makes the axes parallel; the second axis is reversed
+    if the scalar product of the two is negative.
     """
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
@@ -238,17 +196,9 @@ def relative_angle_row(
 def angle_about(
     names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
 ) -> Row:
-    """Return the angle of the second body about an axis of the first, as a row.
+    """Return the second body's angle about an axis of the first, rad in [-pi, pi], as a row.
 
-    The row's value is in rad in [-pi, pi], right-handed about the axis.
-
-    **Arguments:**
-
-    - `names`: of the first and the second body.
-    - `first`, `second`: motions of the bodies.
-    - `axis`: in the first body's axes, any length.
-    - `orientation`: Euler parameters that transform components in the second body's axes to the
-      first's at angle zero.
+    `orientation` transforms components in the second body's axes to the first's at angle zero.
     """
     axis = unit(axis)
     start, _ = transverse_axes(axis)
@@ -263,11 +213,7 @@ Velocities = tuple[Vector, Vector]
 
 
 def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
-    """Return the time derivative of a pose: the velocity, m/s, and the rotation matrix' rate, 1/s.
-
-    The rate of the rotation matrix A is A ~spin, where ~spin is the matrix of the cross product
-    with the spin. Its rows are the cross products of A's rows with the spin.
-    """
+    """Return the time derivative of a pose; that of the rotation matrix A is A ~spin, 1/s."""
     velocity, spin = velocities
     rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
     return velocity, Matrix(*(row.cross(spin) for row in rows))
@@ -282,19 +228,16 @@ def rows_from_residual(
 ) -> dict[str, Row]:
     """Return constraint rows by label, whose derivatives are found by automatic differentiation.
 
-    A user-defined joint that calls this function needs to define only the constraint equations, as
-    a function of positions and orientations. Hand-written Jacobians and biases are faster.
+    A joint of your own that calls this function needs to define only its constraint equations.
+    Hand-written Jacobians and biases are faster.
 
     **Arguments:**
 
-    - `names`: of the first and the second body.
     - `labels`: of the rows, in the order of the residual's values.
-    - `residual`: function that returns a scalar for each label, zero if the constraint is
-      satisfied. Its two arguments are the poses of the first and the second body. Each pose is a
-      pair: the position of the body's centre of mass, m in global axes, and the rotation matrix
-      from body to global axes. The function must not depend explicitly on time, because it is
-      differentiated by the poses only.
-    - `first`, `second`: motions of the bodies.
+    - `residual`: function of the poses of the first and the second body that returns a scalar for
+      each label, zero if the constraint is satisfied. A pose is the position of the body's centre
+      of mass, m in global axes, and the rotation matrix from body to global axes. The function must
+      not depend explicitly on time, because it is differentiated by the poses only.
 
     **Raises:** `ValueError` if the residual has another number of values than there are labels.
 
@@ -341,12 +284,6 @@ def _as_arrays(tree: PyTree) -> PyTree:
 
 
 def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
-    """Return twelve sets of velocities and spins of two bodies, in each of which one component is 1
-    and all others are zero.
-
-    Their order is velocity x, y, z and spin x, y, z of the first body, then of the second. From
-    them, `rows_from_residual` computes the columns of a Jacobian.
-    """
     zero = _as_arrays(ZERO)
     units = [_as_arrays(axis) for axis in (UNIT_X, UNIT_Y, UNIT_Z)]
     pairs = [(axis, zero) for axis in units] + [(zero, axis) for axis in units]
@@ -355,13 +292,9 @@ def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
 
 
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
-    """Return the row that keeps a vector's length constant, such as that of a massless rod.
+    """Return the row (x^2 + y^2 + ... - length^2)/(2 length), m, of the length of a vector.
 
-    The row's value is (x^2 + y^2 + ... - length^2)/(2 length), m.
-
-    **Arguments:** `components`: rows whose values x, y, ... are the vector's components, m; their
-    `time_rate` must be zero. `length`: required length, m, positive. `motions`: motion of each body
-    by name.
+    Its components x, y, ..., m, are the values of rows without `time_rate`.
     """
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
@@ -378,14 +311,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
 
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
-    """Return the row that makes a quantity follow a prescribed function of time.
-
-    The value of the returned row is the value of `row` minus the function at the time `t`.
-
-    **Arguments:** `row`: a row whose value is the quantity to prescribe, such as an angle.
-    `function`: the prescribed value, in the row's unit, as a function of the time in s; JAX must be
-    able to differentiate it twice. `t`: time, s.
-    """
+    """Return the row that makes the value of `row` follow a function that JAX differentiates
+    twice."""
 
     def rate(t: Scalar) -> Scalar:
         return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
@@ -397,11 +324,7 @@ def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> 
 
 
 def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
-    """Return the row `first` plus a constant `factor` times the row `second`.
-
-    Such a sum of two angles, or of a distance and an angle, couples the two motions. The factor
-    multiplies the value, Jacobian, bias and time rate of `second`.
-    """
+    """Return the row `first` plus a constant times the row `second`, which couples two motions."""
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
         jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * factor

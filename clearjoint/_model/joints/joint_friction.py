@@ -1,6 +1,7 @@
 """Friction of ideal joints: of hinges, sliders and balls that other joints hold."""
 
 import equinox as eqx
+from typing_extensions import override
 
 from ..._fields.checks import require, require_axis, require_point
 from ..._fields.objects import optional_quantity, quantity
@@ -15,8 +16,7 @@ from .base import AbstractContactJoint, AbstractPair, Contact, Motions
 LABEL = "surface"
 """Label of the only contact of a `JointFriction`."""
 PRESSED = 1e-9
-"""Depth of the contact, m, which is closed for ever. Its value has no effect, since the load does
-not depend on it."""
+"""Depth of the contact, m, which is closed for ever. Its value has no effect on the load."""
 
 
 class Preload(AbstractContactLaw):
@@ -26,20 +26,20 @@ class Preload(AbstractContactLaw):
     uses_entry_speed = False
     force_jumps = False
 
+    @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the load, N."""
         return self.load
 
+    @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the load, N, since nothing is damped."""
         return self.load
 
+    @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        """Return zero: the surfaces do not move towards each other."""
         return 0.0
 
+    @override
     def slope_jumps(self) -> bool:
-        """Return ``False``, since there is neither onset nor end."""
         return False
 
 
@@ -49,8 +49,8 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     Two surfaces, pressed together by a constant load, slip as the second body moves relative to the
     first. In a hinge or ball, they have a radius r: the slip is r times the relative angular
     velocity, and the friction F acts as a couple with the moment F r. In a slider the slip is the
-    velocity along the axis, and F acts along it. Laws with bristles, such as `LuGre`, hold the
-    joint below the breakaway load; laws of the slip speed alone let it creep.
+    velocity along the axis, and F acts along it. Choose a law with bristles, such as `LuGre`, if
+    the joint must hold below the breakaway load.
 
     Reactions of the ideal joint contain no part of the load. `simulate_nonsmooth` does not support
     this element.
@@ -62,32 +62,20 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     - `load`: N, by which the surfaces are pressed together.
     - `axis`: (3,) in the first body's axes, any length: of a hinge, or direction of a slider;
       ``None`` for a ball, where friction resists every relative rotation.
-    - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider. For a law in N m and
-      rad/s, take ``radius=1``: the moment is then the `load` in N m times the law's ratio.
+    - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider, which needs an `axis`.
+      For a law in N m and rad/s, take ``radius=1``: the moment is then the `load` in N m times the
+      law's ratio.
     - `point_second`: of the second body, on the slider's surface, (3,) m in its axes; its centre of
       mass by default. It matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
       ``radius=1``); none by default.
 
-    **Raises:** `ValueError` if both bodies are the same, `friction` is no friction law, both `axis`
-    and `radius` are ``None``, or a value is outside its range.
+    This hinge holds 0.6 N m at rest, and resists with 0.5 N m when it turns:
 
-    ```python
-    import clearjoint as cj
-
-    z = (0, 0, 1)
-    # A hinge that holds 0.6 N m at rest, and resists with 0.5 N m when it turns.
-    law = cj.frictions.LuGre(breakaway=1.2, kinetic=1.0, stribeck_speed=0.05, stiffness=1e4)
-    scene = cj.Scene(
-        {"arm": cj.Body.rod(mass=1.0, length=0.5, diameter=0.02)},
-        {
-            "hinge": cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.25, 0, 0), z, z),
-            "friction": cj.JointFriction(
-                "ground", "arm", law, load=0.5, axis=z, radius=1.0
-            ),
-        },
-    )
-    ```
+    >>> law = cj.frictions.LuGre(breakaway=1.2, kinetic=1.0, stribeck_speed=0.05, stiffness=1e4)
+    >>> friction = cj.JointFriction("ground", "arm", law, load=0.5, axis=(0, 0, 1), radius=1.0)
+    >>> friction.pair()
+    ('ground', 'arm')
     """
 
     first: str = eqx.field(static=True)
@@ -102,17 +90,18 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     def __check_init__(self):
         require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
 
+    @override
     def _check_together(self) -> None:
         expected = "given for a slider, or else a `radius` for a hinge or ball"
         remedy = "give the direction of the slider, (3,) in the first body's axes"
         require(not (self.axis is None and self.radius is None), "axis", None, expected, remedy)
 
+    @override
     def laws(self) -> dict[str, AbstractContactLaw]:
-        """Return the constant load."""
         return {LABEL: Preload(self.load)}
 
+    @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the surfaces, which are always in contact, and their slip."""
         first, second = motions[self.first], motions[self.second]
         on_first = first.components(second.point(self.point_second) - first.position)
         slip = self._slip(first, second, on_first)
@@ -121,12 +110,6 @@ class JointFriction(AbstractPair, AbstractContactJoint):
         return {LABEL: Contact(gap, ZERO, on_first, self.point_second, slip, lever=self.radius)}
 
     def _slip(self, first: Motion, second: Motion, on_first: Vector) -> Vector:
-        """Return the velocity of the second surface relative to the first, m/s in global axes; of a
-        hinge or ball, the radius times the relative angular velocity.
-
-        **Arguments:** `on_first`: the slider's point from the first body's centre of mass, m in its
-        axes.
-        """
         if self.radius is None:
             slip = second.velocity_at(self.point_second) - first.velocity_at(on_first)
         else:
@@ -137,17 +120,17 @@ class JointFriction(AbstractPair, AbstractContactJoint):
         axis = first.direction(unit(self.axis))
         return axis * slip.dot(axis)
 
+    @override
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction on the second body's surface, N in global axes."""
         assert contact.slip is not None
         return self.friction.force(normal_force, contact.slip)
 
+    @override
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
-        """Return the law of the friction, if it has bristles."""
         return {LABEL: self.friction} if isinstance(self.friction, AbstractBristleFriction) else {}
 
+    @override
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of the viscous part on each body by name."""
         if self.viscosity is None:
             return {}
         (contact,) = self.contacts(motions).values()

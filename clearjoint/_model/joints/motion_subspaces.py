@@ -1,10 +1,10 @@
 """Motion subspaces: the relative motions that ideal joints allow, for joint coordinates.
 
 In joint coordinates the bodies form a tree, in which each joint connects a *child* body with its
-*parent*. A motion subspace describes the motion of the child relative to the parent: the joint's
-point on the child may slide away from the point on the parent, and the child may rotate about its
-own point. Displacements, velocities and spins have components in the child's axes, because the
-usual joints have constant directions of motion in these axes.
+*parent*. The joint's point on the child may slide away from the point on the parent, and the child
+may rotate about its own point. Displacements, velocities and spins have components in the child's
+axes, because the usual joints have constant directions of motion there. Orientations are Euler
+parameters that transform components in the child's axes to the parent's.
 """
 
 import abc
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._math.rotations import (
     composed,
@@ -47,8 +48,8 @@ class Twist:
 
     - `angular`: relative spin, rad/s.
     - `linear`: rate, m/s, of the components of the displacement d, the vector from the joint's
-      point on the parent to its point on the child. These components are in the child's axes, which
-      rotate: the velocity of the child's point relative to the parent is `linear` + `angular` x d.
+      point on the parent to its point on the child. The child's axes rotate: the velocity of the
+      child's point relative to the parent is `linear` + `angular` x d.
 
     >>> twist = extend.Twist(angular=extend.UNIT_Z, linear=extend.ZERO) * 2.0
     >>> twist.angular.z
@@ -75,12 +76,9 @@ REST = Twist(ZERO, ZERO)
 class Relative:
     """Position and motion of a child body relative to its parent.
 
-    - `orientation`: Euler parameters that transform components in the child's axes to the
-      parent's.
-    - `displacement`: vector from the joint's point on the parent to its point on the child, m in
-      the child's axes.
-    - `twist`: relative spin, rad/s, and rate of the displacement's components, m/s, in the child's
-      axes.
+    `orientation` transforms components in the child's axes to the parent's. `displacement`, m, is
+    from the joint's point on the parent to that on the child, in the child's axes, as is the
+    `twist`.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -134,39 +132,29 @@ class AbstractMotionSubspace(eqx.Module):
 
     @abc.abstractmethod
     def orientation(self, position: PyTree) -> EulerParameters:
-        """Return Euler parameters that transform components in the child's axes to the parent's.
-
-        Their norm need not be 1.
-        """
+        """Return Euler parameters, of any norm, from the child's axes to the parent's."""
 
     @abc.abstractmethod
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """Return one relative twist for each speed, in the child's axes: the twist if this speed is
-        1 rad/s or 1 m/s and all other speeds are zero."""
+        """Return the relative twist for each speed equal to 1 rad/s or 1 m/s, the others zero."""
 
     def rates(self, state: JointState) -> PyTree:
-        """Return the time derivative of the position, with the same structure as the position.
-
-        The default returns the speeds as the rates. It suits a position that consists of one number
-        for each speed.
-        """
+        """Return the time derivative of the position; by default the speeds."""
         return jax.tree.unflatten(jax.tree.structure(state.position), state.speeds)
 
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """Return the position after a small motion along the columns.
+        """Return the position after a small motion along the columns, rad or m, one for each speed.
 
-        It is called to correct positions so that they satisfy the constraints. `changes` are in rad
-        or m, one for each speed. The default adds them to the numbers of the position, in order.
+        By default the changes are added to the numbers of the position, in order.
         """
         numbers, structure = jax.tree.flatten(position)
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """Return an equivalent position in which angles are reduced by whole revolutions and Euler
-        parameters are scaled to the norm 1.
+        """Return an equivalent position, so that neither angles nor rounding errors grow over a
+        long run.
 
-        It is called at the end of each step, so that neither angles nor rounding errors grow over a
-        long run. The default returns the position unchanged, which suits distances.
+        It is called at the end of each step; the default, the position itself, suits distances.
         """
         return position
 
@@ -175,16 +163,11 @@ class AbstractMotionSubspace(eqx.Module):
         return rotation_matrix(self.orientation(position))
 
     def displacement(self, position: PyTree) -> Vector:
-        """Return the vector from the parent's point to the child's in the child's axes, m; zero by
-        default."""
+        """Return the vector from the parent's point to the child's, m in the child's axes."""
         return ZERO
 
     def bias(self, state: JointState) -> Twist:
-        """Return the time derivative of the relative twist's components in the child's axes if the
-        speeds are constant.
-
-        Its unit is rad/s^2 and m/s^2. The default is zero, which is right for constant columns.
-        """
+        """Return the rate of the relative twist at constant speeds, zero for constant columns."""
         return REST
 
     def twist(self, state: JointState) -> Twist:
@@ -193,46 +176,38 @@ class AbstractMotionSubspace(eqx.Module):
         return sum((column * speed for column, speed in parts), REST)
 
     def rotation_rate(self, state: JointState) -> Scalar | None:
-        """Return how fast the child rotates relative to its parent, rad/s, a positive number;
-        ``None`` if runs need not limit this rotation in a step.
+        """Return how fast the child rotates relative to its parent, rad/s; ``None`` if no step need
+        limit it.
 
         An angle that grows evenly is integrated exactly, so that errors limit no step. Runs
-        therefore limit the rotation in a step where they search steps for contacts and other
-        events. The default is the magnitude of the relative spin, or ``None`` without rotation.
+        therefore limit the rotation in a step where they search steps for events.
         """
         spin = self.twist(state).angular
         return None if all(map(is_zero, spin)) else norm(spin)
 
 
 class AbstractMotionAtPoints(AbstractMotionSubspace):
-    """Base class of motion subspaces with the joint's points on parent and child as fields.
-
-    The points are in m from the centre of mass, in each body's axes.
-    """
+    """Base class of motion subspaces with the joint's points on parent and child as fields."""
 
     point_parent: Vector
     point_child: Vector
 
 
 class Weld(AbstractMotionAtPoints):
-    """The subspace of a fixed joint, without relative motion.
-
-    `reference` is the constant orientation: Euler parameters that transform components in the
-    child's axes to the parent's.
-    """
+    """The subspace of a fixed joint, without relative motion; `reference` is its orientation."""
 
     reference: EulerParameters
 
+    @override
     def encode(self, relative: Relative) -> JointState:
-        """Return an empty position and no speeds."""
         return JointState((), ())
 
+    @override
     def orientation(self, position: PyTree) -> EulerParameters:
-        """Return the constant `reference`."""
         return self.reference
 
+    @override
     def columns(self, position: PyTree) -> tuple[Twist, ...]:
-        """Return no columns."""
         return ()
 
 
@@ -245,9 +220,8 @@ def rotation_about(axis: Vector, angle: Scalar) -> EulerParameters:
 class AbstractTurning(AbstractMotionAtPoints):
     """Base class of motion subspaces in which the child only rotates about one axis.
 
-    `axis` is a unit vector along this axis, in the child's axes. `reference` is the orientation at
-    angle zero, as Euler parameters that transform components in the child's axes to the parent's.
-    `aligning` computes such an orientation from the axis in both bodies. Subclasses may add
+    `axis` is a unit vector along this axis, in the child's axes, and `reference` the orientation at
+    angle zero, which `aligning` computes from the axis in both bodies. Subclasses may add
     translations.
     """
 
@@ -257,27 +231,23 @@ class AbstractTurning(AbstractMotionAtPoints):
     def angle(self, relative: Relative) -> Scalar:
         """Return the angle of rotation, rad, within [-2 pi, 2 pi].
 
-        Angles that differ by two revolutions give the same result, because Euler parameters depend
-        on half the angle: after one revolution they have the opposite sign, after two the same.
+        Euler parameters have the opposite sign after one revolution, and the same after two.
         """
         rotation = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(rotation.e1, rotation.e2, rotation.e3)
         return 2.0 * polar_angle(vector.dot(self.axis), rotation.e0)
 
+    @override
     def orientation(self, position: Scalar) -> EulerParameters:
-        """Return Euler parameters that transform components in the child's axes to the parent's.
-
-        They are those of the rotation by the angle `position`, rad, followed by `reference`.
-        """
         return composed(self.reference, rotation_about(self.axis, position))
 
+    @override
     def rotation(self, position: Scalar) -> Matrix:
-        """Return the matrix that transforms the child's components to the parent's.
+        """Return R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), R for `reference` and b for
+        the axis.
 
-        It is R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b) with the matrix R of `reference`,
-        the identity I, the axis b, and the matrix ~b of the cross product with b. This form has few
-        products if the axis is along x, y or z: its components are then exactly 0 or 1, and are
-        compiled as constants.
+        This form has few products if the axis is along x, y or z: its components are then exactly 0
+        or 1, and are compiled as constants.
         """
         b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
@@ -292,106 +262,98 @@ class AbstractTurning(AbstractMotionAtPoints):
 class Hinge(AbstractTurning):
     """Rotation by an angle (rad) about an axis; its position is the angle."""
 
+    @override
     def encode(self, relative: Relative) -> JointState:
-        """Return the angle, rad, and its rate, rad/s, for a relative motion of the child."""
         return JointState(self.angle(relative), (relative.twist.angular.dot(self.axis),))
 
+    @override
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """Return a rotation about the axis at 1 rad/s."""
         return (Twist(self.axis, ZERO),)
 
+    @override
     def without_drift(self, position: Scalar) -> Scalar:
-        """Return the angle less a multiple of 4 pi, within [-2 pi, 2 pi]."""
         return within_two_turns(position)
 
 
 class Ball(AbstractMotionAtPoints):
     """Free rotation of the child about the joint's point.
 
-    The position consists of the Euler parameters that transform components in the child's axes to
-    the parent's. The three speeds are the relative spin in the child's axes, rad/s.
+    The position consists of the Euler parameters of the orientation. The three speeds are the
+    relative spin in the child's axes, rad/s.
     """
 
+    @override
     def encode(self, relative: Relative) -> JointState:
-        """Return the relative Euler parameters and the relative spin, rad/s in the child's axes."""
         spin = relative.twist.angular
         return JointState(relative.orientation, (spin.x, spin.y, spin.z))
 
+    @override
     def orientation(self, position: EulerParameters) -> EulerParameters:
-        """Return the Euler parameters unchanged."""
         return position
 
+    @override
     def columns(self, position: EulerParameters) -> tuple[Twist, ...]:
-        """Return rotations about the child's axes at 1 rad/s."""
         return tuple(Twist(axis, ZERO) for axis in (UNIT_X, UNIT_Y, UNIT_Z))
 
+    @override
     def rates(self, state: JointState) -> EulerParameters:
-        """Return the rates of the Euler parameters, 1/s."""
         return euler_parameter_rates(state.position, Vector(*state.speeds))
 
+    @override
     def after_displacement(
         self, position: EulerParameters, changes: tuple[Scalar, ...]
     ) -> EulerParameters:
-        """Return the Euler parameters after a small rotation.
-
-        `changes` are the components of the rotation vector in the child's axes, rad.
-        """
         return turned(position, Vector(*changes))
 
+    @override
     def without_drift(self, position: EulerParameters) -> EulerParameters:
-        """Return the Euler parameters with their norm corrected to 1 if it has drifted."""
         return kept_unit(position)
 
-    def rotation_rate(self, state: JointState) -> None:
-        """Return ``None``: the integration error of Euler parameters limits the rotation in a
-        step."""
+    @override
+    def rotation_rate(self, state: JointState) -> None: ...
 
 
 class Slider(AbstractMotionAtPoints):
-    """Translation by a distance (m) along `axis`, a unit vector in the child's axes.
+    """Translation by a distance, m, along `axis`, with the constant orientation `reference`.
 
-    The position is the distance, and its rate the only speed, m/s. `reference` is the constant
-    orientation, as Euler parameters that transform components in the child's axes to the parent's.
+    `axis` is a unit vector in the child's axes; the distance is the position.
     """
 
     axis: Vector
     reference: EulerParameters
 
+    @override
     def encode(self, relative: Relative) -> JointState:
-        """Return the distance along the axis, m, and its rate, m/s, for a motion of the child."""
         distance = relative.displacement.dot(self.axis)
         return JointState(distance, (relative.twist.linear.dot(self.axis),))
 
+    @override
     def orientation(self, position: Scalar) -> EulerParameters:
-        """Return the constant `reference`."""
         return self.reference
 
+    @override
     def displacement(self, position: Scalar) -> Vector:
-        """Return the vector from the parent's point to the child's, m in the child's axes."""
         return self.axis * position
 
+    @override
     def columns(self, position: Scalar) -> tuple[Twist, ...]:
-        """Return a translation along the axis at 1 m/s."""
         return (Twist(ZERO, self.axis),)
 
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters of a rotation that turns the second unit vector into the first.
+    """Return Euler parameters, of any norm, of a rotation from the second unit vector to the first.
 
-    Their norm need not be 1. For equal vectors they are exactly proportional to (1, 0, 0, 0). The
-    rotation is also defined for opposite vectors, for which the shortest rotation is not unique. In
-    general it is not the shortest one.
+    For equal vectors they are exactly proportional to (1, 0, 0, 0). It is defined for opposite
+    vectors too, unlike the shortest rotation.
     """
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
 
 def _from_zeta(axis: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of a rotation that turns the z axis into a unit
-    vector.
+    """Return Euler parameters, of any norm, of a rotation from the z axis to a unit vector.
 
-    If the vector's z component is not negative, this is the shortest rotation, whose formula is
-    singular for the direction -z. If the z component is negative, half a revolution about x first
-    turns the z axis into -z, and the shortest rotation from -z to the vector follows.
+    It is the shortest rotation, whose formula is singular for -z. If the z component is negative,
+    half a revolution about x precedes the shortest rotation from -z.
     """
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)

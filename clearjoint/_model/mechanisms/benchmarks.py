@@ -1,9 +1,4 @@
-"""Linkages from IFToMM's Library of Computational Benchmark Problems for multibody dynamics.
-
-Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, A benchmarking system for MBS simulation
-software: problem standardization and performance measurement, Multibody System Dynamics 16, 2006.
-Further sources are given with the functions.
-"""
+"""Linkages from IFToMM's Library of Computational Benchmark Problems for multibody dynamics."""
 
 import math
 from typing import NamedTuple
@@ -25,12 +20,8 @@ Point = tuple[float, float]
 class _Link(NamedTuple):
     """A body of Andrews' mechanism, which is hinged to a parent body.
 
-    - `mass`: kg.
-    - `inertia`: moment of inertia about Z through the centre of mass, kg m^2.
-    - `angle`: initial rotation about Z relative to the ground, rad.
-    - `parent`: name of the parent body.
-    - `hinge_of_parent`, `hinge`: position of the hinge on the parent and on this body, (2,) m from
-      each body's centre of mass in its axes.
+    `inertia` is about Z through the centre of mass, kg m^2, and `angle` the initial rotation about
+    Z relative to the ground, rad. The hinge is in m from each body's centre of mass in its axes.
     """
 
     mass: float
@@ -61,15 +52,11 @@ LINKS = {
         0.00706, 5.667e-7, OMEGA + EPSILON, "K7", (0.00449, 0.01228 - 0.04), (0.01421 - 0.02, 0.0)
     ),
 }
-"""Bodies of Andrews' mechanism by name, in an order in which each follows its parent.
-
-Coordinates relative to the centre of mass are written as differences of two distances along the
-body, which the source gives.
-"""
+"""Bodies of Andrews' mechanism by name, in an order in which each follows its parent. Coordinates
+relative to the centre of mass are written as differences of distances that the source gives."""
 P_OF_K2 = (0.0115 - 0.028, 0.0)
 P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0.0)}
-"""The point P at which K2, K3, K4 and K6 meet, (2,) m from each body's centre of mass in its
-axes."""
+"""The point P at which K2, K3, K4 and K6 meet, (2,) m from each centre of mass in body axes."""
 SPRING_END = (0.02 - 0.01043, 0.01874 - 0.018)
 """End of the spring on K3, (2,) m from the centre of mass of K3 in its axes."""
 TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
@@ -79,12 +66,10 @@ TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
 def andrews_squeezer() -> tuple[Scene, State]:
     """Return Andrews' squeezing mechanism, the IFToMM benchmark A03, and its initial state.
 
-    Seven bodies move in the XY plane. The crank K1 is hinged to the ground at the origin. A motor
-    drives it with a constant torque, from rest. A rod K2 connects the crank to the point P, where
-    three chains meet. The first is K3 from the pivot B, loaded by a spring; the others start at the
-    pivot A and consist of K5 and K4, and of K7 and K6. The crank makes two and a half revolutions
-    in 30 ms. There is no gravity. The joints hold all bodies in the plane, and no constraint is
-    redundant.
+    Seven bodies move in the XY plane. A motor drives the crank K1 with a constant torque, from
+    rest. A rod K2 connects the crank to the point P, where three chains meet: K3 from the pivot B,
+    loaded by a spring, K5 and K4, and K7 and K6 from the pivot A. The crank makes two and a half
+    revolutions in 30 ms. There is no gravity, and no constraint is redundant.
 
     Source: W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
     Ordinary Differential Equations II, section VII.7. The initial state is that of the Test Set for
@@ -114,17 +99,14 @@ def andrews_squeezer() -> tuple[Scene, State]:
     # point on a line along Z, act as pins without repeating these constraints.
     for name, point in P.items():
         joints[f"K2-{name}"] = InlineJoint("K2", name, (*P_OF_K2, 0.0), (*point, 0.0), Z_AXIS)
-    ends = (*HOOK, 0.0), (*SPRING_END, 0.0)
-    spring = SpringDamper(GROUND, "K3", *ends, STIFFNESS, free_length=FREE_LENGTH)
+    spring = SpringDamper(
+        GROUND, "K3", (*HOOK, 0.0), (*SPRING_END, 0.0), STIFFNESS, free_length=FREE_LENGTH
+    )
     motor = DriveTorque(GROUND, "K1", Z_AXIS, TORQUE)
     return Scene(bodies, joints, {"spring": spring, "motor": motor}), State(states)
 
 
 def _turned(point: Point, angle: float) -> np.ndarray:
-    """Return the global components, (2,) m, of a vector from its components in body axes.
-
-    **Arguments:** `point`: (2,) m in body axes. `angle`: the body's rotation about Z, rad.
-    """
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([[cosine, -sine], [sine, cosine]]) @ point
 
@@ -132,11 +114,10 @@ def _turned(point: Point, angle: float) -> np.ndarray:
 def bricard() -> tuple[Scene, State]:
     """Return Bricard's mechanism, the IFToMM benchmark A04, and its initial state.
 
-    Five rods form a loop with the ground as sixth link. Each rod is a homogeneous square bar of 1
-    kg, 1 m long and 0.1 m wide. Six revolute joints, each with its axis perpendicular to the next,
-    impose 30 constraints on 30 velocities. One constraint is redundant, which leaves one degree of
-    freedom.
-    The mechanism starts at rest along the edges of a cube; gravity is 9.81 m/s^2 along -Y.
+    Five homogeneous square bars of 1 kg, 1 m long and 0.1 m wide, form a loop with the ground. The
+    axis of each of the six revolute joints is perpendicular to the next. One of their 30
+    constraints is redundant, which leaves one degree of freedom. The mechanism starts at rest along
+    the edges of a cube; gravity is 9.81 m/s^2 along -Y.
 
     Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, Multibody System Dynamics 16, 2006.
 
@@ -173,9 +154,9 @@ def double_four_bar() -> tuple[Scene, State]:
 
     Five slender rods of 1 m and 1 kg move in the XY plane. Rods 1, 3 and 5 start upright and are
     hinged to the ground, rods 2 and 4 connect their tips. Gravity is 9.81 m/s^2 along -Y, and the
-    tips start at 1 m/s along +X. The mechanism is planar, but its seven revolute joints are
-    spatial, so that 6 of their 35 constraints are redundant. It passes singular positions where the
-    rods are in one line.
+    tips start at 1 m/s along +X. The seven revolute joints are spatial, so that 6 of their 35
+    constraints are redundant. The mechanism passes singular positions where the rods are in one
+    line.
 
     Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, Multibody System Dynamics 16, 2006.
 

@@ -1,8 +1,4 @@
-"""Shared parts of the mechanisms: axes, a steel, planar motions, and motors.
-
-The steel is that of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute
-joints with clearances for dynamic analysis of multi-body systems, 2006.
-"""
+"""Shared parts of the mechanisms: axes, a steel, planar motions, and motors."""
 
 import math
 
@@ -28,11 +24,7 @@ Motor = AbstractConstraint | AbstractForce
 
 
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
-    """Return the contact law of Lankarani and Nikravesh for the steel of Flores et al. 2006.
-
-    `restitution` is the ratio of rebound speed to entry speed, 0 to 1, that is requested of the
-    law. The ratio that the law delivers is higher, unless 1 is requested.
-    """
+    """Return the contact law of Lankarani and Nikravesh for the steel of Flores et al. 2006."""
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
 
 
@@ -44,21 +36,13 @@ def turned_about_z(angle: float) -> tuple[float, float, float, float]:
 def planar_state(
     centre: np.ndarray, angle: float, velocity: np.ndarray, speed: Scalar
 ) -> BodyState:
-    """Return the state of a body that moves in the XY plane.
-
-    **Arguments:** `centre`: of mass, (2,) m. `angle`: rotation about Z, rad. `velocity`: of the
-    centre of mass, (2,) m/s. `speed`: angular velocity about Z, rad/s.
-    """
+    """Return the state of a body that moves in the XY plane and rotates about Z."""
     orientation, spin = turned_about_z(angle), np.array(Z_AXIS) * speed
     return body_state((*centre, 0.0), orientation, (*velocity, 0.0), spin)
 
 
 def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
-    """Return the joints and the forces of a mechanism, by name, including its motor.
-
-    The motor gets the name "motor". A motor that is a force, such as a torque, becomes the only
-    force; a driver, which is a constraint, is added to the joints.
-    """
+    """Return the joints and the forces of a mechanism, by name, including its "motor"."""
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}
     return {**joints, "motor": motor}, {}

@@ -35,15 +35,11 @@ def double_pendulum(
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint. The other arguments then have no
       effect.
-    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
-      which is that of Lankarani and Nikravesh.
+    - `restitution`: requested of the default law, that of Lankarani and Nikravesh; `law` replaces
+      it.
     - `bearing_radius`, `journal_length`: m.
-    - `law`: replaces the default law.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
-    - `axial`: whether the journal can slide along its axis: an `AbstractAxialPolicy`, by default
-      `FreeAxially()`.
-
-    **Raises:** `ValueError` if a value is outside its range.
+    - `friction`: as in `ClearanceJoint`; none by default.
+    - `axial`: whether the journal can slide along its axis; by default `FreeAxially()`.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> list(scene.joints)
@@ -54,8 +50,7 @@ def double_pendulum(
         "arm 2": Body(7.02, (0.0010, 0.5855, 0.5855)),
         "arm 3": Body(7.02, (0.5855, 0.5855, 0.0010)),
     }
-    ends = (0.5, 0.0, 0.0), (0.0, 0.0, -0.5)
-    elbow = RevoluteJoint("arm 2", "arm 3", *ends, X_AXIS, X_AXIS)
+    elbow = RevoluteJoint("arm 2", "arm 3", (0.5, 0.0, 0.0), (0.0, 0.0, -0.5), X_AXIS, X_AXIS)
     if clearance is None:
         shoulder = RevoluteJoint("ground", "arm 2", ORIGIN, (-0.5, 0.0, 0.0), Z_AXIS, Z_AXIS)
     else:

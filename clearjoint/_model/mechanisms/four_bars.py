@@ -52,39 +52,31 @@ def four_bar(
     """Return a planar four-bar linkage with clearance at any of its pins, and its initial state.
 
     A "crank" rotates about the Z axis, a "rocker" about a parallel axis through a point of the
-    positive X axis, and a "coupler" joins their ends. The rods are slender; their moments about
-    their own axes are 1e-5 kg m^2 and don't affect the planar motion. Default lengths and masses
-    are an example. The pins are "crank foot", "crank pin", "rocker pin" and "rocker foot". Pins
-    without clearance are `RevoluteJoint`s; if no pin has clearance, the "rocker pin" is an
+    positive X axis, and a "coupler" joins their ends. The rods are slender; default lengths and
+    masses are an example. The pins are "crank foot", "crank pin", "rocker pin" and "rocker foot".
+    Pins without clearance are `RevoluteJoint`s; if no pin has clearance, the "rocker pin" is an
     `InlineJoint`, so that no constraint is redundant.
-
-    ```python
-    import clearjoint as cj
-
-    scene, state = cj.mechanisms.four_bar({"crank pin": 0.1e-3, "rocker foot": 0.2e-3})
-    ```
 
     **Arguments:**
 
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
-    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
-      which is that of Lankarani and Nikravesh.
-    - `lengths`: of crank, coupler and rocker, and the distance from the crank's axis to the
-      rocker's, m.
+    - `restitution`: requested of the default law of each pin with clearance, that of Lankarani and
+      Nikravesh; `law` replaces it.
+    - `lengths`: of crank, coupler and rocker, and the distance between the axes of crank and
+      rocker, m.
     - `masses`: of crank, coupler and rocker, kg.
-    - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. Of the two
-      positions that the "rocker pin" can have at this angle, the state has that on the left of the
-      line from the crank pin to the rocker foot, seen from +Z. The state is that of the ideal
-      mechanism, with centred journals.
+    - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. The "rocker pin"
+      is on the left of the line from the crank pin to the rocker foot, seen from +Z. The state is
+      that of the ideal mechanism, with centred journals.
     - `motor`: an element that drives "crank" relative to "ground"; none by default.
-    - `bearing_radius`, `journal_length`: m, of each pin with clearance.
-    - `law`: of each pin with clearance; replaces the default law.
-    - `friction`: of each pin with clearance: an `AbstractFriction`, an `AbstractBristleFriction`,
-      or ``None``, the default.
+    - `bearing_radius`, `journal_length`, `friction`: of each pin with clearance, as in
+      `ClearanceJoint`.
     - `gravity`: (3,) m/s^2, 9.81 along -Y by default; ``None`` for none.
 
     **Raises:** `ValueError` if `clearance` is not a mapping, such as a single number, or names an
-    unknown pin; if the rods can't be connected at the angle; or if a value is outside its range.
+    unknown pin; or if the rods can't be connected at the angle.
+
+    >>> scene, state = cj.mechanisms.four_bar({"crank pin": 0.1e-3, "rocker foot": 0.2e-3})
     """
     remedy = 'pass for example {"crank pin": 0.1e-3}'
     require(isinstance(clearance, Mapping), "clearance", clearance, "by the pin's name", remedy)
@@ -129,7 +121,6 @@ def four_bar(
 
 
 def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
-    """Return the ideal linkage's state at the start; the arguments are those of `four_bar`."""
     crank, coupler, rocker, feet = lengths
     foot = np.array([feet, 0.0])
     tip = crank * np.array([math.cos(angle), math.sin(angle)])
@@ -152,15 +143,7 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
 
 
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
-    """Return the position of the pin of coupler and rocker, (2,) m: an intersection of two circles.
-
-    Of the two intersections it is the one to the left of the line from `tip` to `foot`.
-
-    **Arguments:** `tip`, `foot`: centres of the circles, the end of the crank and the ground joint
-    of the rocker, (2,) m. `coupler`, `rocker`: radii, the lengths of the rods, m.
-
-    **Raises:** `ValueError` unless the circles intersect in two points.
-    """
+    """Return the pin, (2,) m, where circles about `tip` and `foot` meet to the left."""
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's coordinate along the line between the centres, and the square of the pin's distance
@@ -195,12 +178,11 @@ def spatial_four_bar(
 ) -> tuple[Scene, State]:
     """Return a spatial four-bar linkage with clearance between coupler and rocker, and its state.
 
-    A crank of 20 mm and 0.1960 kg rotates about the X axis, a rocker of 74 mm and 0.3157 kg about a
-    line parallel to Z through (122, -54, 0) mm. The crank's foot is at the origin. A coupler of 122
-    mm and 1.4158 kg connects their ends by ball joints: an ideal one at the crank, the "crank
-    ball", and a ball with clearance in a socket of 10 mm radius at the rocker, the "tip". The
-    coupler rotates freely about its own axis. Moments of inertia are those of round bars of 10 mm
-    radius. Gravity is 9.81 m/s^2 along -Z.
+    A crank of 20 mm rotates about the X axis at the origin, a rocker of 74 mm about a line parallel
+    to Z through (122, -54, 0) mm. A coupler of 122 mm connects their ends by ball joints: an ideal
+    one at the crank, the "crank ball", and a ball with clearance in a socket of 10 mm radius at the
+    rocker, the "tip". The coupler rotates freely about its own axis. Gravity is 9.81 m/s^2 along
+    -Z.
 
     Lengths, masses and radii follow P. Flores et al., Dynamics of multibody systems with spherical
     clearance joints, 2006, but were not checked against the publication. The positions of the axes
@@ -209,15 +191,11 @@ def spatial_four_bar(
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal ball joint, for which `restitution`, `law` and
-      `friction` have no effect. The ball starts centred.
-    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
-      which is that of Lankarani and Nikravesh.
+    - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
+    - `restitution`: requested of the default law, that of Lankarani and Nikravesh; `law` replaces
+      it.
     - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
-    - `law`: replaces the default law.
     - `friction`: of the ball; none by default.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.spatial_four_bar()
     >>> list(scene.joints)
@@ -269,11 +247,7 @@ def spatial_four_bar(
 
 
 def _bar(mass: float, length: float, axis: tuple[float, float, float]) -> Body:
-    """Return a round bar with the radius `BAR_RADIUS`.
-
-    **Arguments:** `mass`: kg. `length`: m. `axis`: the bar's direction, the unit vector of one of
-    the body's axes.
-    """
+    """Return a round bar along a unit vector of the body's axes, with the radius `BAR_RADIUS`."""
     along = 0.5 * mass * BAR_RADIUS**2
     across = mass * (length**2 / 12.0 + 0.25 * BAR_RADIUS**2)
     return Body(mass, np.where(np.array(axis) == 1.0, along, across))

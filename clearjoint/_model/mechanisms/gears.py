@@ -38,29 +38,21 @@ def gear_pair(
 ) -> tuple[Scene, State]:
     """Return two spur gears with backlash on ideal bearings, and their initial state.
 
-    The "pinion" rotates about the Z axis, the "wheel" about a parallel axis through
-    (m (z1 + z2)/2, 0, 0) with the module m and the numbers of teeth z1 and z2. The pressure angle
-    is 20 degrees. Both gears are solid steel discs, 7850 kg/m^3, with the diameter of their pitch
-    circles and 20 mm width. There is no gravity and no drive: add a drive, such as a `DriveTorque`,
-    to the scene's forces.
+    The "pinion" rotates about the Z axis, the "wheel" about a parallel axis through (m (z1 + z2)/2,
+    0, 0) with the module m and the numbers of teeth z1 and z2. The pressure angle is 20 degrees.
+    Both gears are solid steel discs of 20 mm width. There is no gravity and no drive: add a drive,
+    such as a `DriveTorque`, to the scene's forces. The initial state is in the middle of the play.
 
-    The default law has the stiffness 1.8e11 N/m^1.5. At 2 kN its deflection is that of the mean
-    mesh stiffness of ISO 6336, 20 N/(mm um). An impact without other forces has exactly the given
-    restitution: teeth that approach at the speed v along the line of action rebound at the
-    restitution times v. They cross the backlash j in the time j cos(20 degrees)/v.
+    With the default law, teeth that approach at the speed v along the line of action rebound at the
+    restitution times v. They cross the backlash j in the time j cos(20 degrees)/v. At 2 kN its
+    deflection is that of the mean mesh stiffness of ISO 6336, 20 N/(mm um).
 
     **Arguments:**
 
     - `backlash`: along the pitch circle, m.
-    - `restitution`: of the default law, above 0 and at most 1.
-    - `teeth`: numbers of teeth of the pinion and the wheel.
-    - `module`: m.
+    - `restitution`: of the default law, above 0 and at most 1; `law` replaces it.
+    - `teeth`: numbers of teeth of the pinion and the wheel. `module`: m.
     - `speeds`: of the pinion and the wheel about Z at the start, rad/s.
-    - `law`: replaces the default law.
-
-    **Returns:** the scene and the initial state, in the middle of the play.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.gear_pair()
     >>> list(scene.joints)
@@ -81,7 +73,17 @@ def gear_pair(
         joints[f"{name} bearing"] = RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
         states[name] = body_state(centre, spin=(0.0, 0.0, speed))
     joints["mesh"] = GearBacklash(
-        *names, ORIGIN, ORIGIN, Z_AXIS, Z_AXIS, *teeth, module, backlash, law
+        "pinion",
+        "wheel",
+        ORIGIN,
+        ORIGIN,
+        Z_AXIS,
+        Z_AXIS,
+        teeth_first=teeth[0],
+        teeth_second=teeth[1],
+        module=module,
+        backlash=backlash,
+        law=law,
     )
     return Scene(bodies, joints), State(states)
 
@@ -108,22 +110,19 @@ def cycloid_stage(
 ) -> tuple[Scene, State]:
     """Return the stage of a cycloid drive with play at its output pins, and its initial state.
 
-    The "shaft" rotates about the Z axis at constant speed, and its eccentric carries the
-    "disc", whose L lobes roll in a ring of L + 1 fixed ring pins: the disc rotates -1/L times as
-    fast as the shaft. The meshing of lobes and ring pins is ideal, a `GearJoint` named "ring". The
-    "output" rotates about the Z axis too. Its pins, on a circle of `pitch_radius`, are in holes of
-    the disc. The radius of a hole is the pin's radius plus the eccentricity plus the play. Each pin
-    and its hole form a joint, "pin 1" and so on: a `ClearanceJoint` with the clearance
-    eccentricity + play.
+    The "shaft" rotates about the Z axis at constant speed, and its eccentric carries the "disc",
+    whose L lobes roll in a ring of L + 1 fixed ring pins: the disc rotates -1/L times as fast as
+    the shaft. The meshing of lobes and ring pins is ideal, a `GearJoint` named "ring". The pins of
+    the "output", on a circle of `pitch_radius`, are in holes of the disc. The radius of a hole is
+    the pin's radius plus the eccentricity plus the play. Each pin and its hole form a joint, "pin
+    1" and so on: a `ClearanceJoint` with the clearance eccentricity + play. There is no gravity.
+    Sizes and masses are an example.
 
     While the output has the same angle as the disc, all pins are at the distance `play` from the
-    walls of their holes. The output may rotate against the disc by an angle of about
-    play/(pitch_radius cos(q)) to either side, until the first pin touches its hole. Here q is the
-    angle between the motion of this pin and the line from the disc's centre to the shaft's axis, at
-    most pi/`pins` for three pins or more; one or two pins do not limit the rotation at all angles.
-    There is no gravity.
-
-    Sizes and masses are an example: a shaft of 0.2 kg, a disc of 0.25 kg and an output of 0.4 kg.
+    walls of their holes. The output may rotate against the disc by about play/(pitch_radius cos(q))
+    to either side. Here q is the angle between the motion of the first pin that touches its hole
+    and the line from the disc's centre to the shaft's axis, at most pi/`pins`; one or two pins do
+    not limit the rotation at all angles.
 
     **Arguments:**
 
@@ -137,13 +136,9 @@ def cycloid_stage(
       and Crossley's with the exponent 1, a restitution of 0.8 and a stiffness of 5e8 N/m. Both ends
       together are about as stiff as a line contact of 10 mm between steel parts.
 
-    **Raises:** `ValueError` if a value is outside its range.
-
-    >>> scene, state = cj.mechanisms.cycloid_stage(pins=4)
-    >>> list(scene.joints)[:4]
-    ['shaft bearing', 'disc bearing', 'output bearing', 'ring']
-    >>> list(scene.joints)[4:]
-    ['motor', 'pin 1', 'pin 2', 'pin 3', 'pin 4']
+    >>> scene, state = cj.mechanisms.cycloid_stage(pins=2)
+    >>> list(scene.joints)
+    ['shaft bearing', 'disc bearing', 'output bearing', 'ring', 'motor', 'pin 1', 'pin 2']
     """
     require_count("pins", pins, "give a number of pins")
     require_count("lobes", lobes, "give a number of lobes")

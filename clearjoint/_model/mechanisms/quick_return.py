@@ -18,9 +18,8 @@ from .common import ORIGIN, Y_AXIS, Z_AXIS, planar_state
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
 """Radius of the crank, height of its axis above the lever's axis, and length of the lever, m."""
 SLOT = 0.13
-"""Total travel of the pin's centre between the ends of the slot, m. The slot's middle is as far
-from the lever's axis as the crank's axis is. The pin needs 0.1 m of the travel, twice the radius of
-the crank."""
+"""Total travel of the pin's centre between the ends of the slot, m, whose middle is as far from the
+lever's axis as the crank's axis is. The pin needs twice the radius of the crank, 0.1 m."""
 LINE_STIFFNESS = 1e9
 """Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L with the length
 L, where 1/E* is the sum of (1 - nu^2)/E of both materials."""
@@ -37,26 +36,22 @@ def quick_return(
     """Return a quick-return mechanism, as used in a shaper, and its initial state.
 
     A crank rotates about the Z axis at constant speed. Its pin, of 5 mm radius, is 50 mm from this
-    axis and slides in the slot of a lever of 250 mm. The lever's axis is 100 mm below the crank's,
-    with Y as the vertical. The lever's angle from the vertical is atan(r sin a/(d + r cos a)), with
-    the crank's radius r, its angle a from the vertical, and the distance d of the axes. The lever
-    oscillates by 30 degrees to either side. One stroke takes 240 degrees of the crank; the return
-    stroke takes 120 degrees, and so half the time. The crank has 0.1 kg and the lever 0.5 kg; both
-    are slender bars with their centres of mass at half length. There is no gravity. Sizes and
-    masses are an example.
+    axis and slides in the slot of a lever of 250 mm, whose axis is 100 mm below the crank's, with Y
+    as the vertical. The lever oscillates by 30 degrees to either side: its angle from the vertical
+    is atan(r sin a/(d + r cos a)), with the crank's radius r, its angle a from the vertical, and
+    the distance d of the axes. One stroke takes 240 degrees of the crank, and the return stroke
+    half the time. There is no gravity. Sizes and masses are an example.
 
     **Arguments:**
 
-    - `play`: m, the slot's width minus the pin's diameter; ``None`` for an ideal slot, for which
-      `law` and `friction` have no effect. The pin doesn't reach the ends of the slot.
+    - `play`: m, the slot's width minus the pin's diameter; ``None`` for an ideal slot. The pin
+      doesn't reach the ends of the slot.
     - `speed`, `angle`: of the crank, rad/s, and rad at the start, counter-clockwise from the
       vertical. The state is that of the ideal mechanism, with a centred pin.
     - `law`: of pin and walls. By default it is Hunt and Crossley's with the exponent 1, a
       restitution of 0.8 and a stiffness of 1e9 N/m, about that of a line contact of 10 mm between
       steel parts.
     - `friction`: of pin and walls; none by default.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.quick_return()
     >>> list(scene.joints)
@@ -99,10 +94,7 @@ def quick_return(
 
 
 def _start(speed: Scalar, angle: float) -> State:
-    """Return the ideal mechanism's state for a speed, rad/s, and an angle, rad, of the crank.
-
-    Angles are counter-clockwise from the vertical.
-    """
+    """Return the ideal mechanism's state; angles are counter-clockwise from the vertical."""
     # The lever points from its axis to the pin, so that its angle is atan(across/height). The ratio
     # of the lever's speed to the crank's is the derivative of this angle by the crank's angle.
     across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)

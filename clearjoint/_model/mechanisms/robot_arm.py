@@ -20,22 +20,16 @@ from ..scene import Scene
 from .common import ORIGIN, Z_AXIS, Joints, turned_about_z
 
 Components: TypeAlias = Float[np.ndarray, "3"]
-"""The components of a vector, (3,)."""
 
 
 @dataclass(frozen=True)
 class ArmLink:
-    """A link: its standard Denavit-Hartenberg parameters, its mass and its inertia.
+    """A link: its standard Denavit-Hartenberg parameters, its mass, kg, and its inertia, kg m^2.
 
     The frame of the link is at its far end. It is the parent's frame after a rotation about the z
-    axis by the joint's angle, translations by d along this axis and by a along the new x axis, and
-    a rotation about the new x axis by alpha.
-
-    - `offset` d and `length` a: m. `twist` alpha: rad.
-    - `mass`: kg.
-    - `centre`: of mass, (3,) m in the link's frame.
-    - `inertia`: moments about axes parallel to the frame's, through the centre of mass, (3,)
-      kg m^2; these axes are principal.
+    axis by the joint's angle, translations by `offset` d along this axis and by `length` a along
+    the new x axis, and a rotation about the new x axis by `twist` alpha. `centre` of mass and the
+    principal moments `inertia` about it are in this frame.
     """
 
     offset: float
@@ -46,10 +40,7 @@ class ArmLink:
     inertia: tuple[float, float, float]
 
     def tilt(self) -> EulerParameters:
-        """Return the orientation of the link's frame relative to its parent's at joint angle zero.
-
-        The Euler parameters transform components in the link's frame to the parent's.
-        """
+        """Return the orientation of the link's frame in its parent's at joint angle zero."""
         return EulerParameters(math.cos(0.5 * self.twist), math.sin(0.5 * self.twist), 0.0, 0.0)
 
     def axis(self) -> Components:
@@ -57,8 +48,7 @@ class ArmLink:
         return np.array([0.0, math.sin(self.twist), math.cos(self.twist)])
 
     def joint(self) -> Components:
-        """Return the position of the link's joint, the origin of the parent's frame, (3,) m in the
-        link's frame."""
+        """Return the position of the link's joint, (3,) m in the link's frame."""
         return -np.array([self.length, 0.0, 0.0]) - self.offset * self.axis()
 
 
@@ -88,10 +78,7 @@ WRIST_ANGLES = (0.0, 0.25 * math.pi, 0.0)
 
 @dataclass(frozen=True)
 class LinkFrame:
-    """A link's frame: its origin, (3,) m, and the orientation of its axes as Euler parameters.
-
-    Both are relative to the frame from which the chain of links starts, usually the ground.
-    """
+    """A link's frame: origin, (3,) m, and orientation, relative to the start of the chain."""
 
     origin: Components
     orientation: EulerParameters
@@ -106,11 +93,7 @@ class LinkFrame:
         return composed(self.orientation, EulerParameters(*turned_about_z(angle)))
 
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
-        """Return the frame of the next link of a chain.
-
-        **Arguments:** `link`: the next link; `angle`: of its joint, rad, about the z axis of this
-        frame.
-        """
+        """Return the frame of the next link of a chain, after a rotation about this z axis, rad."""
         orientation = composed(self.turned(angle), link.tilt())
         axes = LinkFrame(self.origin, orientation).axes
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
@@ -121,11 +104,7 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
-    """Return a list of frames: `BASE`, from which the chain of links starts, and that of each link.
-
-    **Arguments:** `links`: from the base to the end; `angles`: of each link relative to the one
-    before, rad.
-    """
+    """Return `BASE`, from which a chain of links starts, and the frame of each link."""
     frames = [BASE]
     for link, angle in zip(links, angles, strict=True):
         frames.append(frames[-1].after(link, angle))
@@ -134,11 +113,7 @@ def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]
 
 @dataclass(frozen=True)
 class Lump:
-    """Mass, kg, centre of mass, (3,) m, and inertia about the centre of mass, (3, 3) kg m^2.
-
-    They belong to one part or to several that are fixed to each other; all components are in the
-    frame of one link.
-    """
+    """Mass, kg, centre of mass, (3,) m, and inertia about it, (3, 3) kg m^2, in a link's frame."""
 
     mass: float
     centre: Components
@@ -146,8 +121,7 @@ class Lump:
 
 
 def lumps() -> list[Lump]:
-    """Return mass, centre of mass and inertia of each link of the arm in the link's frame; the
-    third link includes the wrist."""
+    """Return the lump of each link of the arm; the third includes the wrist."""
     single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
     parts = [single[2]]
     for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
@@ -166,12 +140,7 @@ def lumps() -> list[Lump]:
 
 
 def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
-    """Return the states of links and flanges by name.
-
-    Each flange moves with its link, as if the joints had no backlash.
-
-    **Arguments:** `angles`, `speeds`: of the three joints, rad and rad/s.
-    """
+    """Return the states of links and flanges by name, as if the joints had no backlash."""
     # The loop goes from the base outwards. Spin and velocity of the frame's origin, both in global
     # axes, are those of the preceding link until they are updated to those of link k.
     arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
@@ -190,12 +159,7 @@ def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, Bo
 def _state(
     frame: LinkFrame, centre: Components, velocity: Components, spin: Components
 ) -> BodyState:
-    """Return the state of a body from the motion of a frame that is fixed to it.
-
-    **Arguments:** `frame`: the frame, relative to the ground; `centre`: the body's centre of mass,
-    (3,) m in this frame; `velocity`: of the frame's origin, (3,) m/s in global axes; `spin`: (3,)
-    rad/s in global axes.
-    """
+    """Return the state of a body from the global motion of a frame that is fixed to it."""
     arm, orientation = frame.axes @ centre, np.asarray(pack(frame.orientation))
     position, velocity = frame.origin + arm, velocity + np.cross(spin, arm)
     return body_state(position, orientation, velocity, frame.axes.T @ spin)
@@ -214,7 +178,6 @@ GRAVITY = (0.0, 0.0, -9.81)
 PARENTS = (GROUND, *LINKS[:2])
 """Name of the parent body of each link."""
 LUMPS = lumps()
-"""Mass, centre of mass and inertia of each link of the arm in the link's frame."""
 
 
 def robot_arm(
@@ -227,33 +190,27 @@ def robot_arm(
 ) -> tuple[Scene, State]:
     """Return waist, shoulder and elbow of the PUMA 560 with backlash, and the initial state.
 
-    The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994). Upper arm
-    and forearm are each 0.4318 m long; the upper arm has 17.4 kg, and the forearm with the wrist
-    6.05 kg. In the nominal pose the angles of the arm are 0, 45 and 180 degrees, and those of the
-    wrist, which is fixed, 0, 45 and 0 degrees. In this pose gravity loads the joints with 0,
-    31.6399 and 6.0351 N m (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along -Z;
-    the first joint's axis is Z.
+    The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994). In the
+    nominal pose the angles of the arm are 0, 45 and 180 degrees, and those of the wrist, which is
+    fixed, 0, 45 and 0 degrees. In this pose gravity loads the joints with 0, 31.6399 and 6.0351 N m
+    (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along -Z; the first joint's axis
+    is Z.
 
     Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
     the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")
     is between flange and link. Its angle and its contacts, which have a stiffness of 1e9 N/m^1.5
     and are 50 mm from the axis, are our choice. Revolute joints connect each flange ("bearing 1" to
-    "bearing 3") and each link ("joint 1" to "joint 3") with the preceding link, or with the ground
-    for the first flange and link.
-    The quantity `JointAngle` of "joint 1" to "joint 3" is the angle of Denavit and Hartenberg.
+    "bearing 3") and each link ("joint 1" to "joint 3") with the preceding link or the ground. The
+    quantity `JointAngle` of "joint 1" to "joint 3" is the angle of Denavit and Hartenberg. The
+    initial state is in the middle of the play.
 
     **Arguments:**
 
     - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
-      no flanges, the motors drive the links directly, and `restitution` and `law` have no effect.
-    - `restitution`: ratio of rebound speed to entry speed, above 0 and at most 1, of the default
-      law of the backlash, `ExactRestitution`.
+      no flanges, and the motors drive the links directly.
+    - `restitution`: of the default law of the backlash, `ExactRestitution`, above 0; `law` replaces
+      it.
     - `angles`: of the motors at the start, rad. `speeds`: of the motors, constant, rad/s.
-    - `law`: replaces the default law.
-
-    **Returns:** the scene and the initial state, in the middle of the play.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.robot_arm(play=1e-3)
     >>> list(scene.bodies)

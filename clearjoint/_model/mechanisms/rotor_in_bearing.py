@@ -15,8 +15,8 @@ from ..scene import Scene
 from .common import Z_AXIS, steel_law
 
 TRANSITION = 0.02
-"""Penetration at which wall contact has fully replaced the film, divided by the clearance. Up to
-this penetration, 1 um for the default clearance, the film's force decreases to zero."""
+"""Penetration at which wall contact has fully replaced the film, divided by the clearance: 1 um for
+the default clearance."""
 
 
 def rotor_in_bearing(
@@ -35,9 +35,9 @@ def rotor_in_bearing(
 ) -> tuple[Scene, State]:
     """Return a rigid rotor in one bearing, driven at constant speed about Z, and its initial state.
 
-    The rotor is a steel disc of 20 kg with a radius of 100 mm. Its moments of inertia are 0.061
-    kg m^2 about a diameter and 0.1 kg m^2 about its axis; `mass` doesn't change them. The bearing
-    is in the disc's middle plane, and an ideal constraint holds the rotor axially. With the film
+    The rotor is a steel disc of 20 kg with a radius of 100 mm. Its moments of inertia are 0.061 kg
+    m^2 about a diameter and 0.1 kg m^2 about its axis; `mass` doesn't change them. The bearing is
+    in the disc's middle plane, and an ideal constraint holds the rotor axially. With the film
     `CaponeFilm(0.02)`, for example, whose viscosity is 0.02 Pa s, the journal rises to its
     equilibrium position. The equilibrium is stable up to about 1220 rad/s; at higher speeds, the
     journal whirls at half the rotor's speed.
@@ -49,13 +49,10 @@ def rotor_in_bearing(
     - `speed`: of the rotor, rad/s.
     - `offset`: initial position of the journal along X and Y, divided by the clearance; by default
       the journal touches the wall at the lowest point.
-    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
-      which is that of Lankarani and Nikravesh.
-    - `law`: of the contact with the wall; replaces the default law.
+    - `restitution`: requested of the default law, that of Lankarani and Nikravesh; `law` replaces
+      it.
     - `friction`: of the contact with the wall, also with a film; none by default.
     - `gravity`: (3,) m/s^2, along -Y by default; ``None`` for none.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.rotor_in_bearing()
     >>> list(scene.joints)

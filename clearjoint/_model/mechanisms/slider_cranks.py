@@ -33,10 +33,8 @@ CRANK_LENGTH = 0.05
 ROD_LENGTH = 0.12
 """Length of the rod of `slider_crank`, m.
 
->>> _, state = cj.mechanisms.slider_crank(clearance=None, angle=0.0)
->>> slider = state.bodies["slider"].position[0]  # farthest out
->>> bool(np.isclose(slider, cj.mechanisms.CRANK_LENGTH + cj.mechanisms.ROD_LENGTH))
-True
+>>> cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH
+(0.05, 0.12)
 """
 SMALL_END = (0.5 * ROD_LENGTH, 0.0, 0.0)
 """Position of the slider pin on the rod of `slider_crank`, m in the rod's axes."""
@@ -57,33 +55,24 @@ def slider_crank(
 ) -> tuple[Scene, State]:
     """Return a slider-crank with clearance at the slider's pin, and its initial state.
 
-    A crank of 50 mm, 0.30 kg and 1e-5 kg m^2 rotates about the Z axis. A rod of 120 mm, 0.21
-    kg and 2.5e-4 kg m^2 drives a slider of 0.14 kg along X. The slider's bearing holds the rod's
-    journal, the "slider pin", with clearance. Centres of mass are at half length. The other moments
-    of inertia are those of bars 10 mm wide and a cube of 30 mm; they don't affect the planar
-    motion. These lengths, masses and moments and the default speed of 5000 rpm are common in
-    publications on joints with clearance, but were not checked against one.
-
-    The crank's and the rod's revolute joints and the slider's guide hold the bodies in the plane.
-    The clearance joint is therefore axially free, and no constraint is redundant. The same holds
-    for `clearance=None`, where the pin is an ideal `InlineJoint`.
+    A crank of 50 mm and 0.30 kg rotates about the Z axis, and a rod of 120 mm and 0.21 kg drives a
+    slider of 0.14 kg along X. The slider's bearing holds the rod's journal, the "slider pin".
+    Sizes, masses and the default speed of 5000 rpm are common in publications on joints with
+    clearance, but were not checked against one. Other joints hold the bodies in the plane: the
+    clearance joint is axially free, and an ideal pin is an `InlineJoint`, so that no constraint is
+    redundant.
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal pin, for which `restitution`, `bearing_radius`,
-      `journal_length`, `law` and `friction` have no effect.
-    - `restitution`: ratio of rebound speed to entry speed, 0 to 1, requested of the default law,
-      which is that of Lankarani and Nikravesh.
+    - `clearance`: radial, m; ``None`` for an ideal pin.
+    - `restitution`: requested of the default law, that of Lankarani and Nikravesh; `law` replaces
+      it.
     - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
       out. The state is that of the ideal mechanism, with a centred journal.
     - `motor`: an element that drives "crank" relative to "ground", such as a `DriveTorque` about
       (0, 0, 1). By default it is a `PrescribedRotation` at constant speed.
-    - `bearing_radius`, `journal_length`: m.
-    - `law`: replaces the default law.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``, the default.
+    - `bearing_radius`, `journal_length`, `friction`: of the pin, as in `ClearanceJoint`.
     - `gravity`: (3,) m/s^2; none by default.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.slider_crank()
     >>> list(scene.joints)
@@ -119,7 +108,6 @@ def slider_crank(
 
 
 def _crank_joints(crank: float, rod: float) -> Joints:
-    """Return the bearing of a crank and its pin with a rod, from the lengths of both, m."""
     foot, tip, big_end = ((x, 0.0, 0.0) for x in (-0.5 * crank, 0.5 * crank, -0.5 * rod))
     return {
         "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, foot, Z_AXIS, Z_AXIS),
@@ -169,20 +157,16 @@ def guided_slider_crank(
 ) -> tuple[Scene, State]:
     """Return a slider-crank whose slider has clearance in its guide, and its initial state.
 
-    A crank of 153 mm, 0.038 kg and 7.4e-5 kg m^2 rotates freely about the Z axis. A rod of 306 mm,
-    0.038 kg and 5.9e-4 kg m^2 drives a slider of 100 by 50 mm, 0.076 kg and 2.7e-6 kg m^2 along
-    X, between walls with 1 mm clearance above and below by default. Centres of mass are at half
-    length, the pin is in the slider's middle, and gravity is 9.81 m/s^2 along -Y. The moments of
-    inertia are about Z; the others don't affect the planar motion. There is no motor. The mechanism
-    starts in a straight line with the slider farthest out, with the velocities of the ideal
-    mechanism.
+    A crank of 153 mm and 0.038 kg rotates freely about the Z axis, and a rod of 306 mm and 0.038 kg
+    drives a slider of 100 by 50 mm and 0.076 kg along X, between walls above and below. Gravity is
+    9.81 m/s^2 along -Y, and there is no motor. The mechanism starts in a straight line with the
+    slider farthest out, with the velocities of the ideal mechanism.
 
     Source: P. Flores, R. Leine, C. Glocker, Multibody System Dynamics 23, 2010.
 
     **Arguments:**
 
-    - `clearance`: m, on either side of the slider; ``None`` for an ideal guide, for which `law` and
-      `friction` have no effect.
+    - `clearance`: m, on either side of the slider; ``None`` for an ideal guide.
     - `pin_clearance`: radial clearance of the pin between rod and slider, m, in a bearing of 10 mm
       radius and 20 mm length; ``None``, the default, for an ideal pin. With a clearance, the ideal
       joints "plane along" and "plane across" are added, which hold the slider in the plane.
@@ -192,8 +176,6 @@ def guided_slider_crank(
     - `pin_law`: of a pin with clearance; by default that of Lankarani and Nikravesh for steel with
       a restitution of 0.9.
     - `speed`: of the crank at the start, rad/s.
-
-    **Raises:** `ValueError` if a value is outside its range.
 
     >>> scene, state = cj.mechanisms.guided_slider_crank()
     >>> list(scene.joints)
