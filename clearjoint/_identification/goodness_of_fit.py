@@ -28,11 +28,8 @@ FEWEST_FREEDOM = 2.0
 class Direction(NamedTuple):
     """A direction in the coordinates of p parameters, and the uncertainty of estimates along it.
 
-    The coordinate of a parameter is its value on its scale, such as the logarithm.
-
     - `change`: (p,) change of the coordinates; the entry with the largest absolute value is 1.
-    - `deviation`: standard deviation of the estimates along the direction, in multiples of
-      `change`.
+    - `deviation`: standard deviation of the estimates, in multiples of `change`.
     """
 
     change: Float[np.ndarray, " p"]
@@ -47,9 +44,6 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     axes are sorted by the error in these units, the largest first. Each `Direction.deviation` has
     another unit, so the deviations need not decrease. With M < p residuals there are only M
     directions. A direction without effect on the residuals gets a very large but finite deviation.
-
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
-    noise, by the coordinates.
     """
     norms, sizes, axes = floored(jacobian)
     changes = []
@@ -69,18 +63,15 @@ def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
 
 
 def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the largest chi squared that noise alone explains.
-
-    A larger one has a probability below `UNLIKELY`. The result is infinite without degrees of
-    freedom.
-    """
+    """Return the largest chi squared that noise alone explains, by a probability of `UNLIKELY`;
+    infinite without degrees of freedom."""
     from scipy.special import chdtri
 
     return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of the Ljung-Box test for whiteness of residuals (M,).
+    """Return the p-value of the Ljung-Box test for whiteness of residuals.
 
     It is NaN for M < 20, and if all residuals are zero. The test uses the autocorrelations at the
     first 10 lags: G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978).
@@ -169,10 +160,10 @@ def student_factor(effective: float) -> float:
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of a test for normality of residuals (M,).
+    """Return the p-value of a test for normality of residuals.
 
-    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis:
-    R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
+    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis: R.
+    D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
     from scipy.stats import normaltest
 
@@ -184,13 +175,9 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Return other minima of chi squared that fit the data about as well, the lowest first.
 
-    Late in a record a small change of parameters moves impacts, so that chi squared has many
-    minima close together, and noise decides which is the lowest. A minimum is returned if, by
-    its chi squared, it is in the joint 95 % confidence region of the best one, and if, by the
-    covariances, it is outside the 95 % interval of at least one parameter around the best minimum
-    and around each lower minimum that is returned.
-
-    **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
+    A minimum is returned if, by its chi squared, it is in the joint 95 % confidence region of the
+    best one, and if, by the covariances, it is outside the 95 % interval of at least one parameter
+    around the best minimum and around each lower minimum that is returned.
     """
     from scipy.special import chdtri
 
@@ -211,7 +198,6 @@ def distinct(
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    """Return whether the minimum `other` is outside the 95 % interval of at least one parameter, by
-    the covariance of the minimum `one`."""
+    """Whether `other` is outside the 95 % interval of at least one parameter around `one`."""
     half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

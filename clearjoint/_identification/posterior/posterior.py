@@ -1,8 +1,5 @@
 """Posterior distribution of parameters, whose likelihoods come from runs that are computed side by
-side, as lanes.
-
-A point is the coordinates of p parameters: their values on their scales, such as logarithms.
-"""
+side."""
 
 import math
 import time
@@ -31,8 +28,8 @@ RISE = 3.84
 """Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
 95 % interval of one parameter."""
 NEAREST = 10
-"""Smallest number of neighbours of a point, which are the points nearest to it. With fewer, chance
-gaps between the points would divide a mode."""
+"""Smallest number of neighbours of a point. With fewer, chance gaps between the points would divide
+a mode."""
 SMALLEST = 0.01
 """Share of all points below which a mode is joined to the nearest larger mode, because so few
 points may be stray points of the larger one."""
@@ -41,20 +38,15 @@ points may be stray points of the larger one."""
 def modes(
     points: Float[np.ndarray, "n p"], chi_squared: Float[np.ndarray, " n"]
 ) -> Int[np.ndarray, " n"]:
-    """Return for each point the number of its mode, (n,), from 0 for that with the most points.
+    """Return for each point the number of its mode, from 0 for that with the most points.
 
-    A mode is a group of points around one minimum of chi squared. Two points are neighbours if one
-    of them is among the k points nearest to the other, where k is 10, or 4 p for p coordinates if
-    that is larger. The points are taken from the lowest chi squared upwards. If some neighbours of
-    a point are in groups already, the point joins the group with the lowest minimum among these.
-    If none is, the point begins a new group. Other groups of its neighbours are united with the
-    group that it joins if chi squared rises by less than 3.84 from their minimum to this point
-    (F. Chazal et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a
-    group with less than 1 % of the points joins the nearest larger one. A minimum with fewer than k
-    points may not be found.
-
-    **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
-    the points.
+    A mode is a group of points around one minimum of chi squared. Points are taken from the lowest
+    chi squared upwards. A point joins the group with the lowest minimum among those of its
+    neighbours, or else begins a new group. Other groups of its neighbours are united with the group
+    that it joins if chi squared rises by less than 3.84 from their minimum to this point (F. Chazal
+    et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with
+    less than 1 % of the points joins the nearest larger one. A minimum with fewer points than a
+    point has neighbours may not be found.
     """
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
@@ -98,8 +90,7 @@ def modes(
 
 
 def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Return distances (n, n) between points (n, p), with coordinates in their standard
-    deviations."""
+    """Distances between points, with coordinates in their standard deviations."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     return np.linalg.norm(scaled[:, None] - scaled, axis=2)
@@ -130,49 +121,38 @@ def posterior(
     """Return the posterior distribution of parameters, by sequential Monte Carlo.
 
     Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
-    minima, and it needs no start near the truth. Points, the coordinates of parameters, are drawn
-    from the prior in a box around the guess, which may be much narrower than the box. Then more and
-    more of the record enters the likelihood, and at each step the points are weighted, resampled
-    and moved. At the end, importance sampling around these points
-    gives the points of the result and the evidence. The noise is assumed to be normal, with the
-    standard deviations stated in the measurements.
+    minima, and it needs no start near the truth. Points are drawn from the prior in a box around
+    the guess, which may be much narrower than the box. Then more and more of the record enters the
+    likelihood, and at each step the points are weighted, resampled and moved. At the end,
+    importance sampling around these points gives the points of the result and the evidence. The
+    noise is assumed to be normal, with the standard deviations stated in the measurements.
 
     **Arguments:**
 
-    - `scene`, `state`, `measurements`, `parameters`, `start_time` s: as in `identify`.
+    - `scene`, `state`, `measurements`, `parameters`, `start_time`: as in `identify`.
     - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
     - `guess`: values at the centre of the box, by name; by default those in the scene.
-    - `spread`: half the width of the box, positive, in the coordinates of the scales (on a `Log`
-      scale, 1 is a factor of e in both directions): one number, or a number for each parameter by
-      name.
+    - `spread`: half the width of the box, as of `Starts`, positive for each parameter.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
       It is called for some ten thousand values, some hundred or thousand at once.
     - `number`: number of points, at least 32. The importance sampling goes on until the effective
       number of its weighted runs is at least this, for at most five rounds; the result's `warnings`
-      tell if the effective number is too small. With three parameters, 500 points take about
-      10 000 runs.
+      tell if the effective number is too small. With three parameters, 500 points take about 10 000
+      runs.
     - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
       any number of threads.
-    - `progress`: whether to show a line.
 
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
-    standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
+    standard deviations off a sample, has the likelihood zero.
 
     **Raises:** `ValueError` for unsupported arguments, if the prior is zero at all or almost all
     points of the box, and if so few points are possible, because the runs of the others fail, that
     they have no covariance.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
-    >>> found = cj.posterior(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     spread=0.3,
-    ...     number=64,
-    ...     progress=False,
-    ... )
+    >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)})
+    >>> options = {"spread": 0.3, "number": 64, "progress": False}
+    >>> found = cj.posterior(scene, state, data, {"stiffness": stiffness}, **options)
     >>> found.coordinates.shape, abs(found.means["stiffness"] - 100.0) < 1.0
     ((64, 1), True)
     """
@@ -216,20 +196,10 @@ def drawn_posterior(
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
-    """Return the posterior distribution of parameters for a scene and samples that are prepared.
+    """Return the posterior distribution of parameters for runs and samples that are prepared.
 
-    `posterior` calls it with the user's arguments, and `identify` for a small posterior around a
-    fit.
-
-    **Arguments:**
-
-    - `compared`: the runs, and the samples with which they are compared.
-    - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
-    - `log_prior`: as in `posterior`.
-    - `number`, `seed`: number of points, and seed of the random numbers.
-    - `most_runs`: largest number of runs, along the record and in the importance sampling together.
-    - `on_step`: function that is called after each step with the time, s, up to which the record is
-      in the likelihood, and the number of runs so far.
+    `on_step` is called after each step with the time up to which the record is in the likelihood,
+    and the number of runs so far.
 
     **Raises:** `ImpossiblePointsError`, a `ValueError`, if the prior is zero at all or almost all
     points of the box, or so few points are possible that they have no covariance;
@@ -297,19 +267,14 @@ class ImpossiblePointsError(ValueError):
 class TooManyRunsError(ArithmeticError):
     """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
 
-    It is raised before the runs that would exceed this number, and no result is returned. The small
-    posterior of `identify` has such a limit; `identify` catches the error, and the fit keeps its
-    other intervals. `posterior` has no limit.
+    It is raised before the runs that would exceed this number, and no result is returned.
     """
 
 
 def _log_prior(
     parameters: Mapping[str, Parameter], log_prior: LogPrior | None, points: np.ndarray
 ) -> np.ndarray:
-    """Return the logarithms of the prior density at points (n, p) in the box, (n,).
-
-    Points are coordinates; the user's function `log_prior` receives values by name instead. If it
-    is ``None``, the prior is uniform.
+    """Return the logarithms of the user's prior density at points in the box, by default uniform.
 
     **Raises:** `ValueError` if `log_prior` returns another shape, NaN or +infinity; -infinity is a
     density of zero.

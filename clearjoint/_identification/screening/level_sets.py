@@ -1,9 +1,8 @@
 """Level sets of chi squared: points that fit about as well as the best, and new points in the set.
 
-A point is the coordinates of p parameters. Its curve of chi squared is cumulative over the record:
-chi squared over the first k times is that of all samples up to the k-th of the T sample times.
-The level set of several points contains each point whose chi squared exceeds the smallest by no
-more than a given excess. It shrinks as more of the record is used.
+A point's curve of chi squared is cumulative over the record: column k is chi squared of all samples
+up to the k-th of the T sample times. The level set contains each point whose chi squared exceeds
+the smallest by no more than a given excess. It shrinks as more of the record is used.
 """
 
 import numpy as np
@@ -13,19 +12,14 @@ HALVINGS = 40
 """Number of bisections by which `reached` finds the fraction of its result."""
 SPLIT = 1e-12
 """Smallest variance of points along a principal axis, relative to the variances of the coordinates.
-Smaller variances are raised to this limit, because distances along an axis are divided by the
-square root of the variance."""
+Distances along an axis are divided by the square root of the variance."""
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     """Return the number of sample times up to which the level set has at least `keep` points.
 
-    The number, from 0 to T, may be a fraction, see `finite_level`. Just beyond it, fewer than
-    `keep` points fit about as well as the best; it is T if this happens nowhere.
-
-    **Arguments:** `curves`: (n, T + 1) chi squared of n points, cumulated over the first 0 to T
-    sample times; `keep`: a number of points, at most n; `excess`: largest difference between chi
-    squared of a point in the set and the smallest chi squared.
+    The number may be a fraction, see `finite_level`. Just beyond it, fewer than `keep` points fit
+    about as well as the best; it is T if this happens nowhere.
     """
     last = curves.shape[1] - 1
     beyond = np.flatnonzero(_gap(curves, keep) > excess)
@@ -43,31 +37,22 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
 
 
 def finite_level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared of n points, (n,), over the first `count` times.
-
-    `curves`: (n, T + 1) chi squared over the first 0 to T times, all finite; values at a fractional
-    `count` are interpolated linearly.
-    """
+    """Return chi squared over the first `count` times, linearly interpolated for a fractional
+    `count`."""
     last_full = min(int(count), curves.shape[1] - 2)
     part = count - last_full
     return (1.0 - part) * curves[:, last_full] + part * curves[:, last_full + 1]
 
 
 def _gap(values: np.ndarray, keep: int) -> np.ndarray:
-    """Return the `keep`-th smallest value over n points less the smallest value, (...).
-
-    If this difference is at most the excess of a level set, at least `keep` points are in the set.
-
-    **Arguments:** `values`: (n, ...) chi squared of n points.
-    """
+    """The `keep`-th smallest value over n points less the smallest."""
     return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
 
 def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
-    """Return indices (k,) of at most `number` points that are far apart, beginning with the first.
+    """Return indices of at most `number` points that are far apart, beginning with the first.
 
     The next point is always the one whose distance from the nearest point chosen before is largest.
-    Distances are in standard deviations of all points (n, p), n > 1, along their principal axes.
     """
     distances = _principal_distances(points)
     chosen = [0]
@@ -83,15 +68,11 @@ def drawn_among(
     bounds: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "new p"]:
-    """Draw new points (number, p) in the region that the points (n, p) fill.
+    """Draw new points in the region that two or more points fill.
 
     Each is drawn from a normal distribution around one of the points, with the covariance of that
-    point's `neighbours` nearest points, so that new points follow a curved or disconnected region.
-    New points beyond the `bounds`, low (p,) and high (p,), are reflected at them; very distant ones
-    are put on a bound.
-
-    **Arguments:** `points`: two or more; `number`: number of new points; `neighbours`: number of
-    neighbours including the point itself, two or more.
+    point's `neighbours` nearest points (itself included), so that new points follow a curved or
+    disconnected region.
     """
     neighbours = min(neighbours, len(points))
     near = np.argsort(_principal_distances(points), axis=1)[:, :neighbours]
@@ -108,10 +89,7 @@ def drawn_among(
 
 
 def _principal_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Return the distances (n, n) between points (n, p).
-
-    They are in standard deviations of all points along their principal axes.
-    """
+    """Distances between points, in standard deviations of all points along their principal axes."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))
