@@ -16,7 +16,7 @@ from .digests import LONG, digest
 PACKAGE = __name__.split(".")[0]
 """Name of this package."""
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_OF_THE_PROCESS = (f"{PACKAGE}.runtime", f"{PACKAGE}.compilation")
+_OF_THE_PROCESS = (f"{PACKAGE}._runtime", f"{PACKAGE}._compilation")
 """Modules of this package, with their submodules, whose variables change while a process runs.
 Programs do not depend on these variables."""
 _Namespace = Mapping[str, object]
