@@ -1,10 +1,9 @@
 r"""Derivatives of statistics of a motion by nominal values of its parameters.
 
-The coordinate of a parameter is its value, or for the scale `Log` the logarithm of its value.
-Between manufactured specimens the coordinate varies as \(\theta + \sigma z\) about the nominal
-coordinate \(\theta\), with a random number z of a known distribution, the standardised coordinate.
-For an output f of a run, the expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even
-where f is not.
+Between manufactured specimens the coordinate of a parameter (see `Uncertain`) varies as \(\theta +
+\sigma z\) about the nominal coordinate \(\theta\), with a random number z of a known distribution,
+the standardised coordinate. For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
+\sigma z)]\) is smooth even where f is not.
 
 - Normal distribution with the standard deviation \(\sigma\): by Stein's identity, \(J' = E[f z] /
   \sigma\), the coefficient of z in a regression of f on Hermite polynomials of z (divided by
@@ -67,11 +66,10 @@ def statistics_derivatives(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
+    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
-    - `uncertain`: the p parameters by name, each an `Uncertain` (a parameter with its
-      distribution). All parameters with a `deviation` share the same `members` runs; each
-      parameter with a `half_width` or `between` takes `members` further runs.
+    - `uncertain`: the p parameters by name. All parameters with a `deviation` share the same
+      `members` runs; each parameter with a `half_width` or `between` takes `members` further runs.
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 (1 + 3 p + p (p - 1)/2), ten for each coefficient
       of the regression.
@@ -155,13 +153,12 @@ def statistics_derivatives(
 
 
 def _coefficients(parameters: int) -> int:
-    """Return the number of coefficients of the regression with a number of parameters."""
+    """Number of coefficients of the regression."""
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
-    """Return the standardised coordinates (runs, p) of all runs: differences of the parameters'
-    coordinates from the nominal ones, divided by the standard deviation or by half the width.
+    """Standardised coordinates of all runs.
 
     The first `members` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
@@ -184,12 +181,8 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
 
 
 class Estimate(NamedTuple):
-    """Derivatives (p,) of an output's mean by the nominal values in standardised coordinates, their
-    standard errors (p,) and the degrees of freedom (p,) of these errors.
-
-    Derivatives and errors are in the unit of the output, per standard deviation or half width of
-    the parameter.
-    """
+    """Derivatives of an output's mean by the nominal values in standardised coordinates, their
+    standard errors and the degrees of freedom of these errors."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -202,14 +195,10 @@ def estimate(
     members: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean by the nominal values.
+    """Return the derivatives of an output's mean by the nominal values, from the rows of `_draws`.
 
     They are computed by regression for a normal parameter, and from pairs of runs for a uniform
-    one; see the module's docstring.
-
-    **Arguments:** `draws`: (runs, p) standardised coordinates, in the order of the rows of
-    `_draws`; `values`: (runs,) the output, NaN where a run failed; `members`: number of independent
-    draws, which come first; `normal`: (p,), whether the distribution of each parameter is normal.
+    one.
 
     **Raises:** `ValueError` if too few independent runs succeed for the regression, or if fewer
     than two pairs of runs of a uniform parameter succeed.
@@ -236,14 +225,11 @@ def estimate(
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficients (p,) of z in a regression of y, and their standard errors (p,).
+    """Coefficients of z in a regression of y, and their standard errors.
 
     The regressors are Hermite polynomials up to degree 3 for normal and Legendre polynomials for
     uniform parameters, and products of two parameters. They are orthogonal under the distribution
     of z, so that the expectation of the coefficient of z does not depend on the other regressors.
-
-    **Arguments:** `z`: (n, p) standardised coordinates; `y`: (n,) an output; `normal`: (p,) whether
-    the distribution of each parameter is normal.
     """
     p = z.shape[1]
     square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)
