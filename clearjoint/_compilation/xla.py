@@ -118,16 +118,16 @@ class _Shared:
         structure: PyTree,
         is_called: bool,
     ):
-        given, arrays = _divided(leaves)
+        others, arrays = _divided(leaves)
         # The results of the function with placeholders for arrays, once JAX has traced it.
         # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
         self._results: tuple[list[PyTree], PyTree] = [], None
 
         def shared_function(*arrays: PyTree) -> list[PyTree]:
-            result = function(*jax.tree.unflatten(structure, _joined(given, arrays)))
+            result = function(*jax.tree.unflatten(structure, _joined(others, arrays)))
             leaves, form = jax.tree.flatten(result)
-            others, traced = _divided(leaves)
-            self._results = others, form
+            static, traced = _divided(leaves)
+            self._results = static, form
             return traced
 
         shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
@@ -345,7 +345,7 @@ class Compiled(Generic[Arguments, Result]):
     def programs(self) -> int:
         """Return the number of programs that this process has compiled for this function."""
         made = [vars(self).get(name) for name in ("_inner", "_outermost")]
-        return sum(one._cached._cache_size() for one in made if one is not None)
+        return sum(compiled._cached._cache_size() for compiled in made if compiled is not None)
 
 
 _NEEDS_JAX = (
@@ -383,11 +383,11 @@ class HostFirst(Generic[Arguments, Result]):
         # of a later call.
         leaves, structure = jax.tree.flatten((arguments, options))
         is_traced = any(isinstance(leaf, Tracer) for leaf in leaves)
-        known = self._by_numpy.get(structure)
-        if not is_traced and known is not False:
+        by_numpy = self._by_numpy.get(structure)
+        if not is_traced and by_numpy is not False:
             numbers, named = jax.tree.unflatten(structure, map(_on_host, leaves))
             call = partial(self.__wrapped__, *numbers, **named)
-            results = self._results(call, is_new=known is None)
+            results = self._results(call, is_new=by_numpy is None)
             self._by_numpy[structure] = bool(results)
             if results:
                 return results[0]

@@ -72,13 +72,13 @@ def _note(value: object) -> str | int | float:
 def versions() -> dict[str, str]:
     """Return the versions of clearjoint, JAX and diffrax, under "version of <name>"; "unknown" for
     a package that is not installed, such as a source tree on PYTHONPATH."""
-    found = {}
+    by_package = {}
     for name in ("clearjoint", "jax", "diffrax"):
         try:
-            found[f"version of {name}"] = version(name)
+            by_package[f"version of {name}"] = version(name)
         except PackageNotFoundError:
-            found[f"version of {name}"] = "unknown"
-    return found
+            by_package[f"version of {name}"] = "unknown"
+    return by_package
 
 
 COMPONENT = "component"
@@ -109,7 +109,7 @@ def labelled_dataset(
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
-    parts = [{name: _variable(one) for name, one in d.items()} for d in (variables, coordinates)]
+    parts = [{n: _variable(array) for n, array in d.items()} for d in (variables, coordinates)]
     source = {name.removeprefix("version of "): text for name, text in versions().items()}
     whole = {
         "Conventions": "CF-1.11",
@@ -125,10 +125,10 @@ def texts(labels: ArrayLike) -> np.ndarray:
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 
-def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
-    given = {"units": one.unit, "long_name": one.description or None, **one.attributes}
-    attributes = {name: value for name, value in given.items() if value is not None}
-    return one.dims, np.asarray(one.values), attributes
+def _variable(array: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
+    possible = {"units": array.unit, "long_name": array.description or None, **array.attributes}
+    attributes = {name: value for name, value in possible.items() if value is not None}
+    return array.dims, np.asarray(array.values), attributes
 
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")

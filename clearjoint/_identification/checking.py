@@ -182,7 +182,7 @@ class Exploration:
     @property
     def lowest(self) -> float:
         """Smallest chi squared of all points and minima."""
-        return min(float(self.chi_squared.min()), *(one.chi_squared for one in self.minima))
+        return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
         """Return lower and upper ends of the parameters' 95 % intervals, in coordinates.
@@ -203,11 +203,11 @@ def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarra
     squared. Minima whose own chi squared is higher are left out.
     """
     ends = []
-    for one in minima:
-        excess = RISE - (one.chi_squared - lowest)
+    for minimum in minima:
+        excess = RISE - (minimum.chi_squared - lowest)
         if excess >= 0.0:
-            half = np.sqrt(excess * np.diag(one.covariance))
-            ends += [one.coordinates - half, one.coordinates + half]
+            half = np.sqrt(excess * np.diag(minimum.covariance))
+            ends += [minimum.coordinates - half, minimum.coordinates + half]
     return np.array(ends).reshape(-1, len(minima[0].coordinates))
 
 
@@ -241,7 +241,7 @@ def explore(
 
     def around(centre: np.ndarray, covariances: Sequence[np.ndarray], count: int) -> np.ndarray:
         # The points take the covariances and factors in turn.
-        roots = [w * _root(one) for one in covariances for w in WIDENINGS]
+        roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
         normal = generator.standard_normal((count, p))
         offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
         return centre + within(offsets, limits)
@@ -258,7 +258,7 @@ def explore(
         low_enough = int((values <= values.min() + WORTH * RISE).sum())
         kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
         # Local searches from points in known minima would only find these minima again.
-        candidates = [x for x in kept if not any(inside(one, x) for one in minima)]
+        candidates = [x for x in kept if not any(inside(other, x) for other in minima)]
         # `far_apart` measures distances in standard deviations of the points, so it needs two or
         # more.
         several = len(candidates) > 1
@@ -271,10 +271,10 @@ def explore(
         explored = Exploration(points, values, (*minima, *descended), count, True)
         low, high = explored.intervals()
         # A minimum is new if it affects the intervals and is none of the known ones.
-        relevant = [one for one in descended if one.chi_squared <= explored.lowest + RISE]
+        relevant = [end for end in descended if end.chi_squared <= explored.lowest + RISE]
         new = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
         minima += descended
-        lower = min(minima, key=lambda one: one.chi_squared)
+        lower = min(minima, key=lambda other: other.chi_squared)
         decrease = best.chi_squared - lower.chi_squared
         best = lower
         if before is not None and not new and explored.lowest <= likely:
@@ -288,7 +288,7 @@ def explore(
         # New points are drawn among the kept points and the minima, because local searches reach
         # lower chi squared than random points.
         limit = explored.lowest + WORTH * RISE
-        near = [one.coordinates for one in minima if one.chi_squared <= limit]
+        near = [other.coordinates for other in minima if other.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
         # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
         fresh = drawn_among(kept, number // 2, 2 * (p + 1), bounds, generator)
@@ -470,7 +470,10 @@ def _checked(
         return lowest
 
     def left() -> float:
-        return most_runs - computed - each * sum(one.evaluations for one in searches)
+        return most_runs - computed - each * sum(search.evaluations for search in searches)
+
+    def affordable() -> bool:
+        return left() > 0.0
 
     difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
     farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
@@ -478,8 +481,9 @@ def _checked(
     # Chi squared of an early part of the record is smoother and wider: its covariance draws
     # points beyond the minimum that the whole record's covariance describes.
     covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-    given = chi_squared, descend, best, covariances, farthest, number
-    explored = explore(*given, likely, generator, lambda: left() > 0.0)
+    explored = explore(
+        chi_squared, descend, best, covariances, farthest, number, likely, generator, affordable
+    )
     # The local searches of the exploration end early. If one of them has found a lower minimum,
     # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
     # squared up to `FLOOR`, so that a smaller one is no other minimum.
@@ -487,15 +491,23 @@ def _checked(
     if best.chi_squared - lowest.chi_squared > FLOOR:
         descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
     count += len(explored.points) + sum(search.evaluations for search in searches)
-    posterior, bounded = None, math.isfinite(most_runs)
+    posterior = None
     # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
     if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
         half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
         box = lowest.coordinates - half, lowest.coordinates + half
         most = int(min(left(), MOST_RUNS * number))
         posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
-    results = test, explored, tuple(searches), count, 0.0, difference, posterior
-    return LikelihoodCheck(*results, bounded)
+    return LikelihoodCheck(
+        test=test,
+        exploration=explored,
+        searches=tuple(searches),
+        runs=count,
+        seconds=0.0,
+        difference=difference,
+        posterior=posterior,
+        bounded=math.isfinite(most_runs),
+    )
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
@@ -528,15 +540,16 @@ def _small_posterior(
 
     try:
         # The seed is fixed at 0, so that the same fit always has the same posterior.
-        found = drawn_posterior(compared, box, None, int(POINTS * number), 0, most_runs, on_step)
+        points = int(POINTS * number)
+        posterior = drawn_posterior(compared, box, None, points, 0, most_runs, on_step)
     except (TooManyRunsError, ImpossiblePointsError):
         return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, that the data hardly determine a parameter,
     # or that few runs have a weight. Points that do not come near the lowest minimum have missed
     # it.
-    nearest = found.coordinates[found.log_likelihood.argmax()]
+    nearest = posterior.coordinates[posterior.log_likelihood.argmax()]
     rise = float(compared.chi_squared(nearest[None], compared.count)[0, -1]) - lowest
-    return None if found.warnings or rise > RISE else found
+    return None if posterior.warnings or rise > RISE else posterior
 
 
 def _quadratic_test(

@@ -206,10 +206,11 @@ def comparison(
     expected = f"no later than the first sample, at {times[0]} s"
     remedy = "start earlier, or leave samples out by measurements.between(...)"
     require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
-    outputs = {name: one.channel for name, one in series.items()}
+    outputs = {name: s.channel for name, s in series.items()}
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     data = samples(measurements, len(runs.times))
-    units = units_of(parameters, scene, state, {name: one.unit for name, one in series.items()})
+    series_units = {name: s.unit for name, s in series.items()}
+    units = units_of(parameters, scene, state, series_units)
     return Comparison(runs, data, dict(parameters), units)
 
 

@@ -189,7 +189,8 @@ class Fit(AbstractTabular):
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
         """`widening`, times a factor of Student's distribution, because the size of correlated
         noise is known from few independent samples."""
-        fewest = min((one.effective for one in self._correlated_noise.values()), default=math.inf)
+        noises = self._correlated_noise.values()
+        fewest = min((noise.effective for noise in noises), default=math.inf)
         factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
         return np.where(self.widening > 1.0, factor * self.widening, 1.0)
 
@@ -203,7 +204,7 @@ class Fit(AbstractTabular):
         """Covariance of the values, (p, p), in products of `units`, by linearisation of the
         scales."""
         pairs = zip(self.parameters.values(), self.coordinates, strict=True)
-        slopes = [float(one.scale.slope(u)) for one, u in pairs]
+        slopes = [float(parameter.scale.slope(u)) for parameter, u in pairs]
         return self.covariance * np.outer(slopes, slopes)
 
     @property
@@ -239,7 +240,7 @@ class Fit(AbstractTabular):
         parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
         if posterior is not None:
             pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
-            ends = [[one.scale.coordinate(end) for end in two] for one, two in pairs]
+            ends = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
             parts.append(np.array(ends).T)
         elif self.check is not None and self.check.exploration is not None:
             parts.append(np.array(self.check.exploration.intervals()))
@@ -292,7 +293,7 @@ class Fit(AbstractTabular):
         """The rows (S T, ...) at the samples of each of the S series, by name."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
-        return {name: part[np.searchsorted(times, one.times)] for (name, one), part in parts}
+        return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
 
     @property
     def rms(self) -> dict[str, float]:
@@ -348,8 +349,8 @@ class Fit(AbstractTabular):
         """
         # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
-        fine = not scatter > FAR and self.ending is not Ending.FAILED
-        return [] if fine else list(_remedies(self, scatter))
+        fits_well = not scatter > FAR and self.ending is not Ending.FAILED
+        return [] if fits_well else list(_remedies(self, scatter))
 
     def __str__(self) -> str:
         # The result of the check comes first, and is then left out of the warnings at the end.
@@ -569,8 +570,8 @@ def _searches_table(fit: Fit) -> str:
     table = "\n".join(aligned(rows))
     if not fit.screened:
         return table
-    runs = sum(one.runs for one in fit.screened)
-    rounds = sum(len(one.times) for one in fit.screened)
+    runs = sum(screening.runs for screening in fit.screened)
+    rounds = sum(len(screening.times) for screening in fit.screened)
     return f"starts from screening by {runs} runs in {rounds} rounds:\n{table}"
 
 
@@ -620,7 +621,7 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     if fit.ending is Ending.EXHAUSTED:
         number = fit.best.evaluations
         yield f"The search had not converged after {number} runs: increase max_iterations."
-    if not any(isinstance(one.variation, StateNumber) for one in fit.parameters.values()):
+    if not any(isinstance(p.variation, StateNumber) for p in fit.parameters.values()):
         yield (
             "Estimate the initial state too, unless it is known more accurately than the noise, "
             'for example by cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]).'
@@ -671,8 +672,8 @@ def _effects_of_errors(
     effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
     effects[SeriesDelay] = -np.gradient(quantity, times)
     for kind in (SeriesBias, SeriesGain, SeriesDrift):
-        one = kind((name,))
-        effects[kind] = np.array([one.error(kind.neutral + 1.0, *pair) for pair in pairs])
+        fault = kind((name,))
+        effects[kind] = np.array([fault.error(kind.neutral + 1.0, *pair) for pair in pairs])
     return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
 
 
@@ -686,10 +687,10 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     jacobian = np.concatenate([*fit._jacobians.values()])
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
     estimated = {
-        (type(one.variation), name)
-        for one in fit.parameters.values()
-        if isinstance(one.variation, AbstractSeriesVariation)
-        for name in one.variation.series
+        (type(parameter.variation), name)
+        for parameter in fit.parameters.values()
+        if isinstance(parameter.variation, AbstractSeriesVariation)
+        for name in parameter.variation.series
     }
     most, name, values, explained, end = 0.0, "", {}, 0.0, 0
     for series, row in fit.residuals.items():
@@ -776,7 +777,7 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
     elif until < end:
         # The first window is the part that fits, and the next ones are longer in small steps.
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
-        grow = ", ".join(f"{one:.4g}" for one in ends)
+        grow = ", ".join(f"{end:.4g}" for end in ends)
         yield (
             f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
             f"windows of the record, by identify(..., grow=({grow}))."

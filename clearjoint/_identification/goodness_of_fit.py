@@ -126,7 +126,7 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
     ahead = behind = residuals
     weights = np.ones(1)  # x_k + w_1 x_(k-1) + ... is the part that cannot be predicted.
     power = float(residuals @ residuals) / count
-    known = [power]
+    earliest = [power]
     best, least = (weights, 1), math.inf
     for order in range(min(int(10.0 * math.log10(count)), count // 4) + 1):
         criterion = count * math.log(power) + count * (count + order) / (count - order - 2)
@@ -137,14 +137,14 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
         if size == 0.0:
             break
         reflection = -2.0 * float(ahead @ behind) / size
-        known.append(-reflection * power - float(weights[1:] @ np.array(known[:0:-1])))
+        earliest.append(-reflection * power - float(weights[1:] @ np.array(earliest[:0:-1])))
         padded = np.append(weights, 0.0)
         weights = padded + reflection * padded[::-1]
         ahead, behind = ahead + reflection * behind, behind + reflection * ahead
         power *= max(1.0 - reflection**2, np.finfo(float).eps)
     weights, first = best
     autocovariances = np.zeros(count)
-    autocovariances[:first] = known[:first]
+    autocovariances[:first] = earliest[:first]
     if first > 1:
         for lag in range(first, count):
             autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - first : -1]
@@ -191,9 +191,9 @@ def distinct(
     """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
     is returned, the lowest first."""
     chosen: list[RunMisfit] = []
-    for one in sorted(minima, key=lambda minimum: minimum.chi_squared):
-        if one.chi_squared <= limit and all(apart(lower, one) for lower in chosen):
-            chosen.append(one)
+    for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
+        if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):
+            chosen.append(minimum)
     return chosen
 
 

@@ -213,8 +213,8 @@ def identify_many(
     )
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
-        for one in measurements:
-            fit, stopped = problem.fit(one, on_iteration, progress is True)
+        for measured in measurements:
+            fit, stopped = problem.fit(measured, on_iteration, progress is True)
             fits += [] if fit is None else [fit]
             if stopped:
                 raise FitInterrupted(fits, fit is not None)
@@ -241,13 +241,13 @@ class _Problem:
     horizon: FitHorizon | None
 
     def fit(
-        self, one: Measurements, on_iteration: OnFitIteration, show: bool
+        self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
         """Fit one set of measurements, and return the fit and whether the user interrupted it.
 
         The fit is ``None`` if that happened before the first run of a search had ended.
         """
-        compared, parameters = self.compared.of(one), self.compared.parameters
+        compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened, checked, stopped = (), None, False
 
@@ -261,7 +261,7 @@ class _Problem:
 
         try:
             if isinstance(self.starts, Screening):
-                coarse = self.coarse.of(one)
+                coarse = self.coarse.of(measurements)
                 screened = search_screened(self.starts, coarse, self.rows[0], show, search_from)
             else:
                 for row in self.rows:
@@ -270,7 +270,7 @@ class _Problem:
             # Searches that failed or reached their limit of iterations have no minimum to check.
             if self.check_runs != 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                 cost = sum(search.evaluations for search in searches)
-                cost += sum(one.runs for one in screened) // (1 + len(parameters))
+                cost += sum(screening.runs for screening in screened) // (1 + len(parameters))
                 on_run = partial(on_iteration, compared.data.count)
                 checked = check(best.best, compared, self.check_runs, on_run, cost, show)
                 # The check may have found lower minima by local searches. Of equal chi squared the
@@ -282,10 +282,21 @@ class _Problem:
                 return None, True
             best, stopped = best_search(searches), True
         runs = compared.runs
-        fitted = runs.family.scene_and_state(best.best.coordinates)
-        inputs = dict(parameters), dict(compared.units), one
-        results = tuple(searches), best, screened, self.horizon, checked
-        return Fit(*fitted, *inputs, *results, float(runs.start_time)), stopped
+        scene, state = runs.family.scene_and_state(best.best.coordinates)
+        fit = Fit(
+            scene=scene,
+            state=state,
+            parameters=dict(parameters),
+            units=dict(compared.units),
+            measurements=measurements,
+            searches=tuple(searches),
+            best=best,
+            screened=screened,
+            horizon=self.horizon,
+            check=checked,
+            start_time=float(runs.start_time),
+        )
+        return fit, stopped
 
     def _search(
         self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
@@ -408,18 +419,18 @@ def _check(
     remedy = "pass at least one set of measurements"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    for one in measurements:
-        require_type("measurements", one, Measurements, "Measurements", remedy)
+    for measured in measurements:
+        require_type("measurements", measured, Measurements, "Measurements", remedy)
     first = measurements[0]
     first.check(scene)
-    for k, one in enumerate(measurements):
-        same = list(one.series) == list(first.series) and all(
+    for k, measured in enumerate(measurements):
+        same = list(measured.series) == list(first.series) and all(
             series.channel == first[name].channel
             and np.array_equal(series.times, first[name].times)
-            for name, series in one.series.items()
+            for name, series in measured.series.items()
         )
         expected = "measurements of the same channels and times as the first"
-        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
+        require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
     ends = [start_time, *grow, first.times()[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
     expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"

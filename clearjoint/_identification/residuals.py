@@ -86,15 +86,22 @@ class Experiment(eqx.Module):
         are NaN at times that the run misses.
         """
         at, end_time = on_device(coordinates), on_device(end_time)
-        given = self.scheme, self.family.at(at), self.outputs
-        limits = self.first_step, self.max_steps
+        times, delayed = self.times, ()
         if self.sensors.delays:
-            rising, indices, inside, end = _instants(self, at, end_time)
             # Every output is evaluated at all of the rising times, whatever its delay.
-            run = sampled(*given, rising, self.start_time, end, *limits)
-            run = _delayed(self, at, rising, indices, inside, run)
-        else:
-            run = sampled(*given, self.times, self.start_time, end_time, *limits)
+            times, *delayed, end_time = _instants(self, at, end_time)
+        run = sampled(
+            self.scheme,
+            self.family.at(at),
+            self.outputs,
+            times,
+            self.start_time,
+            end_time,
+            self.first_step,
+            self.max_steps,
+        )
+        if self.sensors.delays:
+            run = _delayed(self, at, times, *delayed, run)
         if not self.sensors.of_values:
             return run
         numbers = run.values, run.derivatives, self.times - self.start_time, at
@@ -261,10 +268,10 @@ def samples(measurements: Measurements, count: int) -> Samples:
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
-    for k, one in enumerate(series):
-        at = np.searchsorted(times, one.times)
-        values[k, at], weights[k, at] = one.values, 1.0 / one.noise
-    return Samples(values, weights, tuple(one.period for one in series))
+    for k, measured in enumerate(series):
+        at = np.searchsorted(times, measured.times)
+        values[k, at], weights[k, at] = measured.values, 1.0 / measured.noise
+    return Samples(values, weights, tuple(measured.period for measured in series))
 
 
 @dataclass(frozen=True)
@@ -318,8 +325,8 @@ def run_misfit(
 def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
-    fine = run.reached & jnp.isfinite(values)
-    derivatives = jnp.where(fine[..., None], derivatives, 0.0)
+    usable = run.reached & jnp.isfinite(values)
+    derivatives = jnp.where(usable[..., None], derivatives, 0.0)
     jacobian = derivatives * data.weights[..., None]
-    residuals = data.residuals(jnp.where(fine, values, jnp.nan))
+    residuals = data.residuals(jnp.where(usable, values, jnp.nan))
     return residuals.ravel(), jacobian.reshape(-1, jacobian.shape[-1])

@@ -99,11 +99,11 @@ def start_coordinates(
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
     require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
     rows = []
-    for one in guesses:
+    for values in guesses:
         remedy = "pass {parameter: value}, or a list of these"
-        require_type("guess", one, Mapping, "values by name", remedy)
-        _require_known("guess", one, names)
-        rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
+        require_type("guess", values, Mapping, "values by name", remedy)
+        _require_known("guess", values, names)
+        rows.append([_coordinate(scene, state, p, values, name) for name, p in parameters.items()])
     guessed = np.array(rows)
     if starts is None:
         return guessed

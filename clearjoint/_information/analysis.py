@@ -58,11 +58,11 @@ class Sensor:
             require_quantity("channels", channel)
         row = np.asarray(strictly_rising_times(times, "times"))
         deviation = np.asarray(as_number(noise, "noise"))
-        fine, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
-        require(fine, "noise", deviation.shape, expected, "pass one for each time")
-        fine = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
+        fits, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
+        require(fits, "noise", deviation.shape, expected, "pass one for each time")
+        positive = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
         remedy = "give the standard deviation of the samples"
-        require(fine, "noise", deviation, "finite and positive", remedy)
+        require(positive, "noise", deviation, "finite and positive", remedy)
         # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "channels", several)
         object.__setattr__(self, "times", row)
@@ -85,8 +85,8 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
     require(filled, "sensors", sensors, "a dictionary with at least one sensor", remedy)
     require_types("sensors", by_name, Sensor | Series, "a Sensor or a Series", remedy)
     sensor_by_name = {
-        name: one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
-        for name, one in by_name.items()
+        name: s if isinstance(s, Sensor) else Sensor(s.channel, s.times, s.noise)
+        for name, s in by_name.items()
     }
     for name, sensor in sensor_by_name.items():
         for channel in sensor.channels:
@@ -155,9 +155,9 @@ class Identifiability:
 
     def of(self, *sensors: str) -> "Identifiability":
         """Return the identifiability from the samples of the named sensors only."""
-        known = sorted(set(self.sensors.tolist()))
+        available = sorted(set(self.sensors.tolist()))
         for name in sensors:
-            require(name in known, "sensors", name, f"among {known}", "correct the name")
+            require(name in available, "sensors", name, f"among {available}", "correct the name")
         require(len(sensors) > 0, "sensors", sensors, "at least one name", "name the sensors")
         return self._where(np.isin(self.sensors, sensors))
 
@@ -239,8 +239,8 @@ class Identifiability:
     @property
     def identifiable(self) -> dict[str, bool]:
         """Whether the standard deviation of each parameter is within its limit, by name."""
-        fine = self.deviations <= self.limits
-        return dict(zip(self.names, fine.tolist(), strict=True))
+        within = self.deviations <= self.limits
+        return dict(zip(self.names, within.tolist(), strict=True))
 
     @property
     def rank(self) -> int:
@@ -293,10 +293,10 @@ class Identifiability:
             ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
         ]
         together, alone = self.value_deviations, self.slopes * self.deviations_alone
-        for k, (name, fine) in enumerate(self.identifiable.items()):
+        for k, (name, is_identifiable) in enumerate(self.identifiable.items()):
             value = self.values[k]
             share = percent(together[k] / abs(value)) if value != 0.0 else "-"
-            bounds = (number(together[k]), share) if fine else ("not identifiable", "-")
+            bounds = (number(together[k]), share) if is_identifiable else ("not identifiable", "-")
             correlations = [number(c, 3) for c in self.correlation[k]]
             rows.append((name, f"{value:.5g}", *bounds, number(alone[k]), *correlations))
         return aligned(rows)
@@ -304,14 +304,15 @@ class Identifiability:
     def _combination_lines(self) -> list[str]:
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
-        for one in self.combinations:
+        for combination in self.combinations:
             # The limit is that of the parameter whose weight has the largest magnitude, which is 1.
-            determined = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
-            deviation = number(one.standard_deviation)
-            rows.append((one.described(labels), deviation, "" if determined else "not determined"))
+            deviation = combination.standard_deviation
+            determined = deviation <= self.limits[np.abs(combination.weights).argmax()]
+            note = "" if determined else "not determined"
+            rows.append((combination.described(labels), number(deviation), note))
         lines = aligned(rows)
-        for k, (name, fine) in enumerate(self.identifiable.items()):
-            if not fine:
+        for k, (name, is_identifiable) in enumerate(self.identifiable.items()):
+            if not is_identifiable:
                 deviation, limit = self.deviations[k], self.limits[k]
                 size = f"{deviation:.2g}" if np.isfinite(deviation) else "infinite"
                 lines.append(
@@ -352,8 +353,10 @@ def identifiability(
     settings.require_tolerances("the accuracy of derivatives depends on them")
     by_name = as_sensors(sensors, scene)
     times = times_of(by_name)
-    given = parameters, outputs_of(by_name), times, settings
-    run = sensitivities(scene, state, float(times[-1]), *given, start_time=start_time)
+    outputs, end_time = outputs_of(by_name), float(times[-1])
+    run = sensitivities(
+        scene, state, end_time, parameters, outputs, times, settings, start_time=start_time
+    )
     coordinates = coordinates_of(scene, state, parameters)
     return identifiability_from(run, parameters, coordinates, by_name, settings)
 

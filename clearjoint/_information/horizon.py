@@ -228,14 +228,14 @@ def fit_horizon(
     spread = np.array([float(uncertainty[name]) for name in parameters])
     by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
     times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
-    outputs = outputs_of(by_name) | points | contacts
+    outputs, end_time = outputs_of(by_name) | points | contacts, float(times[-1])
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
     # These names are used beside the user's.
-    for argument, given, own in (
+    for argument, named, own in (
         ("parameters", parameters, disturbance),
         ("sensors", outputs_of(by_name), points | contacts),
     ):
-        taken = sorted(set(given) & set(own))
+        taken = sorted(set(named) & set(own))
         require(not taken, argument, taken, "of other names, which are used here", "rename them")
 
     def run_at(coordinates: np.ndarray, settings: Settings, throw: bool = True) -> Sensitivities:
@@ -244,8 +244,8 @@ def fit_horizon(
             name: Parameter(parameters[name].variation, parameters[name].scale, value=value)
             for name, value in values_at(parameters, coordinates).items()
         }
-        given = float(times[-1]), moved | disturbance, outputs, times, settings
-        return sensitivities(scene, state, *given, start_time=start_time, throw=throw)
+        free, options = moved | disturbance, {"start_time": start_time, "throw": throw}
+        return sensitivities(scene, state, end_time, free, outputs, times, settings, **options)
 
     true_run, weights = run_at(truth, tight), _weights(by_name, times)
     loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)

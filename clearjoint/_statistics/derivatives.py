@@ -109,7 +109,8 @@ def statistics_derivatives(
     scene, state = with_arrays((scene, state))
     draws = _draws(uncertain, members, seed)
     axes = {
-        name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
+        name: number.axis(scene, state, draws[:, k])
+        for k, (name, number) in enumerate(uncertain.items())
     }
     along = directions(scene, len(draws), seed)
     # The two runs of a pair, which come after the first `members` runs, share their direction.
@@ -120,16 +121,16 @@ def statistics_derivatives(
     from scipy.special import stdtrit
 
     # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
-    sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
-    normal = np.array([one.is_normal for one in uncertain.values()])
+    sizes = np.array([number.centre_and_size(scene, state)[1] for number in uncertain.values()])
+    normal = np.array([number.is_normal for number in uncertain.values()])
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
         # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
         # the sizes, derivatives by standardised coordinates become those by nominal coordinates.
-        found = estimate(draws, values, members, normal)
-        derivatives, errors = found.derivatives / sizes, found.errors / sizes
+        estimated = estimate(draws, values, members, normal)
+        derivatives, errors = estimated.derivatives / sizes, estimated.errors / sizes
         # Half the width of the intervals, by Student's distribution.
-        half = stdtrit(found.freedom, 0.5 * (1.0 + confidence)) * errors
+        half = stdtrit(estimated.freedom, 0.5 * (1.0 + confidence)) * errors
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
@@ -142,7 +143,7 @@ def statistics_derivatives(
             "_high": derivatives + half,
         }.items():
             variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
-    coordinates = [one.parameter.scale.label(name) for name, one in uncertain.items()]
+    coordinates = [number.parameter.scale.label(name) for name, number in uncertain.items()]
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),
         "coordinate": Labelled(("parameter",), texts(coordinates)),
@@ -165,15 +166,16 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []
-    ones = list(uncertain.values())
+    numbers = list(uncertain.values())
 
     def drawn(count: int) -> np.ndarray:
-        points = rng.random((count, len(ones)))
-        return np.stack([one.standardised(p) for one, p in zip(ones, points.T, strict=True)], -1)
+        points = rng.random((count, len(numbers)))
+        columns = zip(numbers, points.T, strict=True)
+        return np.stack([number.standardised(column) for number, column in columns], -1)
 
     blocks.append(drawn(members))
-    for k, one in enumerate(ones):
-        if not one.is_normal:
+    for k, number in enumerate(numbers):
+        if not number.is_normal:
             pairs = np.repeat(drawn(members // 2), 2, axis=0)
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
             blocks.append(pairs)

@@ -77,8 +77,8 @@ def disturbed_velocities(
         _, singular, rows = np.linalg.svd(jacobian)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
     free = rows[rank:] if jacobian.size else np.eye(len(lengths))
-    given, remedy = "no free velocity", "remove a joint or driver"
-    require(len(free) > 0, "scene", given, "one that can move", remedy)
+    remedy = "remove a joint or driver"
+    require(len(free) > 0, "scene", "no free velocity", "one that can move", remedy)
     # The rows of `free` are orthonormal, so that the expected squared length of a projected
     # direction is their number. With the factor before it, the expected squared speed, averaged
     # over the bodies, is the square of `size`.
@@ -261,9 +261,9 @@ def ensemble(
     levels = np.asarray(quantiles, float)
     inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
     require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
-    fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
+    possible = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
     expected = f"0, or a whole number from 2 to members = {members}"
-    require(fine, "exponents", exponents, expected, "a standard error needs two runs")
+    require(possible, "exponents", exponents, expected, "a standard error needs two runs")
     scene, state = with_arrays((scene, state))
     # The values of each axis at all combinations of values; those of the last axis change fastest.
     grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
@@ -340,9 +340,9 @@ def _statistics(
     """
     import xarray as xr
 
-    found = xr.Dataset(coords={**labels, QUANTILE: levels})
+    statistics = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
-    found["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    statistics["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
     for name, (values, unit) in scalar_outputs(results).items():
         runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
         deviation = runs.std(MEMBER, ddof=1)
@@ -360,8 +360,8 @@ def _statistics(
             "_quantile_standard_error": quantile.copy(data=errors),
         }
         for part, variable in variables.items():
-            found[f"{name}{part}"] = variable.assign_attrs(units=unit)
-    return found
+            statistics[f"{name}{part}"] = variable.assign_attrs(units=unit)
+    return statistics
 
 
 def _quantile_errors(
@@ -407,16 +407,17 @@ def _lyapunov_exponent(
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
     points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
-    given = end_time, tangent, points, times, TANGENT_SETTINGS
     options = {"start_time": start_time, "throw": False, "progress": progress}
     rates = []
     for k in range(len(along)):
         # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
-        found = sensitivities(scene, start, *given, **options)
+        run = sensitivities(
+            scene, start, end_time, tangent, points, times, TANGENT_SETTINGS, **options
+        )
         # The result of a failed run contains only the times before its failure.
-        if len(found.times) == len(times):
-            sizes = growth.sizes(found.derivatives, points)[:, 0]
+        if len(run.times) == len(times):
+            sizes = growth.sizes(run.derivatives, points)[:, 0]
             rates.append(growth.rate(times, sizes, 0.5 * (start_time + end_time)))
     if len(rates) < 2:
         return float("nan"), float("nan")

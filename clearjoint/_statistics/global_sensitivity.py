@@ -117,7 +117,7 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
     """
     randomisations = min(RANDOMISATIONS, count)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
-    each = [unit_cube(2 * p, count // randomisations, "sobol", int(one)) for one in seeds]
+    each = [unit_cube(2 * p, count // randomisations, "sobol", int(s)) for s in seeds]
     first, second = np.split(np.stack(each, axis=1).reshape(count, 2 * p), 2, axis=1)
     groups = np.repeat(first[:, None], p + 2, axis=1)
     groups[:, 1] = second

@@ -65,11 +65,11 @@ class Uncertain:
         half_width: float | None = None,
         between: tuple[float, float] | None = None,
     ):
-        known = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
+        chosen = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
         sizes = {"deviation": deviation, "half_width": half_width, "between": between}
-        given = [name for name, size in sizes.items() if size is not None]
+        named = [name for name, size in sizes.items() if size is not None]
         expected = "one of deviation, half_width and between"
-        require(len(given) == 1, "deviation", given, expected, "give exactly one of them")
+        require(len(named) == 1, "deviation", named, expected, "give exactly one of them")
         for name in ("deviation", "half_width"):
             if sizes[name] is not None:
                 require_positive(name, sizes[name], "give the size of the variation")
@@ -79,7 +79,7 @@ class Uncertain:
             require(rising, "between", between, "two rising bounds", "pass (low, high)")
             between = float(bounds[0]), float(bounds[1])
         # The class is frozen, so its fields are set by `object`.
-        object.__setattr__(self, "parameter", known)
+        object.__setattr__(self, "parameter", chosen)
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "half_width", half_width)
         object.__setattr__(self, "between", between)
@@ -202,6 +202,6 @@ def axes_at(
     """Return an axis of n values for each uncertain number, at cumulative probabilities `points`
     (n, p)."""
     return {
-        name: one.axis(scene, state, one.standardised(points[:, k]))
-        for k, (name, one) in enumerate(uncertain.items())
+        name: number.axis(scene, state, number.standardised(points[:, k]))
+        for k, (name, number) in enumerate(uncertain.items())
     }

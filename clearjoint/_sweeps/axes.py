@@ -279,9 +279,9 @@ def _columns_by_functions(
             alike = changed_structure == structure and all(
                 a is b or np.shape(a) == np.shape(b) for a, b in pairs
             )
-            given, expected = "a change of the structure", "functions that change numbers only"
+            fault, expected = "a change of the structure", "functions that change numbers only"
             remedy = "keep the names, kinds and shapes of arrays of scene and state in all lanes"
-            require(alike, "axes", given, expected, remedy)
+            require(alike, "axes", fault, expected, remedy)
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)

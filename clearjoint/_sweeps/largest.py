@@ -160,10 +160,12 @@ def largest_feasible(
     ```python
     import clearjoint as cj
 
-    scene, state = cj.mechanisms.slider_crank(0.1e-3) clearance = cj.Parameter(lambda scene:
-    scene.joints["slider pin"].clearance, cj.Log()) force = cj.quantities.ContactForce("slider pin",
-    "V") print(cj.largest_feasible(scene, state, 2e-3, clearance, force, 1e4, between=(1e-6, 1e-4),
-    lanes=8)) ```
+    scene, state = cj.mechanisms.slider_crank(0.1e-3)
+    clearance = cj.Parameter(lambda scene: scene.joints["slider pin"].clearance, cj.Log())
+    force = cj.quantities.ContactForce("slider pin", "V")
+    options = {"between": (1e-6, 1e-4), "lanes": 8}
+    print(cj.largest_feasible(scene, state, 2e-3, clearance, force, 1e4, **options))
+    ```
 
     **Arguments:**
 
@@ -210,11 +212,11 @@ def largest_feasible(
     require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
     require_positive("tolerance", tolerance, "1e-3 suffices")
     # A quantity without reduction is limited by its peak.
-    outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
+    outputs = {name: as_reduction(watched, after) for name, watched in quantities.items()}
 
     def margins_with(settings: Settings) -> Callable[[np.ndarray], LaneMargins]:
-        given = {"settings": settings, "start_time": start_time, "progress": progress}
-        run = partial(sweep, scene, state, end_time, **given)
+        options = {"settings": settings, "start_time": start_time, "progress": progress}
+        run = partial(sweep, scene, state, end_time, **options)
         return partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
 
     # Near a limit, integration errors decide: the answer must hold in the run that a user makes.
@@ -287,9 +289,9 @@ class LaneMargins:
         A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
         of that at a smaller coordinate by more than `tolerance`, a relative change of the peak.
         """
-        known = ~np.isnan(self.margins)
-        least = np.minimum.accumulate(np.where(known, self.high, np.inf))
-        return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
+        is_number = ~np.isnan(self.margins)
+        least = np.minimum.accumulate(np.where(is_number, self.high, np.inf))
+        return bool(np.all(self.low[is_number][1:] <= least[is_number][:-1] + tolerance))
 
 
 def first_violation(margins: Float[np.ndarray, " n"]) -> int:
@@ -528,13 +530,13 @@ def _check_quantities(
     for name, limit in limits.items():
         argument, remedy = f"limit[{name!r}]", "pass the largest allowed magnitude or distance"
         require_positive(argument, as_number(limit, argument), remedy)
-    for name, one in quantities.items():
-        if isinstance(one, AbstractReduction):
+    for name, watched in quantities.items():
+        if isinstance(watched, AbstractReduction):
             # The main result of a reduction, which is limited, has the empty name.
-            units, expected = list(one.units()), 'a reduction with a main result, named ""'
+            units, expected = list(watched.units()), 'a reduction with a main result, named ""'
             remedy = "subclass AbstractReduction to report one, or pass the quantity for its peak"
             require("" in units, f"quantity[{name!r}]", units, expected, remedy)
-            one.check(scene)
+            watched.check(scene)
         else:
-            require_quantity(f"quantity[{name!r}]", one)
-            check_quantity(f"quantity[{name!r}]", one, scene)
+            require_quantity(f"quantity[{name!r}]", watched)
+            check_quantity(f"quantity[{name!r}]", watched, scene)

@@ -303,10 +303,10 @@ class ImpactTable:
 
     def check(self, scene: Scene) -> None:
         """Raise a `ValueError` if the scene has no contacts, or lacks the joint of the table."""
-        known = scene.contact_joints()
+        joints = scene.contact_joints()
         if self.joint is not None:
-            require_known("joint", self.joint, known)
-        require(len(known) > 0, "scene", {}, "one with contacts", "leave the table out")
+            require_known("joint", self.joint, joints)
+        require(len(joints) > 0, "scene", {}, "one with contacts", "leave the table out")
 
     def contacts(self, scene: Scene) -> list[tuple[str, str]]:
         """Return the table's contacts as pairs of joint and label, such as ("shoulder", "V")."""

@@ -370,16 +370,16 @@ def checked_starts(
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
-    # `known` keeps the results of the search for dependent rows. Lanes often have equal rows, so
+    # `searched` keeps the results of the search for dependent rows. Lanes often have equal rows, so
     # the search is done once for all of them.
     bad, redundant = dict(lanes.bad), False
-    known: dict[bytes, np.ndarray] = {}
+    searched: dict[bytes, np.ndarray] = {}
     # Only lanes that satisfy their constraints are looked at: the others end as `not_assembled`.
     residuals = np.concatenate([rows.values, rows.rates], axis=1)
     for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
         if lane in bad:
             continue
-        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], known)
+        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], searched)
         try:
             require_certain(uncertain)
             redundant = redundant or bool(dependent_rows)
@@ -400,7 +400,7 @@ def _common_values(
     if recorded or tables:
         require_dense(scheme.method.solver)
     recorders = {name: section.state_recorder for name, section in sections.items()}
-    impacts = {name: ImpactRecorder(one.joint, one.window()) for name, one in tables.items()}
+    impacts = {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()}
     plan = Plan(scheme, reductions, recorders, bool(saved), np.asarray(max_steps), impacts)
     # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
     # has a log of its own, too, and each log has room for a limited number of rows.
@@ -437,8 +437,8 @@ def _lane_tasks(
     count = len(jax.tree.leaves(lanes.states)[0])
     # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
-    given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
-    ends = np.asarray(given, dtype=float)
+    times_of_ends = map(end_time, scenes) if callable(end_time) else [end_time] * count
+    ends = np.array([*times_of_ends], dtype=float)
     wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
     expected = f"finite and after start_time = {start_time}"
     require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")

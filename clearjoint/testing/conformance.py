@@ -77,9 +77,9 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
 def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points: Points) -> None:
     """Raise an `AssertionError` unless all derivatives of a scalar function, by the parameters of
     the law and by further numbers, are finite."""
-    given = jax.tree.map(jnp.asarray, law), *points.values()
-    gradient = eqx.filter_grad(lambda given: function(*given))
-    slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(given)
+    arguments = jax.tree.map(jnp.asarray, law), *points.values()
+    gradient = eqx.filter_grad(lambda arguments: function(*arguments))
+    slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(arguments)
     names = ("a parameter of the law", *(f"the {name.replace('_', ' ')}" for name in points))
     for name, slope in zip(names, slopes, strict=True):
         for leaf in jax.tree.leaves(slope):

@@ -85,9 +85,9 @@ def check_contact_joint(
     motions = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), motions)
     laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
     ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
-    # `given` is the vector of all parameters of the joint and all numbers of the motions.
+    # `given_point` is the vector of all parameters of the joint and all numbers of the motions.
     parameters, structure = eqx.partition(joint, eqx.is_inexact_array)
-    given, restored = ravel_pytree((parameters, motions))
+    given_point, restored = ravel_pytree((parameters, motions))
 
     def joint_and_motions(point: jax.Array) -> tuple[AbstractContactJoint, Motions]:
         parameters, motions = restored(point)
@@ -111,12 +111,12 @@ def check_contact_joint(
     points = jnp.stack([ravel_pytree((parameters, position))[0] for position in positions])
     zero = jax.tree.map(jnp.zeros_like, parameters)
     velocities = jnp.stack([ravel_pytree((zero, _velocities(p)))[0] for p in positions])
-    by_parameter = _changes_of_parameters(parameters, given)
-    ahead, behind = (given + sign * STEP * by_parameter for sign in (1.0, -1.0))
+    by_parameter = _changes_of_parameters(parameters, given_point)
+    ahead, behind = (given_point + sign * STEP * by_parameter for sign in (1.0, -1.0))
     requests = (
         (points, velocities),
         (points, jnp.ones_like(points)),
-        (jnp.broadcast_to(given, by_parameter.shape), by_parameter),
+        (jnp.broadcast_to(given_point, by_parameter.shape), by_parameter),
         (ahead, by_parameter),
         (behind, by_parameter),
     )

@@ -125,8 +125,8 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
     def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
         return _wrenches(eqx.combine(numbers, rest), motions, time)
 
-    for given in (motions, at_rest(motions)):
-        point = numbers, given
+    for tested in (motions, at_rest(motions)):
+        point = numbers, tested
         # The derivative if all numbers change at once is not finite if one derivative is not.
         slopes = jax.jvp(wrenches, point, jax.tree.map(jnp.ones_like, point))[1]
         for slope in jax.tree.leaves(slopes):

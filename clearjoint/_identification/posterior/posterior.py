@@ -61,11 +61,11 @@ def modes(
     group = np.full(number, -1)  # Index of the lowest point of each point's group.
     for point in np.argsort(values, kind="stable"):
         # Groups of the neighbours with a lower chi squared; the others have no group yet, index -1.
-        around = {int(one) for one in group[neighbour[point]] if one >= 0}
+        around = {int(k) for k in group[neighbour[point]] if k >= 0}
         if not around:
             group[point] = point
             continue
-        lowest = min(around, key=lambda one: values[one])
+        lowest = min(around, key=lambda k: values[k])
         group[point] = lowest
         for other in around - {lowest}:
             if values[point] - values[other] < RISE:
@@ -81,11 +81,11 @@ def modes(
         closest = np.where(others, distances[members].min(axis=0), np.inf).argmin()
         group[members] = group[closest]
     # Numbers of the modes, in the order of their number of points.
-    found, numbers, sizes = np.unique(
+    groups, numbers, sizes = np.unique(
         group[copies.ravel()], return_inverse=True, return_counts=True
     )
-    rank = np.empty(len(found), int)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(found))
+    rank = np.empty(len(groups), int)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(groups))
     return rank[numbers.ravel()]
 
 
@@ -165,12 +165,13 @@ def posterior(
     check_parameters(parameters)
     half = half_widths(spread, tuple(parameters))
     remedy = "pass the possible error of each guess"
-    fine = bool(np.all(np.isfinite(half) & (half > 0.0)))
-    require(fine, "spread", spread, "finite and positive for each parameter", remedy)
-    fine, expected = isinstance(number, int) and number >= FEWEST, f"a whole number from {FEWEST}"
-    require(fine, "number", number, expected, "500 points serve up to about five parameters")
-    fine = isinstance(seed, int) and seed >= 0
-    require(fine, "seed", seed, "a whole number from 0", "pass 0")
+    positive = bool(np.all(np.isfinite(half) & (half > 0.0)))
+    require(positive, "spread", spread, "finite and positive for each parameter", remedy)
+    enough = isinstance(number, int) and number >= FEWEST
+    expected = f"a whole number from {FEWEST}"
+    require(enough, "number", number, expected, "500 points serve up to about five parameters")
+    is_seed = isinstance(seed, int) and seed >= 0
+    require(is_seed, "seed", seed, "a whole number from 0", "pass 0")
     settings = settings_or(settings, presets.identification)
     compared = comparison(scene, state, measurements, parameters, start_time, settings)
     centre = start_coordinates(scene, state, parameters, guess, None)[0]
@@ -183,8 +184,8 @@ def posterior(
             bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")
             bar.update()
 
-        found = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
-    return replace(found, seconds=time.perf_counter() - begun)
+        result = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
+    return replace(result, seconds=time.perf_counter() - begun)
 
 
 def drawn_posterior(
@@ -283,10 +284,10 @@ def _log_prior(
         return np.zeros(len(points))
     pairs = zip(parameters.items(), points.T, strict=True)
     values = {name: values_on(p.scale, row) for (name, p), row in pairs}
-    found = np.asarray(log_prior(values), float)
+    logarithms = np.asarray(log_prior(values), float)
     expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
-    require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)
-    fine = not np.isnan(found).any() and not (found == np.inf).any()
+    require(logarithms.shape == (len(points),), "log_prior", logarithms.shape, expected, remedy)
+    valid = not np.isnan(logarithms).any() and not (logarithms == np.inf).any()
     remedy = "return -inf for impossible values"
-    require(fine, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
-    return found
+    require(valid, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
+    return logarithms

@@ -119,7 +119,7 @@ class Posterior(AbstractTabular):
     def warnings(self) -> list[str]:
         """Sentences on a box that cuts the posterior off, on parameters whose points fill the box
         evenly, and on a small effective number of runs; empty if there are no problems."""
-        found = []
+        sentences = []
         low, high = self.box
         near = EDGE * (high - low)
         for k, name in enumerate(self.parameters):
@@ -128,23 +128,23 @@ class Posterior(AbstractTabular):
             # Positions in the box, 0 to 1, are compared with those of as many evenly spaced points.
             positions = (np.sort(row) - low[k]) / (high[k] - low[k])
             if np.abs(positions - (np.arange(number) + 0.5) / number).max() < EVEN:
-                found.append(
+                sentences.append(
                     f"The points fill the box of {name} evenly: the data hardly determine it. "
                     "Increase its spread, or leave it out."
                 )
                 continue
             share = max((row < low[k] + near[k]).mean(), (row > high[k] - near[k]).mean())
             if share > EDGE_SHARE:
-                found.append(
+                sentences.append(
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
         if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
-            found.append(
+            sentences.append(
                 f"The points, {self.distinct} of which are distinct, come from only "
                 f"{self.effective_sample_size:.0f} effective runs: increase `number`."
             )
-        return found
+        return sentences
 
     @override
     def to_xarray(self) -> "xr.Dataset":
@@ -177,15 +177,15 @@ class Posterior(AbstractTabular):
         """
         import arviz
 
-        found = arviz.from_dict(
+        data = arviz.from_dict(
             posterior={name: row[None] for name, row in self.samples.items()},
             log_likelihood={"record": self.log_likelihood[None]},
             sample_stats={"mode": self.modes[None]},
             posterior_attrs={**self._notes(), "weights": self.weights.tolist()},
         )
         for name, unit in self.units.items():
-            found["posterior"][name].attrs["units"] = unit
-        return found
+            data["posterior"][name].attrs["units"] = unit
+        return data
 
     def _notes(self) -> Mapping[str, float | int]:
         return {

@@ -404,7 +404,7 @@ def mutated(
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
         # `new` has only the points inside; they are spread over the n indices.
         others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
-        before, after = (0.5 * level_or_infinity(one.curves, reached) for one in (moved, others))
+        before, after = (0.5 * level_or_infinity(c.curves, reached) for c in (moved, others))
         log_ratios = log_ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < log_ratios)
         moved = moved.where(accepts, others)
@@ -490,10 +490,10 @@ class Mixture:
         # the cloud, because differences of large vectors would have rounding errors.
         origin, rows = self.centres[-1], inverse.reshape(-1, points.shape[1])
         centres = np.einsum("nij,nj->ni", inverse, self.centres - origin)
-        found = []
+        densities = []
         # In parts, because the offsets of all points from all centres may take much memory.
         for part in np.split(points, range(TOGETHER, len(points), TOGETHER)):
             offsets = ((part - origin) @ rows.T).reshape(len(part), *centres.shape) - centres
             squares = np.einsum("mni,mni->mn", offsets, offsets)
-            found.append(logsumexp(heights - 0.5 * squares, axis=1))
-        return np.concatenate(found)
+            densities.append(logsumexp(heights - 0.5 * squares, axis=1))
+        return np.concatenate(densities)

@@ -95,13 +95,13 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
     """Digests of a program's results, from those of its constants and inputs."""
-    known = dict(zip(jaxpr.invars, inputs, strict=True))
-    known |= zip(jaxpr.constvars, constants, strict=True)
+    digests = dict(zip(jaxpr.invars, inputs, strict=True))
+    digests |= zip(jaxpr.constvars, constants, strict=True)
 
     def of(atom: Var | Literal) -> str:
         if isinstance(atom, Literal):
             return _constant(np.asarray(atom.val, _shape(atom).dtype))
-        return known[atom]
+        return digests[atom]
 
     # An equation's digest combines those of its operands, so names and order have no effect.
     for line in jaxpr.eqns:
@@ -118,7 +118,7 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
         else:
             operation = digest(name, _setting(name, line.params), *operands)
             results = [digest(operation, str(k)) for k in range(len(line.outvars))]
-        known |= zip(line.outvars, results, strict=True)
+        digests |= zip(line.outvars, results, strict=True)
     return [of(atom) for atom in jaxpr.outvars]
 
 
@@ -387,5 +387,5 @@ def matching_lanes(
     for lane, wanted_digest in enumerate(wanted.tolist()):
         unmatched[wanted_digest].append(lane)
     return np.array(
-        [unmatched[one].popleft() if unmatched[one] else -1 for one in stored.tolist()], dtype=int
+        [unmatched[key].popleft() if unmatched[key] else -1 for key in stored.tolist()], dtype=int
     )

@@ -74,7 +74,7 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     lines += _programs(stored, wanted, without_run=bool(lines))
     lines += _save_times(stored, wanted, kept)
     notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
-    old, new = ({name: one.layout.notes[name] for name in notes} for one in (stored, wanted))
+    old, new = ({name: c.layout.notes[name] for name in notes} for c in (stored, wanted))
     return lines and [*lines, *_compared(old, new)]
 
 
@@ -408,14 +408,14 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     return wanted._replace(order=order, added=added)
 
 
-def _same_axes(one: Layout, other: Layout) -> bool:
+def _same_axes(layout: Layout, other: Layout) -> bool:
     """Whether two sweeps have axes of the same names and values in the same order, and are both
     zipped or both not."""
-    if (one.zipped, len(one.axes)) != (other.zipped, len(other.axes)):
+    if (layout.zipped, len(layout.axes)) != (other.zipped, len(other.axes)):
         return False
     return all(
         a.name == b.name and np.array_equal(a.values, b.values)
-        for a, b in zip(one.axes, other.axes, strict=True)
+        for a, b in zip(layout.axes, other.axes, strict=True)
     )
 
 
