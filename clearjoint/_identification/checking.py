@@ -13,7 +13,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,11 +22,12 @@ from .._parametrisation.parameter import step_limits
 from .._simulation.run.terminal import ProgressBar, telling_of_compiling
 from . import goodness_of_fit as statistics
 from .comparison import Comparison
+from .goodness_of_fit import RISE
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
+from .points import drawn_among, far_apart
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
 from .residuals import RunMisfit, run_misfit
-from .screening.level_sets import drawn_among, far_apart
 
 STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
 """Distances of the test points from the minimum along each direction, in standard errors."""
@@ -39,8 +39,6 @@ predicted * MORE + FLOOR. A rise that is too small may lead to another minimum."
 DIFFERING_SHARE = 0.1
 """The horizon is the first time at which chi squared disagrees with the quadratic model at this
 share of the test points or more."""
-RISE = NormalDist().inv_cdf(0.975) ** 2
-"""Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of normal distributions from which points are drawn."""
 KEPT = 32
@@ -290,8 +288,7 @@ def explore(
         limit = explored.lowest + WORTH * RISE
         near = [other.coordinates for other in minima if other.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
-        # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
-        fresh = drawn_among(kept, number // 2, 2 * (p + 1), bounds, generator)
+        fresh = drawn_among(kept, number // 2, bounds, generator)
         # If a much lower minimum has been found, the first points were drawn around the wrong one.
         # If noise doesn't explain its chi squared, an even lower one may be near.
         if decrease > RISE or explored.lowest > likely:

@@ -20,6 +20,8 @@ CONFIDENCE = 0.95
 """Level of confidence intervals."""
 DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 """Half the width of a confidence interval in standard deviations."""
+RISE = DEVIATIONS**2
+"""Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 
 FEWEST_FREEDOM = 2.0
 """Smallest number of degrees of freedom that an interval assumes."""

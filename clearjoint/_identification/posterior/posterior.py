@@ -19,14 +19,12 @@ from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..._simulation.step import presets
 from ..._simulation.step.settings import Settings, settings_or
 from ..comparison import Comparison, comparison
+from ..goodness_of_fit import RISE
 from ..residuals import UNREACHED
 from ..starts import Guess, half_widths, start_coordinates
 from .result import Posterior
 from .tempering import ImpossiblePriorError, Target, draw
 
-RISE = 3.84
-"""Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
-95 % interval of one parameter."""
 NEAREST = 10
 """Smallest number of neighbours of a point. With fewer, chance gaps between the points would divide
 a mode."""
@@ -90,7 +88,8 @@ def modes(
 
 
 def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Distances between points, with coordinates in their standard deviations."""
+    # Along principal axes, modes far apart would count as near: their distance is most of the
+    # points' deviation along the axis from one to the other.
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     return np.linalg.norm(scaled[:, None] - scaled, axis=2)

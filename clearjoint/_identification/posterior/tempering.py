@@ -24,6 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..points import filled, last_where, level
+
 KEPT = 0.5
 """Effective number of points to which a step along the record may reduce the cloud, relative to the
 number of points. It determines the length of the step."""
@@ -37,9 +39,6 @@ PRIOR_POINTS, PRIOR_NUMBER = 2**12, 2**10
 """`PRIOR_POINTS`: number of points of the box that show where the prior is zero, and whether it is
 uniform. `PRIOR_NUMBER`: smallest number of points drawn from another prior. None of them takes a
 run."""
-HALVINGS = 200
-"""Largest number of bisections that find the length of a step. A step may be as short as 1e-30: a
-prior of which a share of 1e-15 of the box's width is likely varies by 1e30 in its logarithm."""
 CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
@@ -83,13 +82,6 @@ class Target:
     def holds(self, points: Float[np.ndarray, "n p"]) -> Bool[np.ndarray, " n"]:
         """Return whether each point is in the box."""
         return np.all((points >= self.low) & (points <= self.high), axis=1)
-
-    def filled(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "n p"]:
-        """Return points that fill the box evenly."""
-        from scipy.stats import qmc
-
-        cube = qmc.LatinHypercube(len(self.low), rng=generator).random(number)
-        return self.low + (self.high - self.low) * cube
 
 
 @dataclass(frozen=True)
@@ -173,14 +165,15 @@ def from_prior(
     the likelihood of a record of one sample. Points that fill the box can't be weighted by the
     prior instead: where it is much narrower than the box, one of them has all the weight.
     """
-    filled = target.filled(PRIOR_POINTS, generator)
-    logarithms = target.log_prior(filled)
-    possible = filled[logarithms > -np.inf]
-    if len(possible) <= filled.shape[1]:
+    box = filled(target.low, target.high, PRIOR_POINTS, generator)
+    logarithms = target.log_prior(box)
+    possible = box[logarithms > -np.inf]
+    if len(possible) <= box.shape[1]:
         raise ImpossiblePriorError(f"finite at {len(possible)} of {PRIOR_POINTS} points")
     if np.ptp(logarithms) == 0.0:
         log_volume = float(np.log(target.high - target.low).sum())
-        return target.filled(number, generator), log_volume + float(logarithms[0]), 0.0
+        points = filled(target.low, target.high, number, generator)
+        return points, log_volume + float(logarithms[0]), 0.0
 
     def curves(points: np.ndarray, count: int) -> np.ndarray:
         return np.stack([np.zeros(len(points)), -2.0 * target.log_prior(points)][: count + 1], 1)
@@ -266,7 +259,7 @@ def along_record(
             cloud = evaluated(target, cloud.points, ahead)
             continue
         # Weights by what this part of the record adds to the likelihood.
-        before, after = (level_or_infinity(cloud.curves, k) for k in (reached, following))
+        before, after = (level(cloud.curves, k) for k in (reached, following))
         weights, _ = normalised(0.5 * (before - after))
         reached, steps = following, steps + 1
         on_step(reached)
@@ -283,33 +276,17 @@ def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> C
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
-def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared over the first `count` times.
-
-    If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
-    time. The result is infinite for a run that misses a sample at any of these times, also at the
-    last one that counts in part.
-    """
-    full = min(int(count), curves.shape[1] - 1)
-    part = count - full
-    if part == 0.0:
-        return curves[:, full]
-    with np.errstate(invalid="ignore"):  # Infinity less infinity, after a run has failed.
-        rise = part * (curves[:, full + 1] - curves[:, full])
-    return np.where(np.isinf(curves[:, full + 1]), np.inf, curves[:, full] + rise)
-
-
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     """Return the number of times in the likelihood after the next step.
 
     The step goes to the end of the runs if the effective number of points is then at least the
     share `KEPT` of all points, or else so far that it falls to this share.
     """
-    before, last = level_or_infinity(curves, reached), curves.shape[1] - 1
+    before, last = level(curves, reached), curves.shape[1] - 1
 
     def enough(count: float) -> bool:
         with np.errstate(invalid="ignore"):
-            fall = 0.5 * (before - level_or_infinity(curves, count))
+            fall = 0.5 * (before - level(curves, count))
         # Without a point that reaches `count` times, there are no weights.
         if not np.isfinite(fall).any():
             return False
@@ -318,16 +295,10 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
 
     if enough(float(last)):
         return float(last)
-    # The effective number falls as the step grows.
-    low, high = reached, float(last)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if middle in (low, high):  # No number is between them.
-            break
-        low, high = (middle, high) if enough(middle) else (low, middle)
     # Where most runs miss the next sample, no step leaves enough points. The shortest one discards
     # them. A longer one would also leave a single point where chi squared is steep.
-    return max(low, float(np.nextafter(reached, np.inf)))
+    longest = last_where(enough, reached, float(last))  # The number falls as the step grows.
+    return max(longest, float(np.nextafter(reached, np.inf)))
 
 
 def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
@@ -404,7 +375,7 @@ def mutated(
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
         # `new` has only the points inside; they are spread over the n indices.
         others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
-        before, after = (0.5 * level_or_infinity(c.curves, reached) for c in (moved, others))
+        before, after = (0.5 * level(c.curves, reached) for c in (moved, others))
         log_ratios = log_ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < log_ratios)
         moved = moved.where(accepts, others)

@@ -19,8 +19,8 @@ from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..comparison import Comparison
 from ..levenberg_marquardt import Search, best_search
+from ..points import drawn_among, far_apart, filled, level, reached
 from ..starts import half_widths
-from .level_sets import drawn_among, far_apart, finite_level, reached
 
 LEVEL = 0.99
 """Points fit about as well as the best if their chi squared exceeds the smallest by at most the
@@ -34,9 +34,6 @@ still fit. Hardly any new point would fit a longer part."""
 FIRST = 4
 """Number of points in the first round, which fills the whole box, relative to the number of new
 points in other rounds."""
-NEIGHBOURS = 2
-"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
-around it. A covariance of p parameters needs at least p + 1 points."""
 FIRST_SHARE = 1 / 8
 """Share of the record over which the first round runs: most points of the box fit only an early
 part. If this share is too short, the runs are repeated over more of the record."""
@@ -137,14 +134,12 @@ def screen(
     **Raises:** `ValueError` for a name in the `spread` of `screening` that is no parameter.
     """
     from scipy.special import chdtri
-    from scipy.stats import qmc
 
     spread = half_widths(screening.spread, tuple(lanes.parameters))
     excess = float(chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
-    box = qmc.LatinHypercube(len(centre), rng=generator)
-    # The points of the first round fill the box from -1 to 1 times its half width.
-    points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
+    bounds = centre - spread, centre + spread
+    points = filled(*bounds, FIRST * screening.number, generator)
     ahead = max(int(FIRST_SHARE * lanes.count), 1)  # Number of times of the runs in this round.
     times, runs = [], 0
     bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
@@ -154,7 +149,7 @@ def screen(
             # Number of times over which enough points fit about as well as the best. It may be a
             # fraction, at which the points' chi squared is interpolated.
             count = reached(curves, screening.keep, excess)
-            misfits = finite_level(curves, count)
+            misfits = level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
             times.append(lanes.time(count))
@@ -172,10 +167,7 @@ def screen(
             # Hardly any new point will fit more of the record than the best present ones. The
             # number of times that these fit is rounded up, and one more shows where their fit ends.
             ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
-            bounds = centre - spread, centre + spread
-            new = drawn_among(
-                kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator
-            )
+            new = drawn_among(kept, screening.number, bounds, generator)
             points = np.concatenate([kept, new])
 
 
