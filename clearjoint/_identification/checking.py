@@ -2,10 +2,6 @@
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.
-Therefore about twenty runs for each parameter compare chi squared with the prediction of the
-covariance. If they differ, many runs without derivatives, and local searches from the points with
-the lowest chi squared, explore the neighbourhood. Then a posterior distribution around the lowest
-minimum, computed with few points, gives the intervals.
 """
 
 import math
@@ -42,8 +38,7 @@ share of the test points or more."""
 WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of normal distributions from which points are drawn."""
 KEPT = 32
-"""Number of points with the smallest chi squared from which the next round draws. There are more if
-more are worth exploring, but never more than half as many as in the first round."""
+"""Smallest number of points with the lowest chi squared from which the next round draws."""
 WORTH = 3.0
 """Rise of chi squared over the lowest, in multiples of `RISE`, up to which points are worth
 exploring."""
@@ -103,12 +98,10 @@ def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
 
 @dataclass(frozen=True)
 class QuadraticTest:
-    """Rise of chi squared at points around a minimum, `actual` in runs and `predicted` by the
-    quadratic model: the square of the distance in standard errors.
+    """Rise of chi squared at points around a minimum, in runs and by the quadratic model.
 
     `horizon` is the first time at which the rise over the record so far disagrees with the model at
-    a tenth of the points or more; infinite if there is none. Only points near the minimum are
-    counted, see `tested`.
+    a tenth of the points or more; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
@@ -163,12 +156,10 @@ def tested(
 class Exploration:
     """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    - `points`: (n, p) coordinates; the first row is the minimum at which the fit's own search
-      ended, before the fit moves to a lower one.
-    - `minima`: the run at the minimum of the first row, then the best run of each local search.
-    - `rounds`: number of rounds in which points were drawn.
-    - `settled`: whether the last round widened every interval by less than a twentieth and found no
-      new minimum that affects the intervals, and noise explains the lowest chi squared.
+    The first point is the minimum at which the fit's own search ended, before the fit moves to a
+    lower one; the first of `minima` is the run there. `settled` says that the last round widened
+    every interval by less than a twentieth and found no new minimum that affects the intervals, and
+    that noise explains the lowest chi squared.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -183,10 +174,10 @@ class Exploration:
         return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Return lower and upper ends of the parameters' 95 % intervals, in coordinates.
+        """Return the ends of the parameters' 95 % intervals, in coordinates.
 
-        A parameter's interval is the smallest one that contains all points whose chi squared is at
-        most `RISE` above the lowest, and the `interval_ends` of the minima.
+        An interval contains all points whose chi squared is at most `RISE` above the lowest, and
+        the `interval_ends` of the minima.
         """
         allowed = self.points[self.chi_squared <= self.lowest + RISE]
         ends = np.concatenate([allowed, interval_ends(self.minima, self.lowest)])
@@ -196,9 +187,9 @@ class Exploration:
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
     """Return both ends of the 95 % intervals around each of several minima, in coordinates.
 
-    A parameter's interval contains the values for which chi squared, minimised over the other
-    parameters by the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi
-    squared. Minima whose own chi squared is higher are left out.
+    An interval contains the values for which chi squared, minimised over the other parameters by
+    the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
+    Minima whose own chi squared is higher are left out.
     """
     ends = []
     for minimum in minima:
@@ -312,11 +303,10 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
 
 
 STEPS_DOWN = 15
-"""Maximum number of runs of a local search in the exploration; the final search in the lowest
-minimum has four times as many."""
+"""Maximum number of runs of a local search; the final search in the lowest minimum has four times
+as many."""
 NEAR, NEAREST = 0.03, 1e-3
-"""Gauss-Newton step, in standard errors, at which a local search ends, and at which the final
-search in the lowest minimum ends."""
+"""Gauss-Newton steps, in standard errors, at which a local search and the final search end."""
 FARTHEST = 100.0
 """Distance from the estimates, in standard errors, up to which an exploration may draw points."""
 POINTS, MOST_RUNS = 1.25, 75
@@ -336,17 +326,16 @@ class LikelihoodCheck:
     """Result of runs around the estimates of a fit's own search, before the fit moves to a lower
     minimum.
 
-    - `exploration`: ``None`` if the test passed.
-    - `posterior`: with few points, around the lowest minimum. ``None`` also if noise doesn't
-      explain chi squared, if too many runs would be needed, or if its points don't represent it.
+    - `exploration`, `posterior`: ``None`` if the test passed. There is no posterior either if noise
+      doesn't explain chi squared, if too many runs would be needed, or if its points don't
+      represent it.
     - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
-      more than 0.5 below that of the fit's own search, a more accurate search starts from this
-      minimum; it is the last entry.
-    - `runs`: number of runs with and without derivatives, those of the posterior not included;
-      `seconds` includes them.
+      more than 0.5 below that of the fit's own search, a more accurate search from there is the
+      last.
+    - `runs`: number of runs without those of the posterior; `seconds` includes them.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
-      with derivatives. The two differ by integration errors only, which are too large if the
-      magnitude is above 1, the rise of chi squared at a distance of one standard error.
+      with derivatives. Above 1, the rise at a distance of one standard error, integration errors
+      are too large.
     - `bounded`: whether the cost was limited to that of the fit and the test.
     """
 
@@ -370,12 +359,11 @@ class LikelihoodCheck:
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """Return by which factor the intervals of the exploration differ from those of the
+        """Return the largest ratio, 1 or more, of intervals by the exploration and by the
         covariance.
 
-        The distances from the estimate to both ends of a parameter's interval are compared. The
-        factor, 1 or more, is the largest ratio of such a distance by the exploration to that by the
-        covariance; ratios below 1 are inverted.
+        The distances from the estimate to both ends of each interval are compared; ratios below 1
+        are inverted.
         """
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
@@ -386,11 +374,8 @@ class LikelihoodCheck:
 
     @cached_property
     def minima(self) -> int:
-        """Number of separate minima whose chi squared is at most `RISE` above the lowest; 1 if the
-        test passed, because no others were searched for then.
-
-        A minimum is separate if it is not `inside` a lower separate minimum.
-        """
+        """Number of minima with a chi squared at most `RISE` above the lowest that are not `inside`
+        a lower one; 1 if the test passed."""
         if self.exploration is None:
             return 1
         limit, minima = self.exploration.lowest + RISE, self.exploration.minima
@@ -407,12 +392,10 @@ def check(
 ) -> LikelihoodCheck:
     """Test the covariance of a fit by runs around its best run.
 
-    If the test fails, explore chi squared around the best run and, if noise explains the lowest chi
-    squared, compute a small posterior. `number` is the number of points in the first round of an
-    exploration, to which the size of the posterior is proportional. If it is ``None``, both
-    together cost about as much as the fit, `cost` in runs with derivatives, and the test.
-
-    **Raises:** `KeyboardInterrupt` if the user interrupts the check.
+    If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
+    posterior. `number` is the number of points in the first round of an exploration, to which the
+    size of the posterior is proportional. If it is ``None``, both together cost about as much as
+    the fit, `cost` in runs with derivatives, and the test.
     """
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
@@ -576,9 +559,8 @@ def _largest_offsets(
 ) -> Float[np.ndarray, " p"]:
     """Return the largest distance of explored points from the estimates, in coordinates.
 
-    It is twice the largest change in one step of a fit. Where that is infinite, it is the larger of
-    the coordinate's absolute value and `FARTHEST` times the standard deviation that the estimate
-    would have with all other parameters known.
+    It is twice the largest change in one step of a fit or, where that is infinite, the coordinate's
+    size or `FARTHEST` standard deviations with all other parameters known.
     """
     norms = np.linalg.norm(best.jacobian, axis=0)
     alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)

@@ -225,12 +225,10 @@ class Fit(AbstractTabular):
         Usually the ends are the values at which the coordinate differs from its estimate by 1.96
         standard errors. If `check` has found that chi squared is not quadratic, the intervals are
         the central ones of `posterior`, which need not contain the estimates; without a posterior,
-        they also contain all points that `check` has explored with a chi squared at most 3.84 above
-        the lowest. In all cases, the intervals are extended to contain those around other minima in
-        which a search has converged, if the chi squared of such a minimum is at most 3.84 above
-        that of the fit and it is outside the posterior's box. At the end, each interval of
-        coordinates is extended about its middle by the `widening`, and by a factor of Student's
-        distribution for the few independent samples of correlated noise.
+        they contain all points that `check` has explored with a chi squared at most 3.84 above the
+        lowest. They are extended to contain the intervals around other minima, outside the
+        posterior's box, with a chi squared at most 3.84 above that of the fit, and then about their
+        middle by the `widening` and a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -634,12 +632,8 @@ def _explanation(
     effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
 ) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
     """Return the decrease of chi squared by the fewest errors of a sensor that explain most of the
-    misfit of a series, their values, and the share that they explain; 0 and no values if there are
-    none.
-
-    `part` has the residuals of the series; `effects`: of each error on the residuals per unit of
-    its value.
-    """
+    misfit of its series, their values, and the share that they explain; 0 and no values if there
+    are none."""
     chosen: list[type[AbstractSeriesVariation]] = []
     before = float(np.sum(residuals[part] ** 2))
 

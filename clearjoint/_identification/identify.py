@@ -40,16 +40,14 @@ OnFitIteration = Callable[[int, Iteration], None]
 """Function of the number of samples in the present window and of an `Iteration`, called after each
 run of a search."""
 WINDOW_TOLERANCE = 0.1
-"""Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
-the last one end, unless the user's `tolerance` is larger: their results only start the next window.
-"""
+"""Smallest `tolerance` of the fits of all windows but the last one: they only start the next
+window."""
 
 
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits` has the finished fits and, if `partly`, the best result so far of the interrupted fit.
-    Only runs of its searches count, not those of a `Screening`.
+    `fits` has the finished fits and, if `partly`, the best result so far of the interrupted one.
 
     >>> cj.FitInterrupted([]).fits
     []

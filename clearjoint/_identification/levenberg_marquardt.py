@@ -99,10 +99,9 @@ class WindowSearch:
 class Search:
     """Result of the search from one start.
 
-    - `windows`: the successive searches over growing windows of the record.
-    - `best`: the best run of the last window, which is the last one accepted. If the user
-      interrupts a window that is shorter than the record, or the first run of the last window, it
-      is a run over the whole record at the best coordinates so far.
+    `windows` are the successive searches over growing windows of the record, and `best` is the run
+    of the last accepted step, or after an interruption a run over the whole record at the best
+    coordinates.
     """
 
     start: Float[np.ndarray, " p"]

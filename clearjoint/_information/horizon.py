@@ -1,17 +1,15 @@
 """Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact. This growth increases the effect of parameters on the
-data, but it limits a fit in two ways. First, from some length of the record on, the run of a wrong
-guess has another sequence of impacts than the data, and the fit may end in wrong parameters.
-Second, integration errors grow until the computed run differs from the true motion for the same
-parameters.
+Small differences grow from impact to impact. From some length of the record on, the run of a wrong
+guess has another sequence of impacts than the data, and the fit may end in wrong parameters; and
+integration errors grow until the computed run differs from the true motion.
 
-The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. The
-path of the fit is assumed to be the straight line from the guess to the truth, in the parameters'
-coordinates. If the misfit rises somewhere along this line towards the truth, a local minimum or a
-ridge may stop the fit. The slope of the misfit along the path is r^T J d, with the residuals r and
-their derivatives J at a point of the path, and the direction d from the truth to the guess. It is a
-sum over samples, so its cumulative sums are the slopes for records of every length.
+The first limit is found by a test of whether a fit can descend from a wrong guess to the truth,
+along the straight line between them in the parameters' coordinates. If the misfit rises somewhere
+along this line towards the truth, a local minimum or a ridge may stop the fit. The slope of the
+misfit is r^T J d, with the residuals r and their derivatives J at a point of the line, and the
+direction d from the truth to the guess. It is a sum over samples, so its cumulative sums are the
+slopes for records of every length.
 """
 
 import itertools
@@ -44,9 +42,8 @@ from .analysis import (
 )
 
 LOOSER = 10.0
-"""Ratio of the tolerance of a second run to that of the main run. The difference between the two
-runs estimates the error of the main run. A second run with a smaller tolerance might be dominated
-by rounding errors."""
+"""Ratio of the tolerance of a second run to that of the main run, whose error the difference
+estimates. A second run with a smaller tolerance might be dominated by rounding errors."""
 PATH_POINTS = 4
 """Number of points between the truth and a wrong guess, including the guess, at which the slope of
 the misfit is computed."""
@@ -56,9 +53,9 @@ ALL_CORNERS = 3
 """Largest number of parameters for which guesses with all parameters wrong are tested in every
 combination of signs, up to eight; for more parameters, eight random combinations are tested."""
 FLAT = 1e-6
-"""Magnitude of the cosine of the angle between the residuals and their derivatives along a path,
-below which the misfit counts as constant. Where the path has no effect on the data, the cosine is
-not exactly zero, because of rounding and integration errors."""
+"""Cosine of the angle between the residuals and their derivatives along a path, below which the
+misfit counts as constant. Without effect, it is not exactly zero, because of rounding and
+integration errors."""
 
 
 @dataclass(frozen=True)
@@ -300,12 +297,10 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the errors of a run's values, and of its derivatives by the p parameters, from the
-    same run with a larger tolerance.
+    """Bounds of the errors of a run's values, and of its derivatives by the p parameters.
 
     The error of the values is in units of the noise, the largest of all outputs. The error of
-    derivatives is that of their norm over the record so far, relative to this norm, the largest of
-    all parameters.
+    derivatives is relative to their norm over the record so far, the largest of all parameters.
     """
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
@@ -373,10 +368,9 @@ def blocked_records(
 ) -> Bool[np.ndarray, " T"]:
     """Return for which records the misfit rises towards the truth at a point of a path.
 
-    `values` and `slopes`, their derivatives away from the truth, end early if the run at the point
-    failed; longer records are blocked. A misfit below the noise doesn't block a fit. Neither does
-    one that is constant along the path: before the first impact, the run doesn't depend on the
-    clearance, but in a longer record it does.
+    If the run at the point failed, longer records are blocked. A misfit below the noise doesn't
+    block a fit. Neither does one that is constant along the path: before the first impact, the run
+    doesn't depend on the clearance, but in a longer record it does.
     """
     n = values.shape[1]
     residuals = values - truth[:, :n]

@@ -58,11 +58,10 @@ def disturbed_velocities(
     """Return velocities (m/s, global) and spins (rad/s, body axes) of the `bodies` at n disturbed
     starts.
 
-    The velocities and spins of `state` are changed by the parts of the random directions `along`
-    that the constraints permit, scaled to `size`: the expected root mean square of the added speeds
-    over starts and bodies, in which a spin counts by the speed at its body's radius of gyration.
-    The names of bodies are passed because a scene that a function of JAX or of a user has made may
-    have its bodies in another order than the columns.
+    Those of `state` are changed by the parts of the random directions `along` that the constraints
+    permit, scaled to `size`: the expected root mean square of the added speeds over starts and
+    bodies, in which a spin counts by the speed at its body's radius of gyration. A scene that a
+    function of JAX or of a user has made may have its bodies in another order than `bodies`.
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
@@ -98,14 +97,11 @@ def disturbed_axes(
 ) -> dict[str, Axis]:
     """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
 
-    The result has the given `axes`, whose values must be as many as lanes, and an axis, named such
-    as "disturbed velocity x of arm", for each component of a velocity or spin that differs in any
-    lane from that of the undisturbed state. `members` successive lanes have equal values of `axes`.
-
-    The disturbances satisfy the constraints of the scene with the values of `axes`. If `members` is
-    1 and `axes` change only numbers of the scene, the constraints of the given scene serve all
-    lanes instead; the caller must then ensure that the values differ little from the numbers in
-    `scene`.
+    The result has the given `axes` and an axis, named such as "disturbed velocity x of arm", for
+    each component of a velocity or spin that differs in any lane from that of the undisturbed
+    state. `members` successive lanes have equal values of `axes`. If `members` is 1 and `axes`
+    change only numbers of the scene, these must differ little from those in `scene`, whose
+    constraints then serve all lanes.
 
     **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
     that is also that of a disturbed velocity.
@@ -167,10 +163,9 @@ DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
 measurements, and far above rounding errors."""
 TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
-"""Settings of the runs with a tangent, the derivative of the motion by the initial velocity. With
-so large a tolerance the tangent does not control the length of steps. A growth rate needs few
-correct digits of the tangent, and control by an ever larger tangent would make steps ever shorter,
-until runs reach their step limit."""
+"""Settings of the runs with a tangent, which does not control the length of steps with so large a
+tolerance. A growth rate needs few correct digits of the tangent, and control by an ever larger
+tangent would make steps ever shorter."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 ROUNDING = 1e-12

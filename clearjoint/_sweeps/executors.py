@@ -129,14 +129,12 @@ def run_chunks(
     """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
 
     `on_done` is called in this thread, for one chunk at a time, in the order in which chunks end.
-    Only a few chunks at a time are submitted, and none after an error. An interrupt (Ctrl-C) or an
-    error of `on_done` cancels the chunks that have not begun. Until the first result, `on_start` is
-    called every second with the time since the call.
+    Only a few chunks at a time are submitted, and none after an error. Until the first result,
+    `on_start` is called every second with the time since the call.
 
     **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
-    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it.
-    This error is raised after the chunks already submitted have ended, and `on_done` has received
-    the results of those that succeeded.
+    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
+    after the chunks already submitted have ended.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}

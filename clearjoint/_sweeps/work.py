@@ -45,17 +45,13 @@ class Work:
         """Run lanes, and pass on the numbers (n,) and results (n, ...) of lanes as soon as they
         end.
 
-        Lanes with invalid parameters are not run. Their results are passed on first: the result
-        code of `bad_parameters`, the start time as "time_reached", and otherwise the fill values of
-        entries that have not been computed.
+        Lanes with invalid parameters are not run; their results, with the code of `bad_parameters`,
+        come first. `on_progress` is called several times a second. It and `on_ended` are called in
+        the thread that calls `run`.
 
-        `on_progress` is called several times a second. It and `on_ended` are called in the thread
-        that calls `run`. `threads` share the lanes; by default as many as were given to
-        `clearjoint.configure`, or one for each core.
-
-        **Returns:** the `Batch`, when all lanes have ended. In each iteration of a compiled loop,
-        every running lane tries one step. The batch's attribute `turns` is the number of iterations
-        of all loops, times the number of lanes that a loop can run side by side.
+        **Returns:** the `Batch`, when all lanes have ended. Its attribute `turns` is the number of
+        iterations of all compiled loops, in which every running lane tries one step, times the
+        number of lanes that a loop can run side by side.
         """
         # Apart from result code and time, lanes with invalid parameters keep the entries of lanes
         # that have not been computed.

@@ -36,25 +36,23 @@ ACCEPTED, SWEEPS = 1.5, 10
 """Mean number of accepted moves of a point after which a step ends, and largest number of moves
 tried for each point in a step."""
 PRIOR_POINTS, PRIOR_NUMBER = 2**12, 2**10
-"""`PRIOR_POINTS`: number of points of the box that show where the prior is zero, and whether it is
-uniform. `PRIOR_NUMBER`: smallest number of points drawn from another prior. None of them takes a
-run."""
+"""Number of points of the box that show where the prior is zero, and whether it is uniform;
+smallest number of points drawn from another prior. None of them takes a run."""
 CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
-"""Sizes of the importance sampling. `FIRST`: number of draws in the first round, relative to the
-number of points of the result. `GROWTH`, `MOST`: largest number of draws in a later round, relative
-to the round before and to the number of points of the result. `ROUNDS`: largest number of rounds.
-Draws outside the box take no run."""
+"""Numbers of draws of the importance sampling, relative to the number of points of the result: in
+the first round, `FIRST`; in a later one, at most `MOST`, and at most `GROWTH` times those of the
+round before; and largest number of rounds. Draws outside the box take no run."""
 WIDER = 2.0
 """Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
 """Variance that is added along each coordinate, relative to the cloud's variance along it, so that
 the covariance of a flat cloud is not singular."""
 WIDE, OVERALL = 1.5, 0.1
-"""The mixture of `Mixture.around` has one wide distribution around all points. `WIDE`: its standard
-deviations, relative to those of the cloud. `OVERALL`: its weight in the mixture."""
+"""Standard deviations of the one wide distribution of `Mixture.around`, relative to those of the
+cloud, and its weight."""
 
 TOGETHER = 256
 """Number of points whose densities are computed at once."""
@@ -68,9 +66,8 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `curves`: chi squared over parts of the record; `count`: number of times in the whole record.
-    - `low`, `high`: bounds of the box outside which the prior is zero.
-    - `log_prior`: logarithm of the prior density of points in the box, up to a constant.
+    `curves` has chi squared over parts of the record of `count` times, and `log_prior` the
+    logarithm of the prior density of points in the box, up to a constant.
     """
 
     curves: Curves
@@ -134,10 +131,7 @@ def draw(
     generator: np.random.Generator,
     on_step: Callable[[float], None] = lambda count: None,
 ) -> Drawn:
-    """Draw points from the posterior.
-
-    `on_step` is called after each step and round with the number of times in the likelihood, which
-    may be a fraction.
+    """Draw points from the posterior. `on_step` gets the number of times in the likelihood.
 
     **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
     is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that
@@ -201,12 +195,11 @@ def drawn_from(
     by importance sampling.
 
     The cloud at the end of the record is small, and its points have moved little. Importance
-    sampling therefore makes many runs at points drawn from wide normal distributions around the
-    cloud. Each further round draws around the weighted points of the round before, until the
-    effective number of runs is at least `number`. Only the last round enters the result. The mean
-    of its weights is an almost unbiased estimate of the integral of prior times likelihood over the
-    box: the mixture is fixed before the round, whose runs only decide whether another round
-    follows.
+    sampling therefore draws from wide normal distributions around it, and each further round from
+    those around the weighted points of the round before, until the effective number of runs is at
+    least `number`. Only the last round enters the result. The mean of its weights is an almost
+    unbiased estimate of the integral of prior times likelihood: the mixture is fixed before the
+    round, whose runs only decide whether another round follows.
     """
     points, weights, steps = along_record(target, points, generator, on_step)
     mixture, runs = Mixture.around(points, weights, WIDER), FIRST * number

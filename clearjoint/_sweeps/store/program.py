@@ -2,18 +2,14 @@
 recognises its sweep.
 
 A run is determined by its program and by the numbers from which it starts. A store compares digests
-of both instead of source texts or names of functions. A sweep with further axes finds the stored
-lanes that start from the same numbers as some of its own.
-
-Programs are traced in the form in which the lanes run them: the numbers of scene and state are
-arguments, and the numbers of solver, controller and outputs are constants, as are exact zeros and
-ones in the scene's vectors and matrices, unless an axis can change the vector or matrix.
+of both instead of source texts or names of functions. Programs are traced in the form in which the
+lanes run them.
 
 The digest of a value combines the operation that computes the value, the operation's parameters and
-the digests of its operands. It therefore doesn't depend on names of variables and functions, on the
-order of independent operations, on unused operations, on `jax.jit` around parts of the function, or
-on the process. It does depend on the code of globals, helpers, base classes and properties, as far
-as this code is in the traced program.
+the digests of its operands. It therefore doesn't depend on names, on the order of independent
+operations, on unused operations, on `jax.jit` around parts of the function, or on the process. It
+does depend on the code of globals, helpers, base classes and properties, as far as this code is in
+the traced program.
 """
 
 import dataclasses
@@ -297,12 +293,9 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """The instant of the snapshot `row`, from which quantities are computed.
-
-        A quantity may evaluate the dense output at a fraction of the step. Here the values at this
-        fraction are replaced by the fraction times the snapshot `inside`, so that the fraction
-        appears in the traced program.
-        """
+        """The instant of the snapshot `row`. A quantity may evaluate the dense output at a fraction
+        of the step: here that is the fraction times the snapshot `inside`, so that it appears in
+        the program."""
         system = self.plan.scheme.system(self.scene(numbers))
 
         def at(fraction: Scalar) -> Instant:

@@ -1,15 +1,14 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
-In the folder `by_lane`, each variable is an array whose first dimension is `lane` and whose chunks
-are those of the sweep, so writing a chunk changes no file of another chunk. The result codes of a
-chunk are written last. Without them its lanes count as pending, whatever else a killed process has
-written. Writing a chunk again is harmless, and two processes that write to the same store wait for
-each other if the system can lock files. The lanes of a chunk with a damaged, missing or exchanged
-file count as pending too.
+Each variable is an array whose chunks are those of the sweep, so writing a chunk changes no file of
+another chunk. The result codes of a chunk are written last. Without them its lanes count as
+pending, whatever else a killed process has written, and so do those of a chunk with a damaged,
+missing or exchanged file. Two processes that write to the same store wait for each other if the
+system can lock files.
 
 A store can be extended by lanes and by variables. It recognises lanes by the numbers from which
 they start, and variables by the programs that compute them. It has the axes of the sweep that
-opened it last. Apart from these changes and the results, a store doesn't change after its creation.
+opened it last.
 """
 
 import errno
@@ -58,9 +57,9 @@ of lanes in a chunk; or an array of labels."""
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
-    Lanes, axes and variables that only the wanted sweep has are not differences, because the store
-    can be extended by them. Notes that differ are listed only beside other differences, which they
-    may explain. `kept` is the lane of the wanted sweep that each row of the store holds, or -1.
+    What only the wanted sweep has is no difference, because the store can be extended. Notes that
+    differ are listed only beside other differences, which they may explain. `kept` is the lane of
+    the wanted sweep that each row of the store holds, or -1.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -238,11 +237,9 @@ class SweepStore:
         A store with fewer lanes or variables than the requested sweep is extended, and one with the
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
 
-        **Raises:** `ValueError` if there is something other than a store at the path; if the store
-        is of another version, or its metadata are damaged; if the stored sweep has lanes or
-        variables that the requested sweep lacks; or if the two sweeps differ in another way that
-        `differences` lists. `OSError` if the store can't be created or extended, for example
-        without permission.
+        **Raises:** `ValueError` if there is something other than an intact store of this version at
+        the path, or if the stored sweep differs from the requested one as `differences` lists;
+        `OSError` if the store can't be created or extended, for example without permission.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
