@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..._fields.checks import require
+from ..._fields.checks import require, require_type
 from ..._measurements.series import Measurements
 from ..._model.bodies import State
 from ..._model.scene import Scene
@@ -157,9 +157,7 @@ def posterior(
     """
     begun = time.perf_counter()
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    kind = type(measurements).__name__
-    fine = isinstance(measurements, Measurements)
-    require(fine, "measurements", kind, "Measurements", remedy)
+    require_type("measurements", measurements, Measurements, "Measurements", remedy)
     measurements.check(scene)
     check_parameters(parameters)
     half = half_widths(spread, tuple(parameters))

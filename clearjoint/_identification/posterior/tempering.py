@@ -50,6 +50,9 @@ WIDER = 2.0
 RIDGE = 1e-10
 """Variance that is added along each coordinate, relative to the cloud's variance along it, so that
 the covariance of a flat cloud is not singular."""
+NARROWEST = 1e-4
+"""Share of the cloud's covariance that is added to that of the points near each point, because
+nearly equal points have a singular one: 1 % of the cloud's standard deviations."""
 WIDE, OVERALL = 1.5, 0.1
 """Standard deviations of the one wide distribution of `Mixture.around`, relative to those of the
 cloud, and its weight."""
@@ -427,8 +430,7 @@ class Mixture:
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
-        # A share of the whole covariance keeps that of nearly equal points from being singular.
-        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + 1e-4 * whole
+        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + NARROWEST * whole
         # The wide distribution reaches parts of the region from which all points have been lost.
         centres = np.concatenate([points, mean[None]])
         roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * whole[None]]))
