@@ -73,7 +73,7 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     if not beyond.size:
         return float(curves.shape[1] - 1)
     first = float(beyond[0])
-    return last_where(lambda count: gap(level(curves, count)) <= excess, first - 1.0, first)
+    return last_where(lambda count: bool(gap(level(curves, count)) <= excess), first - 1.0, first)
 
 
 def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:

@@ -86,26 +86,27 @@ class Experiment(eqx.Module):
         are NaN at times that the run misses.
         """
         at, end_time = on_device(coordinates), on_device(end_time)
-        times, delayed = self.times, ()
-        if self.sensors.delays:
-            # Every output is evaluated at all of the rising times, whatever its delay.
-            times, *delayed, end_time = _instants(self, at, end_time)
+        delayed = _instants(self, at, end_time) if self.sensors.delays else None
+        # Every output is evaluated at all of the rising times, whatever its delay.
+        times, end = (self.times, end_time) if delayed is None else (delayed[0], delayed[3])
         run = sampled(
             self.scheme,
             self.family.at(at),
             self.outputs,
             times,
             self.start_time,
-            end_time,
+            end,
             self.first_step,
             self.max_steps,
         )
-        if self.sensors.delays:
-            run = _delayed(self, at, times, *delayed, run)
+        if delayed is not None:
+            run = _delayed(self, at, *delayed[:3], run)
         if not self.sensors.of_values:
             return run
-        numbers = run.values, run.derivatives, self.times - self.start_time, at
-        readings, slopes = with_sensor_errors(self.sensors, *numbers)
+        elapsed = self.times - self.start_time
+        readings, slopes = with_sensor_errors(
+            self.sensors, run.values, run.derivatives, elapsed, at
+        )
         return replace(run, values=readings, derivatives=slopes)
 
 
