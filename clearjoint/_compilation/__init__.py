@@ -1,18 +1,7 @@
 """Functions compiled by XLA, and the keys and files of compiled programs on disk.
 
-- `Compiled` wraps functions that XLA compiles, and `HostFirst` functions that NumPy computes if it
-  can; `traced_once` wraps functions that are called several times while JAX traces another one, and
-  `traced_for_a_kind` calls a function of elements, which is traced once for elements of a kind.
-- Native programs are compiled by `clearjoint._native` instead of XLA, and their machine code is
-  saved. `keep_programs` sets whether the layout of arguments and results is saved with it, so that
-  another process can load the program without tracing its function again; `keeps_programs` returns
-  this setting. `prepare_folder` makes the folder of saved programs.
-- `program_of` returns the jaxpr of a function.
-- `seconds_of_compiling` returns how long the present compilation has taken so far.
-- `digests.digest` returns the digest of texts and bytes; `plain_values.digest_of`, that of a value,
-  and `package_code.source_digest`, that of the package's sources, make the keys of saved programs.
-- `remember_contents` records the code of the package, so that `source_digest` notices later
-  changes. It is called once, at the end of the import of the package.
+Native programs are compiled by `clearjoint._native` instead of XLA, and their machine code is saved
+here.
 """
 
 # First, because its import records the state of the source files, before any other module is read

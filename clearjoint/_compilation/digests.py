@@ -6,15 +6,14 @@ This module imports only Python's standard library, because `.package_code` does
 import hashlib
 
 DIGITS = 16
-"""Default number of characters of a digest, hexadecimal: 64 bits, with which equal digests of
+"""Default number of hexadecimal characters of a digest: 64 bits, with which equal digests of
 different contents are practically excluded among those that a store of results compares."""
 LONG = 40
 """Number of characters of the digests that name saved programs, or that protect their files."""
 
 
 def digest(*parts: str | bytes, digits: int = DIGITS) -> str:
-    """Return the digest of a sequence of texts or bytes, as hexadecimal text of `digits` characters
-    (at most 128)."""
+    """Return the digest of a sequence of texts or bytes, in hexadecimal digits (at most 128)."""
     state = hashlib.blake2b(digest_size=digits // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

@@ -1,8 +1,7 @@
 """Digest of the package's source files, and a check that this process runs their code.
 
-The digest is part of the key of each saved program, as are the versions of other packages, so that
-a program is loaded only by processes with the same code. This module imports only Python's standard
-library, so that it can be imported before all others.
+The digest is part of the key of each saved program, as are the versions of other packages. This
+module imports only Python's standard library, so that it can be imported before all others.
 """
 
 import functools
@@ -32,8 +31,7 @@ class ChangedCodeError(Exception):
 
 
 def remember_contents() -> None:
-    """Record the objects in the loaded modules and classes of the package, for comparison by
-    `source_digest`. Modules in `_OF_THE_PROCESS` are left out.
+    """Record the objects in the loaded modules and classes of the package, for `source_digest`.
 
     It must be called at the end of the import of the package.
     """
@@ -53,7 +51,7 @@ def remember_contents() -> None:
 
 
 def source_digest() -> str:
-    """Return the digest, as hexadecimal text, of the package's source files when its import began.
+    """Return the digest of the package's source files when its import began.
 
     **Raises:** `ChangedCodeError` if the files have changed since then, because the package was
     upgraded or edited while the process ran; if a function, class or constant in a module of this
@@ -71,7 +69,7 @@ def source_digest() -> str:
 
 
 def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
-    """Return whether a namespace has the same objects under the same names as before.
+    """Whether a namespace has the same objects under the same names as before.
 
     Modules may have further names, such as those of submodules. Classes may not, since an added
     method may override an inherited one; names that begin with two underscores are excepted,
@@ -84,7 +82,7 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Return size, times of change and inode of each source file of the package, by path.
+    """Size, times of change and inode of each source file of the package, by path.
 
     At least one of these numbers changes if the file is written or replaced. To compare them is
     much faster than to read the files.

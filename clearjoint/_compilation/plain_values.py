@@ -1,7 +1,6 @@
 """Digests of values that consist only of data, and of functions and classes of known packages.
 
-A digest is part of the key under which a compiled program is saved, as are the digest of this
-package's sources and the versions of the other known packages. Values that contain functions,
+A digest is part of the key under which a compiled program is saved. Values that contain functions,
 classes or instances of classes from elsewhere are refused, since a change of the sources of these
 would not be noticed.
 """
@@ -36,11 +35,9 @@ class NotPlainError(Exception):
 def digest_of(value: object) -> str:
     """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes.
 
-    Values of the same types and content have the same digest. The types of numbers matter: 1 and
-    1.0 have different digests. The order of the items of a dictionary matters, too. Arrays of NumPy
-    and JAX with the same numbers, dtype and shape have the same digest.
-
-    **Arguments:** `value`: may consist of
+    Types count, as of 1 and 1.0, and so does the order of the items of a dictionary. Arrays of
+    NumPy and JAX with the same numbers, dtype and shape have the same digest. A value may consist
+    of
 
     - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
       sets;
@@ -50,11 +47,6 @@ def digest_of(value: object) -> str:
 
     **Raises:** `NotPlainError` for a value that contains anything else, an array that JAX traces,
     an array of objects, or itself, and for a value that is nested too deeply.
-
-    >>> from clearjoint._compilation.plain_values import digest_of
-    >>> one, same, other = (cj.Body(mass, (1.0, 1.0, 1.0)) for mass in (2.0, 2.0, 3.0))
-    >>> digest_of(one) == digest_of(same), digest_of(one) == digest_of(other)
-    (True, False)
     """
     try:
         return digest(repr(_nested(value)), digits=LONG)
@@ -63,11 +55,7 @@ def digest_of(value: object) -> str:
 
 
 def _nested(value: object) -> object:
-    """Return nested tuples of plain Python values whose `repr` identifies the value.
-
-    **Raises:** `RecursionError` for a value that contains itself or is nested too deeply;
-    `NotPlainError` for other values that `digest_of` refuses.
-    """
+    """Nested tuples of plain Python values whose `repr` identifies the value."""
     # Exact types: an instance of a subclass could hold further data, and is handled last.
     kind = type(value)
     if kind in _DATA:
@@ -104,11 +92,8 @@ def _nested(value: object) -> object:
 
 
 def _named(value: object) -> object:
-    """Return a tuple with module and qualified name of a function or class.
-
-    **Raises:** `NotPlainError` if its package is not known, or if that name in the module refers
-    neither to the value nor to a wrapper of it.
-    """
+    """Module and qualified name of a function or class, if that name refers to it, or to a wrapper
+    of it."""
     module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
     member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None
     for part in name.split("."):

@@ -19,8 +19,8 @@ import jax
 from .digests import LONG, digest
 
 MOST_BYTES = 1_000_000_000
-"""Largest total size of the files, in bytes. In a larger folder, the files that have not been used
-for longest are removed."""
+"""Largest total size of the files. In a larger folder, the files that have not been used for
+longest are removed."""
 _OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _SUFFIX = ".program"
 _is_on = False
@@ -30,17 +30,16 @@ _is_on = False
 def keep_programs(keep: bool = True) -> None:
     """Set whether whole native programs are saved in JAX's compilation cache.
 
-    Native programs are those that `clearjoint._native` compiles. A whole program consists of
-    machine code and the layout of its arguments and results. A later process loads it without
-    tracing the function. If `keep` is false, only the machine code is saved: a later process then
-    traces the function again, but need not compile it.
+    A whole program consists of machine code and the layout of its arguments and results. A later
+    process loads it without tracing the function. If `keep` is false, only the machine code is
+    saved: a later process then traces the function again, but need not compile it.
     """
     global _is_on
     _is_on = keep
 
 
 def keeps_programs() -> bool:
-    """Return whether whole native programs are saved; see `keep_programs`."""
+    """Return whether whole native programs are saved."""
     return _is_on
 
 
@@ -95,18 +94,12 @@ def is_private(folder: Path) -> bool:
 
     Anyone else who may do so could have code executed by this process. On systems without POSIX
     permissions, such as Windows, the result is always ``True``.
-
-    **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
     """
     return _exposed(folder) is None
 
 
 def _exposed(folder: Path) -> Path | None:
-    """Return the folder, or else the first folder above it, to which other users may write;
-    ``None`` if there is none.
-
-    **Raises:** `OSError` on systems with POSIX permissions if the folder doesn't exist.
-    """
+    """The folder, or else the first folder above it, to which other users may write."""
     if not hasattr(os, "getuid"):
         return None
     if not _is_ours(folder.stat()):
@@ -122,8 +115,7 @@ def _exposed(folder: Path) -> Path | None:
 
 
 def _is_ours(status: os.stat_result) -> bool:
-    """Return whether only the user of this process and the administrator may write to the file or
-    folder of this status."""
+    """Whether only the user of this process and the administrator may write."""
     return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
@@ -162,24 +154,15 @@ def _read_private(path: Path) -> bytes | None:
 
 
 class ProgramStore:
-    """Folder of compiled programs, with a file for each key.
-
-    Each file consists of a digest of key and content, and of the compressed content. Keys are
-    digests as hexadecimal text, which name the files.
-
-    **Arguments:** `folder`: path of the folder, which is made when a file is first written;
-    `most_bytes`: largest total size of its files, in bytes.
-    """
+    """Folder of compiled programs, with a file for each key, which consists of a checksum and of
+    the compressed content."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes
 
     def read(self, key: str) -> bytes | None:
-        """Return the content that was written under a key.
-
-        **Returns:** the content; ``None`` if there is none, if it is damaged, or if other users may
-        write to the folder.
-        """
+        """Return the content that was written under a key; ``None`` if there is none, if it is
+        damaged, or if other users may write to the folder."""
         path = self._path(key)
         whole = content = b""
         with system_errors_suppressed(), suppress(zlib.error):
@@ -195,8 +178,7 @@ class ProgramStore:
     def write(self, key: str, content: bytes) -> None:
         """Write content under a key, so that other processes read either all of it or nothing.
 
-        Nothing is written to a folder to which other users may write. If the folder becomes too
-        large, the files that have not been used for longest are removed.
+        Nothing is written to a folder to which other users may write.
 
         **Raises:** `OSError` if the content cannot be written.
         """

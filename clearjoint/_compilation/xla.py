@@ -3,10 +3,6 @@
 Python's garbage collector is off while JAX traces. Tracing makes a hundred thousand objects that
 stay in use. The collector would visit them repeatedly and free nothing, which would take a third of
 the time.
-
-`seconds_of_compiling` measures the time from the start of tracing until the call of the program
-returns. The call returns once the program has been started; the program itself then runs on the
-device.
 """
 
 import gc
@@ -31,8 +27,7 @@ from jaxtyping import PyTree
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 _began: dict[int, float] = {}
-"""Time at which each thread, by its identifier, began to compile a program, in s of
-`time.monotonic`."""
+"""Time of `time.monotonic` at which each thread, by its identifier, began to compile a program."""
 CALLS = {
     "jit": "jaxpr",
     "pjit": "jaxpr",
@@ -52,9 +47,8 @@ def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
     """Wrap a function of PyTrees so that JAX traces it once for arguments of equal structure.
 
     A function that is called several times within a program, such as the rates in the stages of a
-    step, would otherwise be traced at each call. Leaves that are not arrays must be hashable; the
-    function is traced again for other values of them, and for other shapes or dtypes of the arrays.
-    The jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in
+    step, would otherwise be traced at each call. Leaves that are not arrays must be hashable. The
+    jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in
     which a global variable that the function reads may have changed.
     """
 
@@ -80,12 +74,9 @@ ELEMENTWISE = "elementwise_function"
 
 
 def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    """Evaluate a function that computes each element of its result from one element of each array.
+    """Evaluate a function that works element by element on arrays of one shape, and scalars.
 
     Native code has one loop over the elements if they are many, instead of one for each operation.
-
-    **Arguments:** `function`: consists of primitives that work element by element; `arguments`:
-    arrays of one shape, and scalars.
     """
 
     def elementwise_function(*arguments: PyTree) -> Result:
@@ -97,8 +88,8 @@ def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
 SHARED = "shared_function"
 """Name of the jaxprs that `traced_for_a_kind` makes. Native code has one function for each."""
 _shared: ContextVar[dict[Hashable, "_Shared"] | None] = ContextVar("shared", default=None)
-"""The functions that `traced_for_a_kind` has traced for the program that is being made, by function
-and static parts of the arguments; ``None`` if no program is being made."""
+"""The functions that `traced_for_a_kind` has traced for the program that is being made; ``None`` if
+no program is being made."""
 
 
 @contextmanager
@@ -117,15 +108,8 @@ class NotSharedError(Exception):
 
 
 class _Shared:
-    """A function of PyTrees that JAX traces once, for one structure of its arguments. It is called
-    with their leaves.
-
-    **Arguments:** `function`; `leaves`, `structure`: the arguments of its first call, flattened;
-    `is_called`: as in `traced_for_a_kind`.
-
-    **Raises:** `NotSharedError` if the function uses values that JAX traces and that are not among
-    its arguments; what the function raises.
-    """
+    """A function of PyTrees that JAX traces once, for one structure of its arguments, and that is
+    called with their leaves."""
 
     def __init__(
         self,
@@ -134,16 +118,16 @@ class _Shared:
         structure: PyTree,
         is_called: bool,
     ):
-        given, arrays = _divided(leaves)
+        others, arrays = _divided(leaves)
         # The results of the function with placeholders for arrays, once JAX has traced it.
         # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
         self._results: tuple[list[PyTree], PyTree] = [], None
 
         def shared_function(*arrays: PyTree) -> list[PyTree]:
-            result = function(*jax.tree.unflatten(structure, _joined(given, arrays)))
+            result = function(*jax.tree.unflatten(structure, _joined(others, arrays)))
             leaves, form = jax.tree.flatten(result)
-            others, traced = _divided(leaves)
-            self._results = others, form
+            static, traced = _divided(leaves)
+            self._results = static, form
             return traced
 
         shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
@@ -164,13 +148,13 @@ _ARRAY = ...
 
 
 def _divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
-    """Return the leaves of a PyTree with `_ARRAY` in the places of the arrays, and the arrays."""
+    """The leaves of a PyTree with `_ARRAY` in the places of the arrays, and the arrays."""
     others = [_ARRAY if _is_array(leaf) else leaf for leaf in leaves]
     return others, [a for a, b in zip(leaves, others, strict=True) if b is _ARRAY]
 
 
 def _joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
-    """Return leaves with arrays in the places of `_ARRAY`: the inverse of `_divided`."""
+    """Leaves with arrays in the places of `_ARRAY`."""
     remaining = iter(arrays)
     return [next(remaining) if leaf is _ARRAY else leaf for leaf in leaves]
 
@@ -190,16 +174,13 @@ def traced_for_a_kind(
 
     Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
     arrays of equal shapes and dtypes. JAX traces the function once for a kind in each program, and
-    native code has one function for it. Leaves of the result that are no arrays are returned as the
-    function returned them at the first call, so they must not depend on anything else.
-
-    **Arguments:** `function`: a function that is defined once, since its identity tells it from
-    others; `arguments`: its arguments; `is_called`: whether native code may have a function for it,
-    rather than the equations at the place of each call.
+    native code has one function for it, or with `is_called` false its equations at the place of
+    each call. Leaves of the result that are no arrays are returned as at the first call. The
+    function must be defined once, since its identity tells it from others.
 
     **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
-    if a static part of the arguments is not hashable, or contains a value that JAX traces; what the
-    function raises.
+    if a static part of the arguments is not hashable, or the function uses a value that JAX traces
+    and that is not among its arguments.
     """
     programs = _shared.get()
     if programs is None:
@@ -222,17 +203,13 @@ because no arguments are passed."""
 
 
 def are_many(calls: int) -> bool:
-    """Return whether a function is shared by its calls or by elements of a class, given their
-    number."""
+    """Return whether a function with this number of calls is shared."""
     return calls >= FEWEST
 
 
 def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTree) -> Result:
-    """Evaluate a function of PyTrees as `traced_for_a_kind` does if there are many calls of it and
-    they can share a jaxpr; otherwise call it.
-
-    **Arguments:** `calls`: number of calls with different arguments in the program.
-    """
+    """Evaluate a function as `traced_for_a_kind` does if there are many calls of it and they can
+    share a jaxpr; otherwise call it."""
     if are_many(calls):
         with suppress(NotSharedError):
             return traced_for_a_kind(function, *arguments)
@@ -251,8 +228,6 @@ def _kind_of(leaf: PyTree) -> Hashable:
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
     """Return the jaxpr of a function for given arguments, and the shapes and dtypes of its result.
 
-    The latter are a PyTree with the structure of the result.
-
     In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
     lowers the jaxpr. Here they are expanded to the equations of which they consist.
     """
@@ -265,7 +240,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[Clo
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Switch off Python's garbage collector within the context, unless it is off already."""
+    """Switch off Python's garbage collector within the context."""
     if not gc.isenabled():
         yield
         return
@@ -277,7 +252,7 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Return whether JAX is tracing a function in this thread, as inside of `jax.jit`."""
+    """Return whether JAX is tracing a function in this thread."""
     return get_opaque_trace_state() != _state_without_trace()
 
 
@@ -289,20 +264,21 @@ def _state_without_trace() -> object:
 
 
 def seconds_of_compiling() -> float:
-    """Return for how long a program has been traced and compiled, s; zero if no thread is doing so.
+    """Return for how long a program has been traced and compiled, the longest of all threads; zero
+    if none is.
 
-    Progress bars show this time. If several threads compile programs, the longest time is returned.
+    The time lasts from the start of tracing until the call of the program returns. Progress bars
+    show it.
     """
     times = list(_began.values())
     return time.monotonic() - min(times) if times else 0.0
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function that JAX traces, so that the time of `seconds_of_compiling` begins when the
-    function is called.
+    """Wrap a function that JAX traces, so that the time of `seconds_of_compiling` begins at its
+    call.
 
-    JAX calls the function only to trace it, so the call of a program that has been compiled already
-    does not count as compiling. The compiled program must be called within
+    JAX calls the function only to trace it. The compiled program must be called within
     `program_is_made_inside`, at the end of which the time ends.
     """
 
@@ -317,12 +293,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context for a call of a function wrapped by `begins_a_program`: the time of compiling ends at
-    the end of the context.
-
-    A context that is entered while this thread is already compiling does not end the time; the
-    context around it does.
-    """
+    """Context at the end of which the time of compiling ends, unless this thread was already
+    compiling."""
     thread = threading.get_ident()
     is_inner = thread in _began
     try:
@@ -343,11 +315,8 @@ class Compiled(Generic[Arguments, Result]):
     """Function that XLA compiles at its first call, as by `equinox.filter_jit`.
 
     A program serves all arguments that differ only in the entries of arrays; any other change
-    compiles a further program. JAX's cache on disk saves compiled programs. Python's garbage
-    collector is off during a call.
-
-    **Arguments:** `function`: function of PyTrees that JAX can trace; `compiler_options`: options
-    of XLA besides `OPTIONS`.
+    compiles a further program. JAX's cache on disk saves compiled programs. `compiler_options` of
+    XLA are added to `OPTIONS`.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -374,10 +343,9 @@ class Compiled(Generic[Arguments, Result]):
             return compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs that have been compiled for this function in this
-        process."""
+        """Return the number of programs that this process has compiled for this function."""
         made = [vars(self).get(name) for name in ("_inner", "_outermost")]
-        return sum(one._cached._cache_size() for one in made if one is not None)
+        return sum(compiled._cached._cache_size() for compiled in made if compiled is not None)
 
 
 _NEEDS_JAX = (
@@ -398,8 +366,6 @@ class HostFirst(Generic[Arguments, Result]):
     It serves for functions that are called once or twice in a run. NumPy takes milliseconds for
     some hundred scalar operations, but XLA takes half a second to compile them. NumPy can't compute
     a function that needs JAX, for instance for a derivative.
-
-    **Arguments:** `function`: function of PyTrees of scalars and arrays.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -417,11 +383,11 @@ class HostFirst(Generic[Arguments, Result]):
         # of a later call.
         leaves, structure = jax.tree.flatten((arguments, options))
         is_traced = any(isinstance(leaf, Tracer) for leaf in leaves)
-        known = self._by_numpy.get(structure)
-        if not is_traced and known is not False:
+        by_numpy = self._by_numpy.get(structure)
+        if not is_traced and by_numpy is not False:
             numbers, named = jax.tree.unflatten(structure, map(_on_host, leaves))
             call = partial(self.__wrapped__, *numbers, **named)
-            results = self._results(call, is_new=known is None)
+            results = self._results(call, is_new=by_numpy is None)
             self._by_numpy[structure] = bool(results)
             if results:
                 return results[0]
@@ -432,9 +398,9 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """Return a list with the result of `call`, or an empty list if NumPy cannot compute it.
+        """A list with the result of `call`, or an empty list if NumPy cannot compute it.
 
-        **Arguments:** `is_new`: whether the function might need JAX.
+        `is_new` says that the function might need JAX.
         """
         results: list[Result] = []
         with np.errstate(all="ignore"):
@@ -461,8 +427,8 @@ def in_one_function(function: Callable[Arguments, Result]) -> Callable[Arguments
 
     Without this wrapper, XLA starts a kernel for each group of operations, and recomputes in each
     kernel what several of them need. A step of a run, with some thousand operations on scalars,
-    would take forty times as long, and ten times as long to compile. On other devices the function
-    is not changed. `set_xla_metadata`, which gives attributes to a call, is experimental in JAX.
+    would take forty times as long, and ten times as long to compile. `set_xla_metadata`, which
+    gives attributes to a call, is experimental in JAX.
     """
     call = eqx.filter_jit(function)
 

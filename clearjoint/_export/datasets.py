@@ -29,10 +29,9 @@ def describe(value: object) -> str:
     """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
 
     Results record arguments and settings by such texts, and the store of a sweep compares them.
-    Numbers, strings, lists, tuples and mappings are written out, and arrays like lists, cut off
-    after `LONGEST` characters. Instances of dataclasses are described by the name of their class
-    and by their fields, functions and classes by their names, a `functools.partial` by its function
-    and arguments, and other objects by the name of their class alone.
+    Instances of dataclasses are described by the name of their class and by their fields, functions
+    and classes by their names, and other objects by the name of their class alone. Arrays are cut
+    off after `LONGEST` characters.
     """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
@@ -59,10 +58,7 @@ def described(values: Mapping[str, object]) -> dict[str, str]:
 
 
 def setting_notes(values: object) -> Notes:
-    """Return the fields of a dataclass as notes: a pair ("setting_<field>", value) for each field.
-
-    Integers and floats stay as they are; other values, also booleans, are described by texts.
-    """
+    """Return the fields of a dataclass as notes named "setting_<field>"."""
     by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
     return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
 
@@ -74,18 +70,15 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of clearjoint, JAX and diffrax as texts, under "version of <name>".
-
-    The version of a package that is not installed, such as a source tree on PYTHONPATH, is
-    "unknown".
-    """
-    found = {}
+    """Return the versions of clearjoint, JAX and diffrax, under "version of <name>"; "unknown" for
+    a package that is not installed, such as a source tree on PYTHONPATH."""
+    by_package = {}
     for name in ("clearjoint", "jax", "diffrax"):
         try:
-            found[f"version of {name}"] = version(name)
+            by_package[f"version of {name}"] = version(name)
         except PackageNotFoundError:
-            found[f"version of {name}"] = "unknown"
-    return found
+            by_package[f"version of {name}"] = "unknown"
+    return by_package
 
 
 COMPONENT = "component"
@@ -95,14 +88,8 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Labelled(NamedTuple):
-    """An array with its labels for a dataset.
-
-    - `dims`: names of the dimensions.
-    - `values`: the array, with one axis for each name in `dims`.
-    - `unit`: unit as text; ``None`` if unknown.
-    - `description`: text for the attribute "long_name", which is left out if the text is empty.
-    - `attributes`: further attributes by name.
-    """
+    """An array with its labels for a dataset; `unit` is ``None`` if unknown, and an empty
+    `description` is left out."""
 
     dims: tuple[str, ...]
     values: ArrayLike
@@ -122,7 +109,7 @@ def labelled_dataset(
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
-    parts = [{name: _variable(one) for name, one in d.items()} for d in (variables, coordinates)]
+    parts = [{n: _variable(array) for n, array in d.items()} for d in (variables, coordinates)]
     source = {name.removeprefix("version of "): text for name, text in versions().items()}
     whole = {
         "Conventions": "CF-1.11",
@@ -133,15 +120,15 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels, such as names of bodies, as an array of texts with the same shape, also if
-    there are none, for which `np.asarray` would return an array of floats."""
+    """Return labels as an array of texts, also if there are none, for which `np.asarray` would
+    return an array of floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 
-def _variable(one: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
-    given = {"units": one.unit, "long_name": one.description or None, **one.attributes}
-    attributes = {name: value for name, value in given.items() if value is not None}
-    return one.dims, np.asarray(one.values), attributes
+def _variable(array: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, object]]:
+    possible = {"units": array.unit, "long_name": array.description or None, **array.attributes}
+    attributes = {name: value for name, value in possible.items() if value is not None}
+    return array.dims, np.asarray(array.values), attributes
 
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
@@ -165,12 +152,8 @@ class AbstractTabular(abc.ABC):
 
     @abc.abstractmethod
     def to_xarray(self) -> "xr.Dataset":
-        """Return the results as an `xarray.Dataset`, whose attributes include the versions of the
-        programs.
-
-        The attributes "units" and "long_name" of a variable are its unit and a description, as far
-        as they are known.
-        """
+        """Return the results as an `xarray.Dataset`, with units, descriptions ("long_name") and the
+        versions of the programs as attributes."""
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return a `pandas.DataFrame` with a row for each time, impact, crossing or parameter.
@@ -186,20 +169,16 @@ class AbstractTabular(abc.ABC):
         `clearjoint.read_csv`.
 
         Units are in the header, and numbers are written without loss.
-
-        **Arguments:** `path`: file, which is overwritten if it exists.
         """
         self.to_dataframe().to_csv(path)
 
     def to_netcdf(self, path: str | PathLike[str]) -> None:
-        """Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
+        r"""Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
         without loss.
 
         The writer of this format supports only Latin-1 in names. Other characters in names of
-        variables and dimensions are escaped ("\\u8f74"), and a variable's attribute
-        "original_name" has the unescaped name.
-
-        **Arguments:** `path`: file, which is overwritten if it exists.
+        variables and dimensions are escaped ("\\u8f74"), and a variable's attribute "original_name"
+        has the unescaped name.
 
         **Raises:** `ValueError` for a variable or dimension without a name.
         """
@@ -207,11 +186,7 @@ class AbstractTabular(abc.ABC):
 
 
 def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
-    """Write a dataset to a netCDF file (classic format), with names escaped as in
-    `AbstractTabular.to_netcdf`.
-
-    **Raises:** `ValueError` for a variable or dimension without a name.
-    """
+    """Write a dataset to a netCDF file, as `AbstractTabular.to_netcdf`."""
     # Names of variables and dimensions that have characters outside Latin-1, with the names that
     # are written instead.
     escaped = {}
@@ -226,21 +201,19 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 
 
 def header(name: str, attributes: dict) -> str:
-    """Return the name of a column with the unit in the attributes, if any, such as "pin.penetration
+    """Return the name of a column with the unit in the attributes, such as "pin.penetration
     [m]"."""
     return f"{name} [{attributes['units']}]" if attributes.get("units") else name
 
 
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
-    """Return a data frame with a row for each position along one dimension of a dataset.
+    """Return a data frame with a row for each position along one dimension of a dataset, by default
+    the first.
 
     A variable gets a column for each combination of labels along its other dimensions, such as
-    "arm.position.x [m]". The coordinate along the rows becomes the index. Variables and coordinates
-    without the dimension of the rows are left out. Numbers of a variable with the attribute
-    "flag_meanings", such as result codes, are replaced by their meanings, or by their digits if
-    they have none.
-
-    **Arguments:** `rows`: name of the dimension; by default the dataset's first.
+    "arm.position.x [m]". Variables and coordinates without the dimension of the rows are left out.
+    Numbers of a variable with the attribute "flag_meanings", such as result codes, are replaced by
+    their meanings, or by their digits if they have none.
     """
     import pandas as pd
 
@@ -255,8 +228,7 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
-    """Return the columns of a variable, (rows,) each, by name: one for each combination of labels
-    of its other dimensions."""
+    """Columns of a variable: one for each combination of labels of its other dimensions."""
     others = [str(dim) for dim in array.dims if dim != rows]
     values = array.transpose(rows, *others).values
     attributes = array.attrs

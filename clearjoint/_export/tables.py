@@ -9,8 +9,7 @@ import numpy as np
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Return the lines of a table with aligned columns.
 
-    **Arguments:** `rows`: for each row its cells as texts, equally many in all rows. The first row
-    is the head of the table, and the first text of each other row is its label.
+    The first row is the head of the table, and the first text of each other row is its label.
     """
     import pandas as pd
 
@@ -22,12 +21,12 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def percent(share: float) -> str:
-    """Return `share` in percent as text with two significant digits; "-" if it is not finite."""
+    """Return a share in percent with two significant digits; "-" if it is not finite."""
     return f"{number(100.0 * share)} %" if np.isfinite(share) else "-"
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return `value` as text with `digits` significant digits; "-" if it is not finite."""
+    """Return a number with some significant digits; "-" if it is not finite."""
     # Rounded first: 100 with two digits would otherwise be "1e+02".
     return f"{float(f'{value:.{digits}g}'):g}" if np.isfinite(value) else "-"
 
@@ -38,10 +37,8 @@ def estimates_table(
     intervals: Mapping[str, tuple[float, float]],
     units: Mapping[str, str],
 ) -> str:
-    """Return a table with a row for each parameter: estimate, standard error, interval and unit.
-
-    All arguments are by name of the parameter; the intervals are 95 % intervals (low, high).
-    """
+    """Return a table with a row for each parameter: estimate, standard error, 95 % interval and
+    unit."""
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():
         digits = _digits(value, errors[name])
@@ -52,11 +49,8 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """Return how many digits of a value to show, so that two digits of its error are visible.
-
-    The number is at least 2, and at most the 15 digits of a 64-bit float. It is 4 if the value is
-    zero, or if the error is not finite and positive.
-    """
+    """How many digits of a value to show, so that two digits of its error are visible, from 2 to
+    15; 4 if the value is zero, or if the error is not finite and positive."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
@@ -64,11 +58,8 @@ def _digits(value: float, error: float) -> int:
 
 
 def duration(seconds: float) -> str:
-    """Return a duration as text with two or three digits, such as "0.23 s", "68 s" or "3 min 20 s".
-
-    >>> print(duration(0.0123), duration(110.2), duration(4000.0), sep=", ")
-    0.012 s, 110 s, 1 h 7 min
-    """
+    """Return a duration with two or three digits, such as "0.23 s", "68 s", "3 min 20 s" or "1 h 7
+    min"."""
     if seconds < 9.95:
         return f"{seconds:.2g} s"
     whole = round(seconds)

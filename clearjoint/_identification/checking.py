@@ -2,14 +2,6 @@
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.
-Therefore about twenty runs for each parameter compare chi squared with the prediction of the
-covariance. If they differ, many runs without derivatives, and local searches from the points with
-the lowest chi squared, explore the neighbourhood. Then a posterior distribution around the lowest
-minimum, computed with few points, gives the intervals.
-
-Points are coordinates of p parameters: a coordinate is a parameter's value on its scale, such as
-the logarithm of the value. Residuals are in standard deviations of the noise, and chi squared is
-the sum of their squares.
 """
 
 import math
@@ -17,7 +9,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from statistics import NormalDist
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -27,11 +18,12 @@ from .._parametrisation.parameter import step_limits
 from .._simulation.run.terminal import ProgressBar, telling_of_compiling
 from . import goodness_of_fit as statistics
 from .comparison import Comparison
+from .goodness_of_fit import RISE
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
+from .points import drawn_among, far_apart
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
 from .residuals import RunMisfit, run_misfit
-from .screening.level_sets import drawn_among, far_apart
 
 STEPS = (-4.0, -2.0, -1.0, 1.0, 2.0, 4.0)
 """Distances of the test points from the minimum along each direction, in standard errors."""
@@ -39,22 +31,17 @@ DRAWN = 8
 """Number of random test points for each parameter."""
 LESS, MORE, FLOOR = 1.5, 2.0, 0.5
 """Chi squared agrees with the quadratic model if its rise is between predicted / LESS - FLOOR and
-predicted * MORE + FLOOR. The lower limit is closer, because a rise that is too small may lead to
-another minimum."""
+predicted * MORE + FLOOR. A rise that is too small may lead to another minimum."""
 DIFFERING_SHARE = 0.1
-"""Share of the test points. The horizon is the first time at which chi squared disagrees with the
-quadratic model at this share of the points or more."""
-RISE = NormalDist().inv_cdf(0.975) ** 2
-"""Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
+"""The horizon is the first time at which chi squared disagrees with the quadratic model at this
+share of the test points or more."""
 WIDENINGS = (1.0, 2.0, 4.0)
-"""Points are drawn from normal distributions, each with the standard errors of a covariance times
-one of these factors."""
+"""Factors on the standard errors of normal distributions from which points are drawn."""
 KEPT = 32
-"""Number of points with the smallest chi squared from which the next round draws. There are more
-if more are worth exploring, see `WORTH`, but never more than half as many as in the first round."""
+"""Smallest number of points with the lowest chi squared from which the next round draws."""
 WORTH = 3.0
 """Rise of chi squared over the lowest, in multiples of `RISE`, up to which points are worth
-exploring, even if these are more than `KEPT`."""
+exploring."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
 ROUNDS = 6
@@ -68,17 +55,12 @@ def displacements(
     limits: Float[np.ndarray, " p"],
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "n p"]:
-    """Return displacements (n, p) from a minimum of chi squared, at which runs test its quadratic
-    model.
+    """Return displacements from a minimum of chi squared, at which runs test its quadratic model.
 
     Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
     parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
-    more lie along each eigenvector of the correlation matrix, at ±1, ±2 and ±4 standard errors. The
-    rest are random: normally distributed with the covariance, every second one twice as long.
-    `within` scales all of them down to the limits, and leaves out those of zero length.
-
-    **Arguments:** `covariance`: (p, p) of the coordinates; `limits`: (p,) largest displacement of
-    each coordinate; `generator`: source of random numbers.
+    more lie along each eigenvector of the correlation matrix. The rest are random: normally
+    distributed with the covariance, every second one twice as long.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Column k is the covariance with parameter k over its standard error: along it the other
@@ -95,10 +77,8 @@ def displacements(
 def within(
     offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, "m p"]:
-    """Return offsets (m, p) that are scaled down where a component exceeds the limits (p,).
-
-    The direction of an offset stays. Offsets of zero length are left out.
-    """
+    """Scale offsets down where a component exceeds the limits, and leave out those of zero
+    length."""
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
     shortened = offsets * np.minimum(shares.min(axis=1), 1.0)[:, None]
@@ -106,11 +86,10 @@ def within(
 
 
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return R (p, p) with R R^T = `covariance`, which may be singular.
+    """Return R with R R^T = `covariance`, which may be singular.
 
-    R is the diagonal matrix of the standard errors times a root of the correlation matrix, whose
-    columns are its eigenvectors, each times the square root of its eigenvalue. A column of R is
-    thus a displacement of the parameters by one standard error in the direction of an eigenvector.
+    A column of R is a displacement by one standard error in the direction of an eigenvector of the
+    correlation matrix.
     """
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
@@ -121,12 +100,8 @@ def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
 class QuadraticTest:
     """Rise of chi squared at points around a minimum, in runs and by the quadratic model.
 
-    - `predicted`: (n,) rise over the minimum by the model: the square of the distance in standard
-      errors.
-    - `actual`: (n,) rise in runs.
-    - `horizon`: s, first time at which the rise over the record so far disagrees with the model at
-      a tenth of the n points or more; infinite if there is none. Only points near the minimum are
-      counted, see `tested`.
+    `horizon` is the first time at which the rise over the record so far disagrees with the model at
+    a tenth of the points or more; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
@@ -135,10 +110,7 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """Whether the rise at each point disagrees with the model, (n,).
-
-        A rise disagrees if it is less than predicted / 1.5 - 0.5 or more than 2 predicted + 0.5.
-        """
+        """Whether the rise at each point disagrees with the model."""
         return _differing(self.predicted, self.actual)
 
     @property
@@ -148,7 +120,6 @@ class QuadraticTest:
 
 
 def _differing(predicted: np.ndarray, actual: np.ndarray) -> np.ndarray:
-    """Return whether actual rises of chi squared disagree with predicted ones, in their shape."""
     low, high = predicted / LESS - FLOOR, predicted * MORE + FLOOR
     return ~((actual >= low) & (actual <= high))
 
@@ -161,17 +132,11 @@ def tested(
     times: Float[np.ndarray, " T"],
     near: Bool[np.ndarray, " n"],
 ) -> QuadraticTest:
-    """Compare runs at points around a minimum with the quadratic model.
+    """Compare runs at n points around a minimum with the quadratic model.
 
-    **Arguments:**
-
-    - `residuals`, `jacobian`: residuals of S series at T `times`, s, and their derivatives by the
-      coordinates, at the minimum.
-    - `offsets`: displacements of the n points from the minimum.
-    - `moved`: residuals at the points.
-    - `near`: whether a point is so near to the minimum that the residuals are linear in its
-      coordinates. On a logarithmic scale, for example, the value is not linear in the coordinate,
-      so that far points disagree at any time. Only near points determine the horizon.
+    `moved` are the residuals at the points. Only points `near` the minimum determine the horizon:
+    those where residuals are linear in the coordinates. On a logarithmic scale, for example, the
+    value is not linear in the coordinate, so that far points disagree at any time.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
@@ -191,13 +156,10 @@ def tested(
 class Exploration:
     """Points around a minimum, and the minima found by local searches from the lowest points.
 
-    - `points`: (n, p) coordinates; the first row is the minimum at which the fit's own search
-      ended, before the fit moves to a lower one.
-    - `chi_squared`: (n,) at the points.
-    - `minima`: the run at the minimum of the first row, then the best run of each local search.
-    - `rounds`: number of rounds in which points were drawn.
-    - `settled`: whether the last round widened every interval by less than a twentieth and found no
-      new minimum that affects the intervals, and noise explains the lowest chi squared.
+    The first point is the minimum at which the fit's own search ended, before the fit moves to a
+    lower one; the first of `minima` is the run there. `settled` says that the last round widened
+    every interval by less than a twentieth and found no new minimum that affects the intervals, and
+    that noise explains the lowest chi squared.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -209,15 +171,13 @@ class Exploration:
     @property
     def lowest(self) -> float:
         """Smallest chi squared of all points and minima."""
-        return min(float(self.chi_squared.min()), *(one.chi_squared for one in self.minima))
+        return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Return lower and upper ends of the parameters' 95 % intervals, (p,) each, in coordinates.
+        """Return the ends of the parameters' 95 % intervals, in coordinates.
 
-        A parameter's interval is the smallest one that contains all points whose chi squared is at
-        most 3.84 above the lowest, and the interval that each minimum's own covariance predicts for
-        the same limit (see `interval_ends`). The higher the chi squared of a minimum, the
-        narrower its predicted interval; minima above the limit have none.
+        An interval contains all points whose chi squared is at most `RISE` above the lowest, and
+        the `interval_ends` of the minima.
         """
         allowed = self.points[self.chi_squared <= self.lowest + RISE]
         ends = np.concatenate([allowed, interval_ends(self.minima, self.lowest)])
@@ -225,20 +185,18 @@ class Exploration:
 
 
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
-    """Return both ends of the 95 % intervals around each of several minima, (k, p), in coordinates.
+    """Return both ends of the 95 % intervals around each of several minima, in coordinates.
 
-    A parameter's interval contains the values for which chi squared, minimised over the other
-    parameters by the minimum's covariance, is at most `RISE` above `lowest`. Minima whose own chi
-    squared is more than `RISE` above `lowest` are left out, so that k may be zero.
-
-    **Arguments:** `minima`: runs at the minima; `lowest`: smallest known chi squared.
+    An interval contains the values for which chi squared, minimised over the other parameters by
+    the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
+    Minima whose own chi squared is higher are left out.
     """
     ends = []
-    for one in minima:
-        excess = RISE - (one.chi_squared - lowest)
+    for minimum in minima:
+        excess = RISE - (minimum.chi_squared - lowest)
         if excess >= 0.0:
-            half = np.sqrt(excess * np.diag(one.covariance))
-            ends += [one.coordinates - half, one.coordinates + half]
+            half = np.sqrt(excess * np.diag(minimum.covariance))
+            ends += [minimum.coordinates - half, minimum.coordinates + half]
     return np.array(ends).reshape(-1, len(minima[0].coordinates))
 
 
@@ -253,38 +211,26 @@ def explore(
     generator: np.random.Generator,
     affordable: Callable[[], bool] = lambda: True,
 ) -> Exploration:
-    """Explore the neighbourhood of a minimum for all points with a similar chi squared.
+    """Explore the neighbourhood of the `minimum` of a fit for all points with a similar chi
+    squared.
 
     The first round draws `number` points from normal distributions with the given covariances, with
     once, twice and four times their standard errors. Each further round draws half as many points
-    among those with the lowest chi squared so far. It draws as many again around the lowest minimum
-    if the round before found a minimum that is lower by more than 3.84, or if noise doesn't explain
-    the lowest chi squared. In every round, local searches start from some of the lowest points that
-    are far from each other and from the known minima. The exploration ends when it has settled, as
-    defined for `Exploration.settled`, or after `ROUNDS` rounds.
+    among those with the lowest chi squared so far, and as many again around the lowest minimum if
+    the round before found a much lower one, or if chi squared is not `likely`, explained by noise.
+    In every round, local searches start from some of the lowest points that are far from each other
+    and from the known minima. The exploration ends when it has settled, after `ROUNDS` rounds, or
+    when further runs are not `affordable`.
 
-    **Arguments:**
-
-    - `chi_squared`: function that returns chi squared (n,) at points (n, p).
-    - `descend`: function that searches from a point (p,) and returns a local minimum.
-    - `minimum`: the minimum of the fit.
-    - `covariances`: matrices (p, p); the first is that of the minimum.
-    - `limits`: (p,) largest distance of points from the minimum of the fit, in coordinates. The
-      points drawn around a lower minimum may be as far from that minimum instead.
-    - `number`: number of points in the first round.
-    - `likely`: largest chi squared that noise alone explains.
-    - `generator`: source of random numbers.
-    - `affordable`: function that returns whether there may be more runs. After the first round and
-      its first local search, there are none if it returns ``False``.
-
-    **Returns:** an `Exploration` with all points and minima of all rounds.
+    The first covariance is that of the minimum. Points are within `limits` of the minimum in each
+    coordinate; those drawn around a lower minimum are within them of that minimum.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
 
     def around(centre: np.ndarray, covariances: Sequence[np.ndarray], count: int) -> np.ndarray:
         # The points take the covariances and factors in turn.
-        roots = [w * _root(one) for one in covariances for w in WIDENINGS]
+        roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
         normal = generator.standard_normal((count, p))
         offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
         return centre + within(offsets, limits)
@@ -301,7 +247,7 @@ def explore(
         low_enough = int((values <= values.min() + WORTH * RISE).sum())
         kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
         # Local searches from points in known minima would only find these minima again.
-        candidates = [x for x in kept if not any(inside(one, x) for one in minima)]
+        candidates = [x for x in kept if not any(inside(other, x) for other in minima)]
         # `far_apart` measures distances in standard deviations of the points, so it needs two or
         # more.
         several = len(candidates) > 1
@@ -314,10 +260,10 @@ def explore(
         explored = Exploration(points, values, (*minima, *descended), count, True)
         low, high = explored.intervals()
         # A minimum is new if it affects the intervals and is none of the known ones.
-        relevant = [one for one in descended if one.chi_squared <= explored.lowest + RISE]
+        relevant = [end for end in descended if end.chi_squared <= explored.lowest + RISE]
         new = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
         minima += descended
-        lower = min(minima, key=lambda one: one.chi_squared)
+        lower = min(minima, key=lambda other: other.chi_squared)
         decrease = best.chi_squared - lower.chi_squared
         best = lower
         if before is not None and not new and explored.lowest <= likely:
@@ -331,10 +277,9 @@ def explore(
         # New points are drawn among the kept points and the minima, because local searches reach
         # lower chi squared than random points.
         limit = explored.lowest + WORTH * RISE
-        near = [one.coordinates for one in minima if one.chi_squared <= limit]
+        near = [other.coordinates for other in minima if other.chi_squared <= limit]
         kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
-        # A covariance in p dimensions needs p + 1 neighbours; twice as many make it less random.
-        fresh = drawn_among(kept, number // 2, 2 * (p + 1), bounds, generator)
+        fresh = drawn_among(kept, number // 2, bounds, generator)
         # If a much lower minimum has been found, the first points were drawn around the wrong one.
         # If noise doesn't explain its chi squared, an even lower one may be near.
         if decrease > RISE or explored.lowest > likely:
@@ -344,10 +289,10 @@ def explore(
 
 
 def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
-    """Return whether a point (p,) is within one standard error of a minimum, by its covariance C.
+    """Return whether a point is within one standard error of a minimum, by its covariance C:
+    whether d^T C^-1 d < 1 for the offset d.
 
-    That is, whether d^T C^-1 d < 1 for the offset d of the point from the minimum. A search from
-    such a point would probably end in this minimum.
+    A search from such a point would probably end in this minimum.
     """
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
@@ -358,62 +303,40 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
 
 
 STEPS_DOWN = 15
-"""Maximum number of runs of a local search in the exploration; the final search in the lowest
-minimum has four times as many."""
+"""Maximum number of runs of a local search; the final search in the lowest minimum has four times
+as many."""
 NEAR, NEAREST = 0.03, 1e-3
-"""Gauss-Newton step, in standard errors, at which a local search ends, and at which the final
-search in the lowest minimum ends."""
+"""Gauss-Newton steps, in standard errors, at which a local search and the final search end."""
 FARTHEST = 100.0
 """Distance from the estimates, in standard errors, up to which an exploration may draw points."""
 POINTS, MOST_RUNS = 1.25, 75
-"""Number of points of the small posterior, and number of runs above which it is given up. Both are
-multiples of `check_runs`, the number of points in the first round of the exploration."""
+"""Number of points of the small posterior, and number of runs above which it is given up, in
+multiples of the number of points in the first round of the exploration."""
 LEAST_NUMBER, MOST_NUMBER = 50, 400
-"""Smallest and largest number of points in the first round of an exploration whose cost is bounded
-by that of the fit."""
+"""Limits of the number of points in the first round of an exploration of bounded cost."""
 LEAST_RUNS = 20
-"""Smallest number of runs, in multiples of the number of points of a posterior, without which no
-posterior is begun."""
+"""Smallest number of runs, in multiples of its points, without which no posterior is begun."""
 MARGIN = 4.0
-"""Half the width of the posterior's box, in multiples of `_extent`, the size of the region that the
-explored points with a low chi squared cover. A wider box takes more runs, a narrower one may cut
-the posterior off."""
+"""Half the width of the posterior's box, in multiples of `_extent`. A wider box takes more runs, a
+narrower one may cut the posterior off."""
 
 
 @dataclass(frozen=True)
 class LikelihoodCheck:
-    """Result of runs around the estimates of a fit.
+    """Result of runs around the estimates of a fit's own search, before the fit moves to a lower
+    minimum.
 
-    The runs test whether chi squared rises as the covariance predicts. If not, more runs explore
-    chi squared around the estimates. Here, the estimates are those of the fit's own search, before
-    the fit moves to a lower minimum.
-
-    - `test`: the rise of chi squared at points some standard errors away, predicted and actual, and
-      the length of the record up to which they agree.
-    - `exploration`: more points and minima with their chi squared; ``None`` if the test passed.
+    - `exploration`, `posterior`: ``None`` if the test passed. There is no posterior either if noise
+      doesn't explain chi squared, if too many runs would be needed, or if its points don't
+      represent it.
     - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
-      more than 0.5 below that of the fit's own search, a more accurate search starts from this
-      minimum; it is the last entry.
-    - `bounded`: whether the exploration, or a posterior, was limited to the cost of the fit and the
-      test, because the argument `check_runs` of `identify` was not given.
-    - `posterior`: a small `Posterior`, of few points, around the lowest minimum. The fit's
-      intervals come from it. ``None`` if the test passed, if noise doesn't explain chi squared, if
-      more runs would be needed than 75 times the argument `check_runs` of `identify`, if no points
-      could be drawn (all are impossible, or their covariance is singular), or if its points don't
-      represent it: they miss the lowest minimum, or `Posterior.warnings` reports a problem.
-    - `runs`: number of runs with and without derivatives, those of the posterior not included.
-    - `seconds`: s, computing time of the whole check, that of the posterior included.
+      more than 0.5 below that of the fit's own search, a more accurate search from there is the
+      last.
+    - `runs`: number of runs without those of the posterior; `seconds` includes them.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
-      with derivatives; 0 if the test passed. The two runs differ by integration errors only. These
-      errors are too large if the magnitude of `difference` is above 1, the rise of chi squared at a
-      distance of one standard error.
-
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> fit = cj.identify(
-    ...     scene, state, cj.Measurements({"x": data}), {"stiffness": stiffness}, progress=False
-    ... )
-    >>> fit.check.passed, fit.check.runs
-    (True, 14)
+      with derivatives. Above 1, the rise at a distance of one standard error, integration errors
+      are too large.
+    - `bounded`: whether the cost was limited to that of the fit and the test.
     """
 
     test: QuadraticTest
@@ -432,23 +355,15 @@ class LikelihoodCheck:
 
     @property
     def horizon(self) -> float:
-        """First time, s, at which chi squared of the record so far disagrees with the covariance at
-        a tenth of the points or more; infinite if there is none.
-
-        See `QuadraticTest.horizon`.
-        """
+        """Time up to which chi squared agrees with the covariance, see `QuadraticTest`."""
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """Return by which factor the intervals of the exploration differ from those of the
+        """Return the largest ratio, 1 or more, of intervals by the exploration and by the
         covariance.
 
-        For each parameter, the distances from the estimate to the lower and to the upper end of its
-        interval are compared. The factor, 1 or more, is the largest ratio of such a distance by the
-        exploration to that by the covariance; ratios below 1 are inverted. The test must have
-        failed, because there is no exploration if it passed.
-
-        **Arguments:** `best`: the best run of the fit, with its covariance.
+        The distances from the estimate to both ends of each interval are compared; ratios below 1
+        are inverted.
         """
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
@@ -459,12 +374,8 @@ class LikelihoodCheck:
 
     @cached_property
     def minima(self) -> int:
-        """Number of separate minima whose chi squared is at most 3.84 above the lowest.
-
-        A minimum is separate if it is at least one standard error away from each lower separate
-        minimum, by the covariance of the lower one (see `inside`). The number is 1 if the test
-        passed, because no other minima were searched for then.
-        """
+        """Number of minima with a chi squared at most `RISE` above the lowest that are not `inside`
+        a lower one; 1 if the test passed."""
         if self.exploration is None:
             return 1
         limit, minima = self.exploration.lowest + RISE, self.exploration.minima
@@ -481,21 +392,10 @@ def check(
 ) -> LikelihoodCheck:
     """Test the covariance of a fit by runs around its best run.
 
-    If the test fails, explore chi squared around the best run and, if noise explains the lowest chi
-    squared, compute a small posterior. `identify` calls this function after its searches.
-
-    **Arguments:**
-
-    - `best`: the best run of the fit.
-    - `compared`: the scene to run, and the samples with which to compare it.
-    - `number`: number of points in the first round of an exploration. The number of points of the
-      posterior and its largest number of runs are proportional to it. If it is ``None``,
-      exploration and posterior together cost about as much as the fit and the test.
-    - `on_iteration`: function that is called with every iteration of the local searches.
-    - `cost`: of the fit, in runs with derivatives.
-    - `show`: whether to show the number of runs.
-
-    **Raises:** `KeyboardInterrupt` if the user interrupts the check.
+    If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
+    posterior. `number` is the number of points in the first round of an exploration, to which the
+    size of the posterior is proportional. If it is ``None``, both together cost about as much as
+    the fit, `cost` in runs with derivatives, and the test.
     """
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
@@ -512,7 +412,6 @@ def _checked(
     cost: int,
     bar: ProgressBar,
 ) -> LikelihoodCheck:
-    """Return the result of `check`, without its time, and count all runs in `bar`."""
     # The seed is fixed: the check of the same fit always gives the same result.
     generator = np.random.default_rng(0)
     runs, data = compared.runs, compared.data
@@ -551,7 +450,10 @@ def _checked(
         return lowest
 
     def left() -> float:
-        return most_runs - computed - each * sum(one.evaluations for one in searches)
+        return most_runs - computed - each * sum(search.evaluations for search in searches)
+
+    def affordable() -> bool:
+        return left() > 0.0
 
     difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
     farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
@@ -559,8 +461,9 @@ def _checked(
     # Chi squared of an early part of the record is smoother and wider: its covariance draws
     # points beyond the minimum that the whole record's covariance describes.
     covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-    given = chi_squared, descend, best, covariances, farthest, number
-    explored = explore(*given, likely, generator, lambda: left() > 0.0)
+    explored = explore(
+        chi_squared, descend, best, covariances, farthest, number, likely, generator, affordable
+    )
     # The local searches of the exploration end early. If one of them has found a lower minimum,
     # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
     # squared up to `FLOOR`, so that a smaller one is no other minimum.
@@ -568,25 +471,30 @@ def _checked(
     if best.chi_squared - lowest.chi_squared > FLOOR:
         descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
     count += len(explored.points) + sum(search.evaluations for search in searches)
-    posterior, bounded = None, math.isfinite(most_runs)
+    posterior = None
     # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
     if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
         half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
         box = lowest.coordinates - half, lowest.coordinates + half
         most = int(min(left(), MOST_RUNS * number))
         posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
-    results = test, explored, tuple(searches), count, 0.0, difference, posterior
-    return LikelihoodCheck(*results, bounded)
+    return LikelihoodCheck(
+        test=test,
+        exploration=explored,
+        searches=tuple(searches),
+        runs=count,
+        seconds=0.0,
+        difference=difference,
+        posterior=posterior,
+        bounded=math.isfinite(most_runs),
+    )
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
-    """Return how far explored points with a low chi squared are from the lowest minimum, (p,).
+    """Return how far explored points with a low chi squared are from the lowest minimum.
 
-    For each coordinate, this is the largest distance of such a point, or two standard errors if
-    that is more. Chi squared is low up to 11.5 above the smallest one, three times the rise at the
-    ends of a 95 % interval.
-
-    **Arguments:** `lowest`: the run at the lowest minimum.
+    This is the largest distance of such a point in each coordinate, or two standard errors if that
+    is more.
     """
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
@@ -602,15 +510,8 @@ def _small_posterior(
     most_runs: int,
     bar: ProgressBar,
 ) -> Posterior | None:
-    """Return the posterior for a uniform prior in a box of coordinates, computed with few points.
-
-    Return ``None`` if the points don't represent the posterior, if they would need too many runs,
-    or if none could be drawn.
-
-    **Arguments:** `compared`, `number`: as in `check`; `box`: lower and upper ends (p,) of the
-    coordinates; `lowest`: smallest chi squared that is known; `most_runs`: largest number of runs;
-    `bar`: shows the number of runs.
-    """
+    """Return the posterior for a uniform prior in a box, or ``None`` if its few points don't
+    represent it, if they need too many runs, or if none could be drawn."""
     before = bar.n
 
     def on_step(time: float, runs: int) -> None:
@@ -619,15 +520,16 @@ def _small_posterior(
 
     try:
         # The seed is fixed at 0, so that the same fit always has the same posterior.
-        found = drawn_posterior(compared, box, None, int(POINTS * number), 0, most_runs, on_step)
+        points = int(POINTS * number)
+        posterior = drawn_posterior(compared, box, None, points, 0, most_runs, on_step)
     except (TooManyRunsError, ImpossiblePointsError):
         return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, that the data hardly determine a parameter,
     # or that few runs have a weight. Points that do not come near the lowest minimum have missed
     # it.
-    nearest = found.coordinates[found.log_likelihood.argmax()]
+    nearest = posterior.coordinates[posterior.log_likelihood.argmax()]
     rise = float(compared.chi_squared(nearest[None], compared.count)[0, -1]) - lowest
-    return None if found.warnings or rise > RISE else found
+    return None if posterior.warnings or rise > RISE else posterior
 
 
 def _quadratic_test(
@@ -637,11 +539,6 @@ def _quadratic_test(
     generator: np.random.Generator,
     bar: ProgressBar,
 ) -> QuadraticTest:
-    """Compare runs at points around the best run with the prediction of its covariance.
-
-    **Arguments:** `best`, `compared`: as in `check`; `limits`: (p,) largest distance of the points,
-    in coordinates; `generator`: source of random numbers; `bar`: shows the number of runs.
-    """
     offsets = displacements(best.covariance, limits, generator)
     data, times, moved = compared.data, compared.times, []
     for offset in offsets:
@@ -660,12 +557,10 @@ def _quadratic_test(
 def _largest_offsets(
     best: RunMisfit, max_changes: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, " p"]:
-    """Return the largest distance of explored points from the estimates, (p,), in coordinates.
+    """Return the largest distance of explored points from the estimates, in coordinates.
 
-    The distance is twice `max_changes`, the largest change of each coordinate in one step of a fit
-    by its scale's `max_step`. Where that is infinite, the distance is the larger of the
-    coordinate's absolute value and `FARTHEST` times the standard deviation that the estimate would
-    have with all other parameters known.
+    It is twice the largest change in one step of a fit or, where that is infinite, the coordinate's
+    size or `FARTHEST` standard deviations with all other parameters known.
     """
     norms = np.linalg.norm(best.jacobian, axis=0)
     alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)
@@ -676,11 +571,8 @@ def _largest_offsets(
 def _early_covariances(
     best: RunMisfit, compared: Comparison, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return the covariances (p, p) of the coordinates by two early parts of the record.
-
-    One part ends at `horizon`, s, the other half way from the start of the run to `horizon`. The
-    list is empty if `horizon` is infinite.
-    """
+    """Return covariances by the records up to `horizon` and half way to it; none if it is
+    infinite."""
     if not math.isfinite(horizon):
         return []
     start, rows = float(compared.runs.start_time), best.jacobian

@@ -1,10 +1,8 @@
-"""Comparison of an experiment with measurements: curves of chi squared over the record, for many
-values of the parameters, without derivatives.
+"""Curves of chi squared over the record, for many values of the parameters, without derivatives.
 
-The runs are lanes: they are computed side by side (`clearjoint._simulation.lanes.scheduler`) and
-cost a small fraction of runs with derivatives. Of each run only the curve of chi squared over the
-record is kept. A length of the record is given as a number of its sample times: chi squared over
-the first k times is that of all samples up to the k-th time.
+The runs are computed side by side (`clearjoint._simulation.lanes.scheduler`) and cost a small
+fraction of runs with derivatives. A length of the record is given as a number of its sample times:
+chi squared over the first k times is that of all samples up to the k-th time.
 """
 
 from collections.abc import Mapping
@@ -38,16 +36,10 @@ TOGETHER = 64
 
 @dataclass(frozen=True)
 class Comparison:
-    """An experiment, and the samples with which its runs are compared.
+    """An experiment, and the samples with which its runs are compared, for fits, screenings,
+    posteriors and the test of a fit's covariance.
 
-    Fits, screenings, posteriors and the test of a fit's covariance share it. Screenings and
-    posteriors compute chi squared at many points, without derivatives. A point is the coordinates
-    of the p parameters: their values on their scales. `comparison` makes it.
-
-    - `runs`: scene with its parameters, and the measured outputs.
-    - `data`: the samples of S series, in the order of `runs.names`, at the times of `runs`: T times
-      with samples, followed by times without samples as padding.
-    - `parameters`, `units`: the parameters and the units of their values, by name.
+    `data` has T times with samples, followed by padding, as the times of `runs`.
     """
 
     runs: Experiment
@@ -65,7 +57,7 @@ class Comparison:
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
-        """Times of the samples, s, followed by copies of the last one as padding."""
+        """Times of the samples, followed by copies of the last one as padding."""
         return np.asarray(self.runs.times)
 
     @property
@@ -74,7 +66,7 @@ class Comparison:
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the end of the record's part with the first `count` times, s.
+        """Return the end of the record's part with the first `count` times.
 
         A fraction is rounded up. For 0, the end is the start of the run.
         """
@@ -84,17 +76,12 @@ class Comparison:
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared of n runs, (n, count + 1): column k is that of the first k sample
-        times.
+        """Return chi squared of n runs that end after `count` times: column k is that of the first
+        k sample times.
 
-        Samples that a run does not reach have the residual `UNREACHED`, 1e6 standard deviations.
-        Larger residuals are reduced to this size.
-
-        **Arguments:** `coordinates`: (n, p) coordinates of the parameters on their scales, such as
-        logarithms of the values, a row for each run; `count`: number of times after which runs end;
-        `smoothing`: number of successive times in the moving average of the residuals: each
-        residual is replaced by the mean of the residuals at its time and at the `smoothing` - 1
-        times before it, which are zero before the first time. 1 means no averaging.
+        Samples that a run does not reach have the residual `UNREACHED`, to which larger ones are
+        reduced. Each residual is replaced by the mean of `smoothing` residuals up to its time;
+        those before the first time are zero.
         """
         runs = self.runs
         instants, sample_indices = self._instants(coordinates, count)
@@ -102,7 +89,6 @@ class Comparison:
         waiting: dict[int, np.ndarray] = {}
 
         def take() -> None:
-            """Compare the waiting predictions with the data, and store their curves."""
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
@@ -141,11 +127,6 @@ class Comparison:
         return curves
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
-        """Return the data of n lanes at coordinates (n, p).
-
-        **Arguments:** `instants`: (n, K) s, rising times at which to record, infinite after the
-        last; a lane ends at its last finite time.
-        """
         lanes = len(coordinates)
         # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
         rows = max(TOGETHER, 1 << (lanes - 1).bit_length())
@@ -161,23 +142,12 @@ class Comparison:
         )
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the times at which n runs are recorded, and where the samples are among them.
+        """Return the times (n, K) at which n runs are recorded, infinite after each run's last one,
+        and for each series the indices of its samples among them, (n, count), or (1, count) if all
+        runs have the same.
 
-        A series with a delay is compared at its sample times minus the delay, which differ from
-        run to run, because each has its own parameters.
-
-        Delayed times before the start of the runs are replaced by the start, where the state is the
-        initial one.
-
-        **Arguments:** `coordinates`: (n, p) of the runs; `count`: number of sample times, from the
-        first one on, at which the runs are compared with the series.
-
-        **Returns:** a tuple of two elements:
-
-        - (n, K) times for each run, s, rising, infinite after the last one. K is the number of
-          `times`, padding included, multiplied by one plus the number of delays.
-        - For each series, (n, count) indices of its samples in each run's row of the first element;
-          (1, count) if they are the same for all runs.
+        A series with a delay is compared at its sample times minus the delay, which differ from run
+        to run, but not before the start of the runs.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.sensors.delays:
@@ -207,13 +177,10 @@ class Comparison:
 
     @cached_property
     def _varied(self) -> PyTree[bool]:
-        """Whether each leaf of the scene depends on the parameters; a PyTree like the scene."""
         return self.runs.family.varied()
 
     @cached_property
     def _common(self) -> Common:
-        """Data that all lanes share: the method, the outputs, and the part of the scene that is
-        independent of the parameters."""
         runs = self.runs
         # The lanes record the outputs at given times, but no reductions, such as peak values, no
         # crossings of sections and no impacts.
@@ -232,8 +199,6 @@ def comparison(
 ) -> Comparison:
     """Return the `Comparison` of a scene with measurements.
 
-    **Arguments:** as in `identify`.
-
     **Raises:** `ValueError` if `start_time` is after the first sample; also as `experiment` and
     `units_of`.
     """
@@ -241,10 +206,11 @@ def comparison(
     expected = f"no later than the first sample, at {times[0]} s"
     remedy = "start earlier, or leave samples out by measurements.between(...)"
     require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
-    outputs = {name: one.channel for name, one in series.items()}
+    outputs = {name: s.channel for name, s in series.items()}
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     data = samples(measurements, len(runs.times))
-    units = units_of(parameters, scene, state, {name: one.unit for name, one in series.items()})
+    series_units = {name: s.unit for name, s in series.items()}
+    units = units_of(parameters, scene, state, series_units)
     return Comparison(runs, data, dict(parameters), units)
 
 
@@ -252,25 +218,14 @@ def comparison(
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return n scenes, of which only the leaves that depend on the parameters are kept, and n
-    initial states, at coordinates (n, p).
-
-    Each leaf is an array (n, ...). The other leaves of the scenes are ``None``.
-
-    **Arguments:** `varied`: PyTree like the scene, true for the leaves to return.
-    """
+    """Return n scenes, with ``None`` for the leaves that are not `varied`, and n initial states."""
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs, cumulated up to each time, (n, T).
-
-    **Arguments:** `predicted`: (n, S, T) outputs, SI, NaN at times that a run did not reach;
-    `smoothing`: number of times of the moving average of residuals, which ends at each time; zeros
-    precede the first time.
-    """
+    """Return chi squared of n runs, cumulated up to each time; predictions not reached are NaN."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from .._export.tables import aligned, duration, estimates_table, numbered
@@ -70,31 +71,20 @@ class Fit(AbstractTabular):
     """Result of a fit: estimates, their uncertainty, and tests of the residuals.
 
     - `scene`, `state`: scene and initial state with the estimated values.
-    - `parameters`: the p parameters by name. The entries of arrays (p,) are in their order.
-    - `units`: unit of each parameter's value by name.
-    - `measurements`: the fitted measurements.
+    - `parameters`: the p parameters by name, in the order of arrays (p,), with the `units` of their
+      values.
     - `searches`: the result of the search from each start.
     - `best`: the search with the smallest chi squared, among `searches` and ``check.searches``.
-    - `screened`: the result of each pass of a `Screening`, which finds starts by runs without
-      derivatives; empty without a screening.
-    - `horizon`: the `FitHorizon` given to `identify`, the longest record that a fit by a single run
-      can use, or ``None``.
+    - `screened`: the result of each pass of a `Screening`.
+    - `horizon`: the `FitHorizon` given to `identify`, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None`` if not made.
-    - `start_time`: s, start of the fitted run.
+    - `start_time`: start of the fitted run.
 
     Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
     A coordinate is a parameter's value on its scale, such as the logarithm of the value.
-    `to_xarray`, `to_dataframe`, `to_csv` and `to_netcdf` export estimates, errors and correlations.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> fit = cj.identify(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     guess={"stiffness": 90.0},
-    ...     progress=False,
-    ... )
+    >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
+    >>> fit = cj.identify(scene, state, data, {"stiffness": stiffness}, progress=False)
     >>> fit.ending.name, list(fit.standard_errors)
     ('CONVERGED', ['stiffness'])
     """
@@ -111,8 +101,9 @@ class Fit(AbstractTabular):
     check: LikelihoodCheck | None = None
     start_time: float = 0.0
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with the estimates along the dimension "parameter".
+        """Return the estimates along the dimension "parameter".
 
         Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval`
         ("parameter", "bound") in the `unit` of each parameter, and the `correlation` ("parameter",
@@ -148,7 +139,7 @@ class Fit(AbstractTabular):
 
     @property
     def coordinates(self) -> Float[np.ndarray, " p"]:
-        """Coordinates of the estimates on the parameters' scales, (p,)."""
+        """Coordinates of the estimates, (p,)."""
         return self.best.best.coordinates
 
     @property
@@ -192,24 +183,20 @@ class Fit(AbstractTabular):
 
     @cached_property
     def _correlated_noise(self) -> dict[str, statistics.CorrelatedNoise]:
-        """The noise of each series with correlated residuals, by name."""
         return {name: statistics.correlated_noise(self.residuals[name]) for name in self.correlated}
 
     @property
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
-        """Factor, 1 or more, by which the correlation of residuals widens each interval, (p,).
-
-        It is the `widening` and, because the size of correlated noise is known from few independent
-        samples, a factor of Student's distribution.
-        """
-        fewest = min((one.effective for one in self._correlated_noise.values()), default=math.inf)
+        """`widening`, times a factor of Student's distribution, because the size of correlated
+        noise is known from few independent samples."""
+        noises = self._correlated_noise.values()
+        fewest = min((noise.effective for noise in noises), default=math.inf)
         factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
         return np.where(self.widening > 1.0, factor * self.widening, 1.0)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates, (p, p), if the noise is as stated in the measurements, or
-        larger by the `widening` if residuals are correlated."""
+        """Covariance of the coordinates, (p, p), for the stated noise, times the `widening`."""
         return self.best.best.covariance * np.outer(self.widening, self.widening)
 
     @cached_property
@@ -217,7 +204,7 @@ class Fit(AbstractTabular):
         """Covariance of the values, (p, p), in products of `units`, by linearisation of the
         scales."""
         pairs = zip(self.parameters.values(), self.coordinates, strict=True)
-        slopes = [float(one.scale.slope(u)) for one, u in pairs]
+        slopes = [float(parameter.scale.slope(u)) for parameter, u in pairs]
         return self.covariance * np.outer(slopes, slopes)
 
     @property
@@ -236,15 +223,12 @@ class Fit(AbstractTabular):
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
         Usually the ends are the values at which the coordinate differs from its estimate by 1.96
-        standard errors, by the `covariance`. If `check` has found that chi squared is not
-        quadratic, the intervals are the central ones of `posterior`, which need not contain the
-        estimates; without a posterior, they also contain all points that `check` has explored with
-        a chi squared at most 3.84 above the lowest. In all cases, the intervals are extended to
-        contain those around other minima in which a search has converged, if the chi squared of
-        such a minimum is at most 3.84 above that of the fit. Minima inside the box of coordinates
-        to which a posterior is restricted are left out, since they are part of the posterior. At
-        the end, each interval of coordinates is extended about its middle by the `widening`, and by
-        a factor of Student's distribution for the few independent samples of correlated noise.
+        standard errors. If `check` has found that chi squared is not quadratic, the intervals are
+        the central ones of `posterior`, which need not contain the estimates; without a posterior,
+        they contain all points that `check` has explored with a chi squared at most 3.84 above the
+        lowest. They are extended to contain the intervals around other minima, outside the
+        posterior's box, with a chi squared at most 3.84 above that of the fit, and then about their
+        middle by the `widening` and a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -254,7 +238,7 @@ class Fit(AbstractTabular):
         parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
         if posterior is not None:
             pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
-            ends = [[one.scale.coordinate(end) for end in two] for one, two in pairs]
+            ends = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
             parts.append(np.array(ends).T)
         elif self.check is not None and self.check.exploration is not None:
             parts.append(np.array(self.check.exploration.intervals()))
@@ -267,31 +251,27 @@ class Fit(AbstractTabular):
 
     @property
     def posterior(self) -> Posterior | None:
-        """Posterior, with few points, that `check` computes if chi squared is not quadratic.
-
-        The `intervals` come from it. ``None`` if `check` has computed none.
-        """
+        """Posterior, with few points, from which the `intervals` come if chi squared is not
+        quadratic; ``None`` if `check` has computed none."""
         return None if self.check is None else self.check.posterior
 
     @property
     def rivals(self) -> list[dict[str, float]]:
         """Values of the parameters, by name, at each other minimum that fits the data about as
-        well.
+        well, the smallest chi squared first.
 
         By its chi squared each of them is in the joint 95 % confidence region of the best minimum.
         By the covariances it is outside the 95 % interval of at least one parameter around the best
-        minimum, and around every minimum before it in the list. The list begins with the smallest
-        chi squared.
+        minimum, and around every minimum before it in the list.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Predicted values of each series by name at its sample times, (N,), SI, from the fitted
-        run.
+        """Predicted values of each series by name at its sample times, (N,), SI.
 
-        They are meaningless at times that this run does not reach (`Ending.FAILED`).
+        They are meaningless at times that the fitted run does not reach (`Ending.FAILED`).
         """
         return self._at_samples(self.best.best.predicted.ravel())
 
@@ -305,14 +285,13 @@ class Fit(AbstractTabular):
 
     @cached_property
     def _jacobians(self) -> dict[str, np.ndarray]:
-        """Derivatives of the residuals of each series by name, (N, p), by the coordinates."""
         return self._at_samples(self.best.best.jacobian)
 
     def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the rows (S T, ...) at the samples of each of the S series, by name."""
+        """The rows (S T, ...) at the samples of each of the S series, by name."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
-        return {name: part[np.searchsorted(times, one.times)] for (name, one), part in parts}
+        return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
 
     @property
     def rms(self) -> dict[str, float]:
@@ -337,10 +316,8 @@ class Fit(AbstractTabular):
 
     @property
     def p_value(self) -> float:
-        """Probability that noise alone gives a chi squared at least as large, for a right model.
-
-        It is NaN without degrees of freedom.
-        """
+        """Probability that noise alone gives a chi squared at least as large; NaN without degrees
+        of freedom."""
         return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
@@ -365,17 +342,15 @@ class Fit(AbstractTabular):
     def advice(self) -> list[str]:
         """Sentences on remedies, in the order in which to try them.
 
-        The list is empty unless the square root of chi squared per degree of freedom is above 2, so
-        that residuals are more than twice the stated noise, or the best run fails.
+        The list is empty unless residuals are more than twice the stated noise (the square root of
+        chi squared per degree of freedom is above 2), or the best run fails.
         """
         # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
-        fine = not scatter > FAR and self.ending is not Ending.FAILED
-        return [] if fine else list(_remedies(self, scatter))
+        fits_well = not scatter > FAR and self.ending is not Ending.FAILED
+        return [] if fits_well else list(_remedies(self, scatter))
 
     def __str__(self) -> str:
-        """Return the report as text: estimates, goodness of fit, correlations, searches, warnings
-        and remedies."""
         # The result of the check comes first, and is then left out of the warnings at the end.
         first = [] if self.check is None else [self._test_report()]
         first = [*self._correlation(), *first]
@@ -404,8 +379,8 @@ class Fit(AbstractTabular):
         return "\n\n".join(part for part in parts if part)
 
     def _test_report(self) -> str:
-        """Return sentences on `check`, which must not be ``None``: whether chi squared rises as the
-        covariance predicts, and if not, where the intervals come from."""
+        """Sentences on `check`: whether chi squared rises as the covariance predicts, and if not,
+        where the intervals come from."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {duration(check.seconds)}"
@@ -458,11 +433,7 @@ class Fit(AbstractTabular):
     def _interval_doubts(
         self, check: LikelihoodCheck, explored: checking.Exploration
     ) -> Iterator[str]:
-        """Yield sentences on possible reasons why the intervals are wrong after an exploration.
-
-        The reasons are a record beyond the horizon, intervals that were still growing, and
-        integration errors.
-        """
+        """Sentences on possible reasons why the intervals are wrong after an exploration."""
         # Of the horizon by runs around the estimates and the predicted one, the earlier counts.
         until = check.horizon
         if self.horizon is not None:
@@ -495,7 +466,6 @@ class Fit(AbstractTabular):
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _correlation(self) -> Iterator[str]:
-        """Yield a sentence on correlated residuals, if there are any."""
         if not self.correlated:
             return
         largest, probabilities = float(self.widening.max()), self.whiteness
@@ -514,8 +484,6 @@ class Fit(AbstractTabular):
         )
 
     def _problems(self) -> Iterator[str]:
-        """Yield warnings of an unfinished search or screening, other minima, and estimates at a
-        bound."""
         if self.ending is not Ending.CONVERGED:
             yield f"Not converged: {self.ending.value}."
         if self.screened and not self.screened[-1].complete:
@@ -541,18 +509,17 @@ class Fit(AbstractTabular):
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
-        """The minima in which other searches than the best one have converged."""
+        """Minima in which other searches than the best one have converged."""
         searches = (*self.searches, *(() if self.check is None else self.check.searches))
         others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
         return [search.best for search in others]
 
     def _uncertain_directions(self) -> Iterator[str]:
-        """Yield a warning for each combination of parameters that the data hardly determine.
+        """A warning for each combination of parameters that the data hardly determine.
 
         They hardly determine it if a change along the combination by one standard deviation changes
-        any coordinate by more than the scale's `max_step`, the largest change in one step of a fit.
-        If `max_step` is infinite, as on a `Linear` scale, the coordinate's own size takes its
-        place.
+        any coordinate by more than the scale's `max_step`, or by more than its own size if
+        `max_step` is infinite.
         """
         limits = step_limits(self.parameters)
         # A coordinate near zero is thus reported too, even if its error is small in its unit. A
@@ -570,12 +537,10 @@ class Fit(AbstractTabular):
 
     @property
     def _scatter(self) -> float:
-        """Size of the residuals in multiples of the stated noise: the square root of chi squared
-        per degree of freedom, of which there must be one at least."""
+        """Size of the residuals in multiples of the stated noise."""
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
     def _noise(self) -> Iterator[str]:
-        """Yield a warning if the residuals are improbably large or small."""
         if self.degrees_of_freedom > 0:
             ratio = f"Residuals are {self._scatter:.3g} times the stated noise"
             if self.p_value < statistics.UNLIKELY:
@@ -585,7 +550,6 @@ class Fit(AbstractTabular):
 
 
 def _series_table(fit: Fit) -> str:
-    """Return a table with a row for each measured series."""
     rows = [["series", "samples", "rms / noise", "p (white)", "p (normal)"]]
     rms, white, normal = fit.rms, fit.whiteness, fit.normality
     for name, row in fit.residuals.items():
@@ -595,11 +559,7 @@ def _series_table(fit: Fit) -> str:
 
 
 def _searches_table(fit: Fit) -> str:
-    """Return a table with a row for the search from each start.
-
-    A star marks the fit's best search; no row has one if that is a local search of `Fit.check`.
-    With results of a screening, a line about its runs and rounds precedes the table.
-    """
+    """A table with a row for the search from each start, and a star at the fit's best one."""
     rows = [["start", "chi squared", "runs", "ended"]]
     for number, search in enumerate(fit.searches):
         mark = " *" if search is fit.best else ""
@@ -608,16 +568,15 @@ def _searches_table(fit: Fit) -> str:
     table = "\n".join(aligned(rows))
     if not fit.screened:
         return table
-    runs = sum(one.runs for one in fit.screened)
-    rounds = sum(len(one.times) for one in fit.screened)
+    runs = sum(screening.runs for screening in fit.screened)
+    rounds = sum(len(screening.times) for screening in fit.screened)
     return f"starts from screening by {runs} runs in {rounds} rounds:\n{table}"
 
 
 def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
-    """Yield sentences on remedies for a poor fit, the cheapest and most likely first.
+    """Sentences on remedies for a poor fit, the cheapest and most likely first.
 
-    **Arguments:** `scatter`: square root of chi squared per degree of freedom, about 1 for
-    residuals of the size of the stated noise; 0 without degrees of freedom.
+    `scatter` is 0 without degrees of freedom.
     """
     # A missing effect would leave a trace in the residuals, which would then be correlated.
     if all(statistics.whiteness(row) > UNCORRELATED for row in fit.residuals.values()):
@@ -660,7 +619,7 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     if fit.ending is Ending.EXHAUSTED:
         number = fit.best.evaluations
         yield f"The search had not converged after {number} runs: increase max_iterations."
-    if not any(isinstance(one.variation, StateNumber) for one in fit.parameters.values()):
+    if not any(isinstance(p.variation, StateNumber) for p in fit.parameters.values()):
         yield (
             "Estimate the initial state too, unless it is known more accurately than the noise, "
             'for example by cj.Parameter.initial(lambda state: state.bodies["..."].spin[2]).'
@@ -672,14 +631,9 @@ def _explanation(
     part: slice,
     effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
 ) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
-    """Return the decrease of chi squared by the fewest errors that explain most of the misfit of a
-    series, their values, and the share that they explain.
-
-    The decrease is 0, and the values are empty, if even all errors don't explain most of it.
-
-    **Arguments:** `residuals`: of all series; `part`: those of the series; `effects`: of each error
-    on the residuals per unit of its value.
-    """
+    """Return the decrease of chi squared by the fewest errors of a sensor that explain most of the
+    misfit of its series, their values, and the share that they explain; 0 and no values if there
+    are none."""
     chosen: list[type[AbstractSeriesVariation]] = []
     before = float(np.sum(residuals[part] ** 2))
 
@@ -704,22 +658,22 @@ def _explanation(
 def _effects_of_errors(
     fit: Fit, name: str
 ) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
-    """Return the derivatives (N,) of the residuals of a series by each error of its sensor, at the
-    error's neutral value."""
+    """Derivatives of the residuals of a series by each error of its sensor, at its neutral
+    value."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
     pairs = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
     effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
     effects[SeriesDelay] = -np.gradient(quantity, times)
     for kind in (SeriesBias, SeriesGain, SeriesDrift):
-        one = kind((name,))
-        effects[kind] = np.array([one.error(kind.neutral + 1.0, *pair) for pair in pairs])
+        fault = kind((name,))
+        effects[kind] = np.array([fault.error(kind.neutral + 1.0, *pair) for pair in pairs])
     return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
 
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """Yield a sentence on the series whose misfit is mainly that of errors of its sensor, as few of
-    them as possible; nothing if there is none.
+    """A sentence on the series whose misfit is mainly that of as few errors of its sensor as
+    possible.
 
     Of several series it is the one whose errors lower the chi squared of all series the most.
     """
@@ -727,10 +681,10 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     jacobian = np.concatenate([*fit._jacobians.values()])
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
     estimated = {
-        (type(one.variation), name)
-        for one in fit.parameters.values()
-        if isinstance(one.variation, AbstractSeriesVariation)
-        for name in one.variation.series
+        (type(parameter.variation), name)
+        for parameter in fit.parameters.values()
+        if isinstance(parameter.variation, AbstractSeriesVariation)
+        for name in parameter.variation.series
     }
     most, name, values, explained, end = 0.0, "", {}, 0.0, 0
     for series, row in fit.residuals.items():
@@ -770,11 +724,7 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
 
 
 def _outliers(fit: Fit) -> Iterator[str]:
-    """Yield a sentence if the largest residuals contribute most of chi squared.
-
-    Their number is the share `OUTLIER_SHARE` of all samples, but at least one. Yield nothing for
-    fewer than `PIECES` samples.
-    """
+    """A sentence if the largest residuals contribute most of chi squared."""
     rows = np.concatenate(list(fit.residuals.values())) ** 2
     count = max(int(OUTLIER_SHARE * len(rows)), 1)
     largest = np.sort(rows)[::-1][:count]
@@ -789,7 +739,7 @@ def _outliers(fit: Fit) -> Iterator[str]:
 
 
 def _shorter_records(fit: Fit) -> Iterator[str]:
-    """Yield sentences that advise to fit a shorter record, or growing windows of the record, or to
+    """Sentences that advise to fit a shorter record, or growing windows of the record, or to
     compute the longest record that a single run can fit."""
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
@@ -821,7 +771,7 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
     elif until < end:
         # The first window is the part that fits, and the next ones are longer in small steps.
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
-        grow = ", ".join(f"{one:.4g}" for one in ends)
+        grow = ", ".join(f"{end:.4g}" for end in ends)
         yield (
             f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
             f"windows of the record, by identify(..., grow=({grow}))."
@@ -840,5 +790,5 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
 
 
 def _rms(row: Float[np.ndarray, " N"]) -> float:
-    """Return the root mean square of a row, 0 for an empty one."""
+    """Root mean square of a row, 0 for an empty one."""
     return math.sqrt(float(np.mean(row**2))) if len(row) else 0.0

@@ -20,6 +20,8 @@ CONFIDENCE = 0.95
 """Level of confidence intervals."""
 DEVIATIONS = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
 """Half the width of a confidence interval in standard deviations."""
+RISE = DEVIATIONS**2
+"""Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 
 FEWEST_FREEDOM = 2.0
 """Smallest number of degrees of freedom that an interval assumes."""
@@ -28,11 +30,8 @@ FEWEST_FREEDOM = 2.0
 class Direction(NamedTuple):
     """A direction in the coordinates of p parameters, and the uncertainty of estimates along it.
 
-    The coordinate of a parameter is its value on its scale, such as the logarithm.
-
     - `change`: (p,) change of the coordinates; the entry with the largest absolute value is 1.
-    - `deviation`: standard deviation of the estimates along the direction, in multiples of
-      `change`.
+    - `deviation`: standard deviation of the estimates, in multiples of `change`.
     """
 
     change: Float[np.ndarray, " p"]
@@ -47,9 +46,6 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     axes are sorted by the error in these units, the largest first. Each `Direction.deviation` has
     another unit, so the deviations need not decrease. With M < p residuals there are only M
     directions. A direction without effect on the residuals gets a very large but finite deviation.
-
-    **Arguments:** `jacobian`: (M, p) derivatives of the residuals, in standard deviations of the
-    noise, by the coordinates.
     """
     norms, sizes, axes = floored(jacobian)
     changes = []
@@ -69,18 +65,15 @@ def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
 
 
 def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the largest chi squared that noise alone explains.
-
-    A larger one has a probability below `UNLIKELY`. The result is infinite without degrees of
-    freedom.
-    """
+    """Return the largest chi squared that noise alone explains, by a probability of `UNLIKELY`;
+    infinite without degrees of freedom."""
     from scipy.special import chdtri
 
     return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of the Ljung-Box test for whiteness of residuals (M,).
+    """Return the p-value of the Ljung-Box test for whiteness of residuals.
 
     It is NaN for M < 20, and if all residuals are zero. The test uses the autocorrelations at the
     first 10 lags: G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978).
@@ -135,7 +128,7 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
     ahead = behind = residuals
     weights = np.ones(1)  # x_k + w_1 x_(k-1) + ... is the part that cannot be predicted.
     power = float(residuals @ residuals) / count
-    known = [power]
+    earliest = [power]
     best, least = (weights, 1), math.inf
     for order in range(min(int(10.0 * math.log10(count)), count // 4) + 1):
         criterion = count * math.log(power) + count * (count + order) / (count - order - 2)
@@ -146,14 +139,14 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
         if size == 0.0:
             break
         reflection = -2.0 * float(ahead @ behind) / size
-        known.append(-reflection * power - float(weights[1:] @ np.array(known[:0:-1])))
+        earliest.append(-reflection * power - float(weights[1:] @ np.array(earliest[:0:-1])))
         padded = np.append(weights, 0.0)
         weights = padded + reflection * padded[::-1]
         ahead, behind = ahead + reflection * behind, behind + reflection * ahead
         power *= max(1.0 - reflection**2, np.finfo(float).eps)
     weights, first = best
     autocovariances = np.zeros(count)
-    autocovariances[:first] = known[:first]
+    autocovariances[:first] = earliest[:first]
     if first > 1:
         for lag in range(first, count):
             autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - first : -1]
@@ -169,10 +162,10 @@ def student_factor(effective: float) -> float:
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of a test for normality of residuals (M,).
+    """Return the p-value of a test for normality of residuals.
 
-    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis:
-    R. D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
+    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis: R.
+    D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
     """
     from scipy.stats import normaltest
 
@@ -184,13 +177,9 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Return other minima of chi squared that fit the data about as well, the lowest first.
 
-    Late in a record a small change of parameters moves impacts, so that chi squared has many
-    minima close together, and noise decides which is the lowest. A minimum is returned if, by
-    its chi squared, it is in the joint 95 % confidence region of the best one, and if, by the
-    covariances, it is outside the 95 % interval of at least one parameter around the best minimum
-    and around each lower minimum that is returned.
-
-    **Arguments:** `best`: the run at the best minimum; `others`: the runs at other minima.
+    A minimum is returned if, by its chi squared, it is in the joint 95 % confidence region of the
+    best one, and if, by the covariances, it is outside the 95 % interval of at least one parameter
+    around the best minimum and around each lower minimum that is returned.
     """
     from scipy.special import chdtri
 
@@ -204,14 +193,13 @@ def distinct(
     """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
     is returned, the lowest first."""
     chosen: list[RunMisfit] = []
-    for one in sorted(minima, key=lambda minimum: minimum.chi_squared):
-        if one.chi_squared <= limit and all(apart(lower, one) for lower in chosen):
-            chosen.append(one)
+    for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
+        if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):
+            chosen.append(minimum)
     return chosen
 
 
 def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    """Return whether the minimum `other` is outside the 95 % interval of at least one parameter, by
-    the covariance of the minimum `one`."""
+    """Whether `other` is outside the 95 % interval of at least one parameter around `one`."""
     half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
     return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))

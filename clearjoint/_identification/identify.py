@@ -40,18 +40,14 @@ OnFitIteration = Callable[[int, Iteration], None]
 """Function of the number of samples in the present window and of an `Iteration`, called after each
 run of a search."""
 WINDOW_TOLERANCE = 0.1
-"""Gauss-Newton step, in standard deviations of the estimates, at which the fits of all windows but
-the last one end, unless the user's `tolerance` is larger. Their results are only starts of the next
+"""Smallest `tolerance` of the fits of all windows but the last one: they only start the next
 window."""
 
 
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits`: list of `Fit`: the finished fits and, last, the best result so far of the interrupted
-    fit, if at least one run of its searches had ended; runs of a `Screening` don't count.
-
-    **Arguments:** `partly`: whether the last of the `fits` is that of the interrupted fit.
+    `fits` has the finished fits and, if `partly`, the best result so far of the interrupted one.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -96,48 +92,39 @@ def identify(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s: as in `simulate`; the run ends at the last sample.
-    - `measurements`: the measured series with their noise.
-    - `parameters`: the parameters to estimate, by name; see `Parameter`.
+    - `scene`, `state`, `start_time`: as in `simulate`; the run ends at the last sample.
     - `guess`: values to start from, by name. A parameter without one starts from its
       `Parameter.value`, by default the number in the scene or state. Each guess of a list is a
-      start. A `Screening` takes one guess only.
+      start.
     - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
       guess finds starts by many runs without derivatives, for data with impacts, where derivatives
-      don't lead to the solution. The fit is the best of all searches; `Fit.searches` has all of
-      them, and `Fit.rivals` has other minima that fit the data about as well.
-    - `grow`: ends, s, of windows of the record that are fitted before the whole record, rising and
-      between `start_time` and the last sample: first the samples up to the first end, then up to
-      the next, each fit from the result of the one before. After some impacts small errors of
-      parameters have grown so much that a fit of the whole record from a distant start fails. In
-      these windows each parameter is held near the value from which the window's search starts,
-      with its scale's `max_step` as standard deviation, so that parameters that the window doesn't
-      determine stay in range. For example, a record of 187 ms of
+      don't lead to the solution. The fit is the best of all searches; `Fit.rivals` has other minima
+      that fit the data about as well.
+    - `grow`: rising ends of windows of the record that are fitted before the whole record, each
+      from the result of the one before. After some impacts small errors of parameters have grown so
+      much that a fit of the whole record from a distant start fails. A window holds each parameter
+      near its start, with its scale's `max_step` as standard deviation, so that parameters that it
+      doesn't determine stay in range. For example, a record of 187 ms of
       `clearjoint.mechanisms.double_pendulum`, five times as long as a single run can fit from a
       distant guess (`clearjoint.fit_horizon`), takes 140 runs with windows.
-    - `settings`: settings of the integration; by default `clearjoint.presets.identification`. Its
-      `max_steps` limits the cost of runs with extreme parameters.
+    - `settings`: by default `clearjoint.presets.identification`. `max_steps` limits the cost of
+      runs with extreme parameters.
     - `max_iterations`: limit for each window of each start; an iteration is one run.
     - `tolerance`: length of the Gauss-Newton step, in standard deviations of the estimates, below
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: number of runs in the first round of exploring chi squared if the test of the
-      covariance after the searches fails, 50 or more, such as 400; 0 for no test. By default the
-      exploration costs about as much as the searches and the test. No test is made if the best
-      search failed or reached `max_iterations`. About twenty runs for each parameter compare chi
-      squared, up to four standard errors around the estimates, with the prediction of the
-      covariance. If chi squared differs from the prediction, it has several minima close together
-      or is not quadratic. Then runs without derivatives, in up to six rounds, and local searches
-      explore it. The fit moves to the lowest minimum, and its report begins with the result of the
-      test. Intervals contain all explored points with a chi squared at most 3.84 above the lowest.
-      With `check_runs`, or after a long search, they are those of a posterior around this minimum,
-      by at most 75 times `check_runs` runs without derivatives. See `Fit.check` and
-      `clearjoint.posterior`.
-    - `progress`: whether to show a line with the iterations, or a function that is called with
-      each `Iteration`.
-
-    **Returns:** a `Fit`, with the estimates, their uncertainty and tests of the residuals.
+    - `check_runs`: 0 leaves out the test of the covariance, which compares chi squared up to four
+      standard errors around the estimates with its prediction, by about twenty runs for each
+      parameter. If they differ, chi squared has several minima close together or is not quadratic;
+      runs without derivatives and local searches then explore it, and the fit moves to the lowest
+      minimum. `check_runs`, 50 or more, such as 400, is the number of runs in the first of up to
+      six rounds; by default the exploration costs about as much as the searches and the test. With
+      `check_runs`, or after a long search, the intervals are those of a posterior around the lowest
+      minimum, by at most 75 times `check_runs` runs. No test is made if the best search failed or
+      reached `max_iterations`.
+    - `progress`: whether to show a line with the iterations, or a function that is called with each
+      `Iteration`.
 
     **Raises:** `ValueError` for unsupported arguments. `FitInterrupted`, a `KeyboardInterrupt` with
     the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
@@ -147,15 +134,8 @@ def identify(
     the noise or the best run does not reach the last sample; another `PoorFitWarning` if the test
     of the covariance has failed; `UserWarning` if the record is longer than `horizon` allows.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> fit = cj.identify(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     guess={"stiffness": 90.0},
-    ...     progress=False,
-    ... )
+    >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
+    >>> fit = cj.identify(scene, state, data, {"stiffness": stiffness}, progress=False)
     >>> print(f"{fit.estimates['stiffness']:.3f} N/m")
     100.000 N/m
     """
@@ -196,22 +176,18 @@ def identify_many(
 ) -> list[Fit]:
     """Estimate parameters from each of several sets of measurements, such as draws of the noise.
 
-    **Arguments:** `measurements`: sets with the same channels and times. Other arguments are those
-    of `identify` and apply to every set.
-
-    **Returns:** a list with one `Fit` for each set, in their order.
+    All sets have the same channels and times; the other arguments are those of `identify` and apply
+    to every set.
 
     **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
-    `FitInterrupted.fits` has the finished fits and, last, the best result so far of the interrupted
-    fit, if there is one.
 
     **Warns:** as `identify`; of several poor fits, a warning shows the first and tells their
     number.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> noisy = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
-    >>> draws = [cj.Measurements({"x": series}) for series in noisy]
-    >>> fits = cj.identify_many(scene, state, draws, {"stiffness": stiffness}, progress=False)
+    >>> draws = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
+    >>> sets = [cj.Measurements({"x": series}) for series in draws]
+    >>> fits = cj.identify_many(scene, state, sets, {"stiffness": stiffness}, progress=False)
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
@@ -235,8 +211,8 @@ def identify_many(
     )
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
-        for one in measurements:
-            fit, stopped = problem.fit(one, on_iteration, progress is True)
+        for measured in measurements:
+            fit, stopped = problem.fit(measured, on_iteration, progress is True)
             fits += [] if fit is None else [fit]
             if stopped:
                 raise FitInterrupted(fits, fit is not None)
@@ -246,14 +222,10 @@ def identify_many(
 
 @dataclass(frozen=True)
 class _Problem:
-    """Data that are common to the fits of `identify_many`; `fit` fits one set of measurements.
+    """What the fits of `identify_many` have in common; `fit` fits one set of measurements.
 
-    Fields that are not listed are arguments of `identify_many`.
-
-    - `compared`: the scene with its parameters, compared with the first set; `coarse`: the same
-      with the looser tolerances of a screening, and equal to `compared` without a screening.
-    - `rows`: (starts, p) coordinates from which searches start.
-    - `ends`: ends of the growing windows, s, of which the last is the end of the record.
+    `coarse` is `compared` with the looser tolerances of a screening. `rows` are coordinates from
+    which searches start, and `ends` the ends of growing windows and of the record.
     """
 
     compared: Comparison
@@ -267,17 +239,13 @@ class _Problem:
     horizon: FitHorizon | None
 
     def fit(
-        self, one: Measurements, on_iteration: OnFitIteration, show: bool
+        self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements.
+        """Fit one set of measurements, and return the fit and whether the user interrupted it.
 
-        **Arguments:** `one`: the measurements; `on_iteration`: called after each run of a search;
-        `show`: whether to show the progress of a screening.
-
-        **Returns:** the fit, and whether the user interrupted it. The fit is ``None`` if that
-        happened before the first run of a search had ended.
+        The fit is ``None`` if that happened before the first run of a search had ended.
         """
-        compared, parameters = self.compared.of(one), self.compared.parameters
+        compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened, checked, stopped = (), None, False
 
@@ -291,7 +259,7 @@ class _Problem:
 
         try:
             if isinstance(self.starts, Screening):
-                coarse = self.coarse.of(one)
+                coarse = self.coarse.of(measurements)
                 screened = search_screened(self.starts, coarse, self.rows[0], show, search_from)
             else:
                 for row in self.rows:
@@ -300,7 +268,7 @@ class _Problem:
             # Searches that failed or reached their limit of iterations have no minimum to check.
             if self.check_runs != 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
                 cost = sum(search.evaluations for search in searches)
-                cost += sum(one.runs for one in screened) // (1 + len(parameters))
+                cost += sum(screening.runs for screening in screened) // (1 + len(parameters))
                 on_run = partial(on_iteration, compared.data.count)
                 checked = check(best.best, compared, self.check_runs, on_run, cost, show)
                 # The check may have found lower minima by local searches. Of equal chi squared the
@@ -312,19 +280,28 @@ class _Problem:
                 return None, True
             best, stopped = best_search(searches), True
         runs = compared.runs
-        fitted = runs.family.scene_and_state(best.best.coordinates)
-        inputs = dict(parameters), dict(compared.units), one
-        results = tuple(searches), best, screened, self.horizon, checked
-        return Fit(*fitted, *inputs, *results, float(runs.start_time)), stopped
+        scene, state = runs.family.scene_and_state(best.best.coordinates)
+        fit = Fit(
+            scene=scene,
+            state=state,
+            parameters=dict(parameters),
+            units=dict(compared.units),
+            measurements=measurements,
+            searches=tuple(searches),
+            best=best,
+            screened=screened,
+            horizon=self.horizon,
+            check=checked,
+            start_time=float(runs.start_time),
+        )
+        return fit, stopped
 
     def _search(
         self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
     ) -> Search:
-        """Search from coordinates (p,), window by window, each from the result of the one before.
+        """Search from coordinates, window by window, each from the result of the one before.
 
-        **Arguments:** `compared`: with all samples; `on_iteration`: called after each run.
-
-        **Returns:** the search; after Ctrl-C, with `Ending.INTERRUPTED` and the best run so far.
+        After Ctrl-C, the search has `Ending.INTERRUPTED` and the best run so far.
 
         **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
         """
@@ -370,11 +347,6 @@ class _Problem:
 
 
 def _warn(fits: Sequence[Fit]) -> None:
-    """Emit a `PoorFitWarning` if residuals of a fit are far above the noise or its best run fails,
-    and another one if the test of a fit's covariance has failed.
-
-    If several fits have the same problem, its warning shows the first and tells their number.
-    """
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
@@ -396,13 +368,10 @@ def _with_prior(
     deviations: np.ndarray,
     at: np.ndarray,
 ) -> RunMisfit:
-    """Return the misfit at coordinates `at` (p,) with a normal prior on the coordinates.
+    """Return the misfit at coordinates `at` with a normal prior, as residuals (at -
+    centre)/deviations.
 
-    The prior adds p residuals (at - centre)/deviations to those of the samples. It keeps parameters
-    that a short window hardly determines near their start.
-
-    **Arguments:** `misfit`: function that runs the scene; `centre`, `deviations`: (p,) mean and
-    standard deviation of the prior. A coordinate with an infinite deviation has no prior.
+    A coordinate with an infinite deviation has no prior.
     """
     plain = misfit(at)
     return replace(
@@ -416,16 +385,8 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield the function to call after each run of a search.
-
-    If `progress` is a function of the user, the yielded function calls it with each `Iteration`. If
-    `progress` is ``True``, the yielded function shows a line with the number of runs, the chi
-    squared per sample, the length of the Gauss-Newton step in standard deviations and the values of
-    the parameters. If `progress` is ``False``, nothing is shown.
-
-    **Arguments:** `progress`, `parameters`: as in `identify`; `searches`: number of searches to
-    come, which the line shows.
-    """
+    """Yield the function to call after each run of a search: the user's, one that shows a line, or
+    one that shows nothing."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
@@ -453,25 +414,21 @@ def _check(
     tolerance: float,
     check_runs: int | None,
 ) -> None:
-    """Check the arguments of `identify_many`.
-
-    **Raises:** `ValueError` that names the wrong argument.
-    """
     remedy = "pass at least one set of measurements"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    for one in measurements:
-        require_type("measurements", one, Measurements, "Measurements", remedy)
+    for measured in measurements:
+        require_type("measurements", measured, Measurements, "Measurements", remedy)
     first = measurements[0]
     first.check(scene)
-    for k, one in enumerate(measurements):
-        same = list(one.series) == list(first.series) and all(
+    for k, measured in enumerate(measurements):
+        same = list(measured.series) == list(first.series) and all(
             series.channel == first[name].channel
             and np.array_equal(series.times, first[name].times)
-            for name, series in one.series.items()
+            for name, series in measured.series.items()
         )
         expected = "measurements of the same channels and times as the first"
-        require(same, f"measurements[{k}]", list(one.series), expected, "fit them separately")
+        require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
     ends = [start_time, *grow, first.times()[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
     expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"

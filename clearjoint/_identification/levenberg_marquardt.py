@@ -1,19 +1,11 @@
 """Levenberg-Marquardt search by optimistix, one step at a time.
 
-The caller computes residuals and Jacobian at each point that optimistix proposes, and optimistix
-works with their linear model instead of the function. A step is therefore compiled once for each
-number of parameters, separately from the runs (`clearjoint._simulation.run.sensitivities`).
-
-A parameter's coordinate is its value on its scale, such as the logarithm of the value for `Log`.
-The search differs from `optimistix.LevenbergMarquardt`:
-
-- Coordinates are scaled by the column norms of the first Jacobian, so that damping affects all of
-  them alike.
-- The damping decreases if the linear model was good, not only if it was almost exact.
-- In one step no coordinate changes by more than the `max_step` that the parameter's scale sets.
-- A step that increases chi squared is never accepted.
-- The search ends when the Gauss-Newton step is a small fraction of the standard deviation of the
-  estimates.
+optimistix works with the linear model of residuals that the caller computes, so that a step is
+compiled once for each number of parameters, separately from the runs. Other than in
+`optimistix.LevenbergMarquardt`, coordinates are scaled by the column norms of the first Jacobian,
+the damping decreases if the linear model was good, not only if it was almost exact, no coordinate
+changes by more than the `max_step` of its scale in a step, and a step that increases chi squared is
+never accepted.
 """
 
 from collections.abc import Callable, Iterable
@@ -26,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Float, PyTree
+from typing_extensions import override
 
 from .._compilation import Compiled
 from .._fields.objects import on_device
@@ -36,15 +29,14 @@ PATIENCE = 15
 damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
 """A search ends if every component of the next step is smaller in magnitude than this fraction of
-the tolerance. The two are comparable: the step is in scaled coordinates, whose unit is about a
-standard deviation of an estimate, and the tolerance is in standard deviations."""
+the tolerance. The unit of scaled coordinates is about a standard deviation of an estimate."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
 UNDETERMINED = 1e-12
 """Singular value of the Jacobian, relative to the largest, below which the data don't determine a
-direction in the parameters' coordinates. Also the norm of a column of the Jacobian, relative to the
-largest norm, below which a coordinate is scaled by the largest norm instead of its own."""
+direction, and norm of a column, relative to the largest norm, below which a coordinate is scaled by
+the largest norm instead of its own."""
 
 
 class Ending(Enum):
@@ -65,9 +57,8 @@ class Ending(Enum):
 class Iteration:
     """One run of a search, as passed to the function `progress` of `identify`.
 
-    - `number`: number of the run in its search, from 0. With growing windows (argument `grow` of
-      `identify`) each window is a search of its own, and so is each local search of the test of the
-      covariance (argument `check_runs`).
+    - `number`: number of the run in its search, from 0. Each growing window (argument `grow` of
+      `identify`) is a search of its own, and so is each local search of the test of the covariance.
     - `accepted`: whether this run becomes the best so far, from which the search continues. Its chi
       squared must have decreased by at least 1 % of what the linear model predicts, or must not
       have increased if the model predicts no decrease; the first run is always accepted.
@@ -96,9 +87,7 @@ class Iteration:
 class WindowSearch:
     """Result of a search that uses only the samples up to a time.
 
-    - `end_time`: s, end of the window.
-    - `iterations`: all runs of the search; empty if the user interrupted the first of them.
-    - `ending`: reason why the search ended.
+    `iterations` has all runs of the search; it is empty if the user interrupted the first of them.
     """
 
     end_time: float
@@ -110,11 +99,9 @@ class WindowSearch:
 class Search:
     """Result of the search from one start.
 
-    - `start`: (p,) coordinates of the start.
-    - `windows`: the successive searches over growing windows of the record.
-    - `best`: the best run of the last window, which is the last one accepted. If the user
-      interrupts a window that is shorter than the record, or the first run of the last window, it
-      is a run over the whole record at the best coordinates so far.
+    `windows` are the successive searches over growing windows of the record, and `best` is the run
+    of the last accepted step, or after an interruption a run over the whole record at the best
+    coordinates.
     """
 
     start: Float[np.ndarray, " p"]
@@ -138,7 +125,7 @@ def best_search(searches: Iterable[Search]) -> Search:
 
 
 class _ClippedDescent(optx.DampedNewtonDescent):
-    """A descent of optimistix whose steps are clipped to `limits` (p,), in scaled coordinates.
+    """Descent whose steps are clipped to `limits`, in scaled coordinates.
 
     Without limits, a parameter that the data hardly determine would run away while the other
     parameters are still far from their estimates.
@@ -146,29 +133,29 @@ class _ClippedDescent(optx.DampedNewtonDescent):
 
     limits: jax.Array = eqx.field(kw_only=True)
 
+    @override
     def step(self, step_size: jax.Array, state: PyTree) -> tuple[jax.Array, optx.RESULTS]:
         step, result = super().step(step_size, state)
         return jnp.clip(step, -self.limits, self.limits), result
 
 
 class _TrustRegion(optx.ClassicalTrustRegion):
-    """The trust region of optimistix, without steps that increase chi squared.
+    """Trust region without steps that increase chi squared.
 
     Because a clipped step has another direction, the linear model may predict an increase for it.
     optimistix would then accept a step with up to 1 % of this increase.
     """
 
+    @override
     def predict_reduction(self, y_diff: jax.Array, f_info: PyTree) -> jax.Array:
         return jnp.minimum(super().predict_reduction(y_diff, f_info), 0.0)
 
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
-    """Return the length of the Gauss-Newton step in standard deviations of the estimates, ().
+    """Return the length of the Gauss-Newton step in standard deviations of the estimates.
 
-    Residuals must be in standard deviations of the noise. The length tells how far a point is from
-    the minimum, relative to the accuracy of the estimates. It is the norm of the projection of the
-    residuals (M,) on the columns of the Jacobian (M, p). Directions that the data don't determine
-    are left out.
+    It tells how far a point is from the minimum, and is the norm of the projection of the residuals
+    on the columns of the Jacobian. Directions that the data don't determine are left out.
     """
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
@@ -179,7 +166,7 @@ _Model = tuple[jax.Array, jax.Array, jax.Array]
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
-    """Return the residuals (M,) of the linear model at coordinates y (p,), in optimistix' form."""
+    """Residuals of the linear model, in optimistix' form."""
     at, residuals, jacobian = model
     return residuals + jacobian @ (y - at), None
 
@@ -188,21 +175,11 @@ def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """Compute one step of the search from the linear model at the latest point.
+    """Compute one step of the search from the linear model at the latest point, which may be worse
+    than the best coordinates `y` so far. `arrays` of the solver's state are ``None`` at first.
 
-    All coordinates are scaled by the column norms of the first Jacobian.
-
-    **Arguments:**
-
-    - `y`: (p,) best coordinates so far.
-    - `arrays`: arrays of the solver's state from the previous step, ``None`` at first.
-    - `model`: latest point, which may be worse than `y`, with residuals and Jacobian there.
-    - `limits`: (p,) largest change of each coordinate.
-    - `tolerance`: `decrement` below which to end. The search also ends if the next step is very
-      short, or after `PATIENCE` rejected steps in succession.
-
-    **Returns:** the best coordinates, the new arrays of the state, whether to end, and the
-    `decrement` at the best point. The state has the next point to evaluate.
+    **Returns:** the best coordinates, the new arrays of the state, which have the next point to
+    evaluate, whether to end, and the `decrement` at the best point.
     """
     # The damping decreases if chi squared has decreased by at least 0.7 times what the linear model
     # predicts. With optimistix' own cutoff of 0.99, it would decrease only after an almost exact
@@ -237,15 +214,8 @@ def search_with_damping(
     """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
     A `KeyboardInterrupt` after the first evaluation ends the search. During the first evaluation it
-    is not caught, because there is no result yet.
-
-    **Arguments:**
-
-    - `evaluate`: function that returns residuals and Jacobian at coordinates (p,).
-    - `start`: (p,) coordinates; `step_limits`: (p,) largest change of each coordinate in one step.
-    - `tolerance`: Gauss-Newton step, in standard deviations of the estimates, below which to end.
-    - `max_iterations`: maximum number of evaluations, 1 or more.
-    - `on_iteration`: function that is called with an `Iteration` after each evaluation.
+    is not caught, because there is no result yet. The search ends when the Gauss-Newton step is
+    below `tolerance`, in standard deviations of the estimates.
 
     **Returns:** the best evaluation, all iterations, and the reason why the search ended. This is
     never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
@@ -292,14 +262,11 @@ def search_with_damping(
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Return an equivalent shorter least-squares problem in scaled coordinates: residuals (p + 1,)
-    and Jacobian (p + 1, p).
+    """Return an equivalent shorter least-squares problem in scaled coordinates.
 
     A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
     squared nor its dependence on the coordinates, and one compiled program serves data of any size.
     Fewer than p + 1 rows are followed by zeros.
-
-    **Arguments:** `misfit`: a run; `scales`: (p,) factors from coordinates to scaled ones.
     """
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))

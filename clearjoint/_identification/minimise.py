@@ -31,19 +31,15 @@ class Minimum:
     """Result of `minimise`: the parameters of the run with the smallest objective.
 
     - `estimates`: value of each parameter by name, SI.
-    - `coordinates`: (p,) the same values as coordinates of the parameters' scales, such as
-      logarithms on a `Log` scale.
-    - `objective`: smallest objective of all runs.
+    - `coordinates`: (p,) the same values on the parameters' scales.
     - `history`: (iterations,) objective of each run; shorter if a run failed or its objective was
       not finite, which ends the search.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
     ...     return outputs["x"][-1]
-    >>> minimum = cj.minimise(
-    ...     scene, state, lowest, {"stiffness": stiffness}, {"x": x}, times, iterations=3
-    ... )
-    >>> minimum.history.shape
+    >>> free = {"stiffness": stiffness}
+    >>> cj.minimise(scene, state, lowest, free, {"x": x}, times, iterations=3).history.shape
     (3,)
     """
 
@@ -74,25 +70,20 @@ def minimise(
 
     **Arguments:**
 
-    - `scene`, `state`: the scene and its initial state at `start_time`, s.
     - `objective`: a function of the outputs by name, each (N,), that returns a finite number and
       that JAX can differentiate.
     - `parameters`: the free parameters by name; the search starts from the `value` of each
-      parameter, or if that is ``None`` from the number in the scene or its initial state.
+      parameter, by default the number in the scene or its initial state.
     - `outputs`: functions of an `Instant` by name, evaluated at `times`.
-    - `times`: (N,) s, which must not decrease. The run ends at the last of them.
-    - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
+    - `times`: (N,) times that do not decrease. The run ends at the last of them.
+    - `settings`: by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
       `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
-    - `iterations`: number of runs. The search ends earlier if a run does not reach all times, or
-      if its objective is not finite.
+    - `iterations`: number of runs. The search ends earlier if a run does not reach all times, or if
+      its objective is not finite.
 
-    **Returns:** a `Minimum`, for the run with the smallest objective.
-
-    **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
-    outputs that the scene doesn't have, for no times, for times that decrease or are before the
-    start, if the last time is not after the start, for `iterations` below 1, for settings with
-    which derivatives can't be computed, and if the first run fails or its objective is not finite.
+    **Raises:** `ValueError` for unsupported arguments, and if the first run fails or its objective
+    is not finite.
 
     >>> def squares(outputs):
     ...     return jnp.sum((outputs["x"] - 0.1 * jnp.cos(12.0 * times)) ** 2)

@@ -1,11 +1,8 @@
 """Residuals, (prediction - measurement) / noise, as functions of the parameters' coordinates.
 
-A coordinate is a parameter's value as transformed by the parameter's scale, such as its logarithm.
-
-A run computes values and all their derivatives together, with error control
-(`clearjoint._simulation.run.sensitivities`). Runs at several coordinates are made one after the
-other. With derivatives, a `jax.vmap` of them would take longer (1.3 times with 8 runs, 3 times with
-50), because the runs wait for each other at each sample, and would take minutes to compile.
+Runs at several coordinates are made one after the other. With derivatives, a `jax.vmap` of them
+would take longer (1.3 times with 8 runs, 3 times with 50), because the runs wait for each other at
+each sample, and would take minutes to compile.
 """
 
 from collections.abc import Mapping
@@ -63,19 +60,10 @@ optimiser rejects the step."""
 class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values.
 
-    `experiment` makes it. All its runs share one compiled program. Some of the parameters may be
-    errors of the sensors, which don't change the scene. A delay, s, is one of them: an unknown
-    shift of the time stamps of some measured series.
-
-    - `scheme`: formulation and integration method.
-    - `family`: scene and initial state as functions of the parameters. Its `values` are not used;
-      `run` takes coordinates.
-    - `outputs`: measured quantity by name; `names` has their order in arrays.
-    - `times`: (T,) s, rising: the times of the samples. The last one is repeated until T is 64,
-      512, 4096 and so on, so that records of similar length share a program.
-    - `sensors`: the errors of sensors among the parameters.
-    - `start_time`: s, start of the runs.
-    - `first_step`: s, length of the first step; `max_steps`: largest number of steps tried.
+    All its runs share one compiled program. Some of the parameters may be errors of the sensors,
+    such as a delay, which don't change the scene. The `values` of `family` are not used: `run`
+    takes coordinates. The last of `times` is repeated until their number is 64, 512, 4096 and so
+    on, so that records of similar length share a program.
     """
 
     scheme: Scheme
@@ -89,34 +77,36 @@ class Experiment(eqx.Module):
     sensors: SensorErrors = NO_ERRORS
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
-        """Run the scene at coordinates (p,) of the parameters.
+        """Run the scene at coordinates (p,) of the parameters, and return readings of the sensors.
 
-        Outputs are readings of the sensors, with their errors. An output with a delay is evaluated
-        at `times` minus this delay, or at the start of the run if this is earlier. With negative
-        delays, the run ends later than `end_time`, by the absolute value of the most negative one.
-
-        **Arguments:** `end_time`: s, time of the last sample to compare.
-
-        **Returns:** a `Sampled`. By name of the output it has `values` (T,) in SI at the T `times`,
-        and `derivatives` (T, p) by the coordinates, a delay's included. Numbers for times after
-        `end_time` are meaningless. Times may also be missed because the run fails early: without
-        delays, `reached` is false there, and the numbers are meaningless; with delays, `reached` is
-        true throughout, and the values of an output are NaN at the times that it misses.
+        An output with a delay is evaluated at `times` minus this delay, or at the start of the run
+        if this is earlier. With negative delays, the run ends later than `end_time`, the time of
+        the last sample to compare. Numbers for later times are meaningless, as where `reached` is
+        false, because the run failed early. With delays, `reached` is true throughout, and outputs
+        are NaN at times that the run misses.
         """
         at, end_time = on_device(coordinates), on_device(end_time)
-        given = self.scheme, self.family.at(at), self.outputs
-        limits = self.first_step, self.max_steps
-        if self.sensors.delays:
-            rising, indices, inside, end = _instants(self, at, end_time)
-            # Every output is evaluated at all of the rising times, whatever its delay.
-            run = sampled(*given, rising, self.start_time, end, *limits)
-            run = _delayed(self, at, rising, indices, inside, run)
-        else:
-            run = sampled(*given, self.times, self.start_time, end_time, *limits)
+        delayed = _instants(self, at, end_time) if self.sensors.delays else None
+        # Every output is evaluated at all of the rising times, whatever its delay.
+        times, end = (self.times, end_time) if delayed is None else (delayed[0], delayed[3])
+        run = sampled(
+            self.scheme,
+            self.family.at(at),
+            self.outputs,
+            times,
+            self.start_time,
+            end,
+            self.first_step,
+            self.max_steps,
+        )
+        if delayed is not None:
+            run = _delayed(self, at, *delayed[:3], run)
         if not self.sensors.of_values:
             return run
-        numbers = run.values, run.derivatives, self.times - self.start_time, at
-        readings, slopes = with_sensor_errors(self.sensors, *numbers)
+        elapsed = self.times - self.start_time
+        readings, slopes = with_sensor_errors(
+            self.sensors, run.values, run.derivatives, elapsed, at
+        )
         return replace(run, values=readings, derivatives=slopes)
 
 
@@ -126,20 +116,10 @@ def _instants(
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     """Compute the times at which to sample a run with D delays, and the end of the run.
 
-    A delayed output is needed at the sample times minus its delay, and slightly before and after
-    these for its rate. A run is sampled at rising times, so the times of all outputs are merged.
-
-    **Arguments:** `runs`: the experiment, with its sample times and delays; `coordinates`: (p,) of
-    the parameters; `end_time`: s, time of the last sample to compare.
-
-    **Returns:**
-
-    - (N,) all N = (1 + 3 D) T times, s, in ascending order; some are equal, such as those that are
-      clipped to the start or the end of the run.
-    - (1 + 3 D, T) indices in the array of all times: a row for the times without delay, then three
-      rows for each delay, for the delayed times and for the times `APART` earlier and later.
-    - (D, T) whether the delayed times are at or after the start of the run.
-    - () end of the run, s.
+    **Returns:** the N = (1 + 3 D) T times in ascending order; their indices (1 + 3 D, T), a row for
+    the times without delay, then for each delay the rows of the delayed times and of times `APART`
+    earlier and later; whether the delayed times (D, T) are at or after the start; and the end of
+    the run.
     """
     delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its last sample.
@@ -169,14 +149,10 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return a copy of a run with outputs (T,) and derivatives (T, p) at the sample times minus the
-    outputs' delays.
+    """Return a copy of a run with outputs and derivatives at the delayed sample times.
 
-    Outputs are NaN at times that the run did not reach, and `reached` is true throughout.
-
-    **Arguments:** `runs`: the experiment, with its delays; `coordinates`: (p,) of the parameters;
-    `rising`, `indices`, `inside`: results of `_instants`; `sampled`: the run's outputs at the
-    `rising` times.
+    `rising`, `indices` and `inside` are those of `_instants`. Outputs are NaN at times that the run
+    did not reach, and `reached` is true throughout.
     """
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
@@ -220,17 +196,11 @@ def experiment(
     start_time: float,
     settings: Settings | None,
 ) -> Experiment:
-    """Return the `Experiment` that runs a scene for any values of its parameters.
+    """Return the `Experiment` that runs a scene for any values of its parameters, by default with
+    the settings `clearjoint.presets.derivatives`.
 
-    **Arguments:** `scene`, `state`, `parameters`, `start_time`, s: as in `identify`; `outputs`:
-    measured quantity by name; `times`: (N,) s, at which to evaluate them; `settings`: by default
-    `clearjoint.presets.derivatives`.
-
-    **Raises:** `ValueError` for an invalid scene or state, for no parameters, for no outputs or
-    outputs that the scene doesn't have, for no times, for times that decrease or are before the
-    start, if the last time is not after the start, for an error of the sensors of an unknown
-    output, for two errors of the same kind of one output, and for settings with which derivatives
-    can't be computed.
+    **Raises:** `ValueError` for no parameters or outputs, and as the checks of scene, times and
+    sensors.
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
@@ -259,14 +229,8 @@ def experiment(
 class Samples(eqx.Module):
     """Samples of S measured series on T common times, as arrays from which residuals are computed.
 
-    The first times are all those at which at least one series has a sample. Further times may
-    follow as padding, to reach the number T; no series has a sample there.
-
-    - `values`: (S, T) in SI, zero where a series has no sample.
-    - `weights`: (S, T) inverse of the noise's standard deviation, zero where a series has no
-      sample.
-    - `periods`: period of each series in SI, such as 2 pi for an angle; ``None`` for a series that
-      is not periodic.
+    `weights` are inverse standard deviations of the noise. `values` and `weights` are zero where a
+    series has no sample, as at the padding in the end. A series without period has ``None``.
     """
 
     values: Float[np.ndarray, "S T"]
@@ -279,19 +243,14 @@ class Samples(eqx.Module):
         return int(np.count_nonzero(self.weights))
 
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
-        """Return a copy in which samples after `end_time`, s, have zero weight.
-
-        **Arguments:** `times`: (T,) s, times of the samples; further times are not used.
-        """
+        """Return a copy in which samples after `end_time` have zero weight."""
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise, (S, T), for predictions (S, T) in SI.
+        """Return (prediction - value) / noise, to the nearest multiple of a series' period.
 
-        For a series with a period, the nearest multiple of the period is subtracted from the
-        difference. A residual is zero where there is no sample, and `UNREACHED` where the
-        prediction is NaN.
+        A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
         """
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
@@ -305,36 +264,25 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return the samples of all series on the common times of `Measurements.times`.
-
-    **Arguments:** `count`: number T of times, at least that of the common times. Further times are
-    padding, as in `Experiment.times`, and have no samples.
-    """
+    """Return the samples of all series on the common times of `Measurements.times`, padded to
+    `count`."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
-    for k, one in enumerate(series):
-        at = np.searchsorted(times, one.times)
-        values[k, at], weights[k, at] = one.values, 1.0 / one.noise
-    return Samples(values, weights, tuple(one.period for one in series))
+    for k, measured in enumerate(series):
+        at = np.searchsorted(times, measured.times)
+        values[k, at], weights[k, at] = measured.values, 1.0 / measured.noise
+    return Samples(values, weights, tuple(measured.period for measured in series))
 
 
 @dataclass(frozen=True)
 class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
-    Residuals and their derivatives are zero where a series has no sample. In a window of a growing
-    record that is not the last one (argument `grow` of `identify`), a prior adds p more residuals,
-    at the end, and their derivatives; M is then S T + p.
-
-    - `coordinates`: (p,) coordinates of the parameters.
-    - `residuals`: (M,) in standard deviations of the noise, series after series; `UNREACHED` at
-      samples that the run misses.
-    - `jacobian`: (M, p) derivatives of the residuals by the coordinates; zero at samples that the
-      run misses.
+    - `residuals`: (M,) series after series, zero where a series has no sample; `UNREACHED` at
+      samples that the run misses, where the `jacobian` is zero. In a window of a growing record
+      that is not the last one, a prior adds p more.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
-    - `result`: `RESULTS` code of the run.
-    - `time`: s, end of the run; `attempts`: number of steps tried.
     """
 
     coordinates: Float[np.ndarray, " p"]
@@ -352,19 +300,14 @@ class RunMisfit:
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates, (p, p), for residuals of unit variance."""
+        """Covariance of the coordinates for residuals of unit variance."""
         return covariance(self.jacobian)
 
 
 def run_misfit(
     runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
 ) -> RunMisfit:
-    """Run the scene once and return its residuals and their Jacobian.
-
-    **Arguments:** `runs`: the scene to run; `data`: the samples to compare, at the times of `runs`
-    and with series in the order of `runs.names`; `end_time`: s, time of the last of them;
-    `coordinates`: (p,) of the parameters.
-    """
+    """Run the scene once and return its residuals and their Jacobian."""
     run = runs.run(coordinates, end_time)
     residuals, jacobian = map(np.asarray, _weighted(runs, run, data))
     predicted = np.stack([np.asarray(run.values[name]) for name in runs.names])
@@ -381,17 +324,10 @@ def run_misfit(
 
 @Compiled
 def _weighted(runs: Experiment, run: Sampled, data: Samples) -> tuple[jax.Array, jax.Array]:
-    """Return residuals (M,) and their Jacobian (M, p) by the coordinates.
-
-    At a sample that the run did not reach, the residual is `UNREACHED` and its derivatives zero.
-
-    **Arguments:** `run`: values and derivatives of the outputs, from `runs.run`; `data`: the
-    samples to compare.
-    """
     values = jnp.stack([run.values[name] for name in runs.names])
     derivatives = jnp.stack([run.derivatives[name] for name in runs.names])
-    fine = run.reached & jnp.isfinite(values)
-    derivatives = jnp.where(fine[..., None], derivatives, 0.0)
+    usable = run.reached & jnp.isfinite(values)
+    derivatives = jnp.where(usable[..., None], derivatives, 0.0)
     jacobian = derivatives * data.weights[..., None]
-    residuals = data.residuals(jnp.where(fine, values, jnp.nan))
+    residuals = data.residuals(jnp.where(usable, values, jnp.nan))
     return residuals.ravel(), jacobian.reshape(-1, jacobian.shape[-1])

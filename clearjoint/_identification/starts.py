@@ -26,18 +26,17 @@ Guess = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Starts:
-    """A guess and random starts around it, for a fit that searches from several starts.
+    """Guess and random starts around it, for a fit that searches from several starts.
 
-    A start is a point in the coordinates of the parameters: their values on their scales.
+    Starts are uniformly distributed in a box around the guess, in the coordinates of the
+    parameters: their values on their scales.
 
     **Arguments:**
 
     - `number`: number of starts, including the guess.
-    - `spread`: largest distance of a start from the guess in each coordinate (on a `Log` scale, 1
-      is a factor of e in both directions); one number, or a dictionary by name of the parameter, in
-      which missing parameters have distance 0. Starts are uniformly distributed within this
-      distance.
-    - `seed`: seed of the random numbers.
+    - `spread`: half the width of the box in each coordinate (on a `Log` scale, 1 is a factor of e
+      in both directions): one number, or a dictionary by name of the parameter, in which missing
+      parameters have width 0.
 
     **Raises:** `ValueError` for a `number` that is not a positive integer, and for a `spread` that
     is negative or not finite.
@@ -60,9 +59,7 @@ class Starts:
     def around(
         self, first: Float[np.ndarray, " p"], names: Sequence[str]
     ) -> Float[np.ndarray, "{self.number} p"]:
-        """Return the coordinates of all starts, (number, p); the first row is `first`.
-
-        **Arguments:** `first`: (p,) coordinates of the guess; `names`: names of the p parameters.
+        """Return the coordinates of all starts; the first row is `first`.
 
         **Raises:** `ValueError` for a name in `spread` that is not in `names`.
         """
@@ -76,15 +73,7 @@ def half_widths(
 ) -> Float[np.ndarray, " p"]:
     """Return half the width of the box in which random points are drawn, for each parameter.
 
-    The points are starts of a fit, or points of a screening or a posterior.
-
-    **Arguments:** `spread`: half the width, in the coordinates of the scales: one number for all
-    parameters, or a dictionary by name, in which missing parameters have zero; `names`: names of
-    the p parameters.
-
-    **Returns:** (p,), in the order of `names`.
-
-    **Raises:** `ValueError` for a name that is not in `names`.
+    **Raises:** `ValueError` for a name in `spread` that is not in `names`.
     """
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
@@ -99,28 +88,22 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Return the coordinates of all starts on the parameters' scales, (S, p).
-
-    The rows are the guesses in their order, then the random starts around the first guess.
-
-    **Arguments:** `guess`: a guess, or several; ``None`` is a guess without any parameter. A
-    parameter that a guess lacks starts at its `Parameter.value`, by default the number in the scene
-    or state. `starts`: ``None`` for no random starts.
+    """Return the coordinates of all starts: the guesses in their order, then the random starts.
 
     **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, the name
-    of an unknown parameter in a guess or in the `spread` of `starts`, and a value that is outside
-    the range of its scale or that the scene's elements refuse.
+    of an unknown parameter, and a value that is outside the range of its scale or that the scene's
+    elements refuse.
     """
     names = tuple(parameters)
     several = isinstance(guess, Sequence)
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
     require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
     rows = []
-    for one in guesses:
+    for values in guesses:
         remedy = "pass {parameter: value}, or a list of these"
-        require_type("guess", one, Mapping, "values by name", remedy)
-        _require_known("guess", one, names)
-        rows.append([_coordinate(scene, state, p, one, name) for name, p in parameters.items()])
+        require_type("guess", values, Mapping, "values by name", remedy)
+        _require_known("guess", values, names)
+        rows.append([_coordinate(scene, state, p, values, name) for name, p in parameters.items()])
     guessed = np.array(rows)
     if starts is None:
         return guessed
@@ -129,11 +112,6 @@ def start_coordinates(
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
-    """Return the coordinate of the parameter `name`: that of its value in `guess`, or, if it is not
-    in `guess`, that of its `Parameter.value` or its number in the scene or state.
-
-    **Raises:** `ValueError`, with the name, for a value that the scale or the scene doesn't allow.
-    """
     with errors_about(f"Parameter {name!r}"):
         if name not in guess:
             return parameter.coordinate_in(scene, state)

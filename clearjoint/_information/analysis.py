@@ -1,8 +1,6 @@
 """Identifiability of parameters from planned sensors, by Cramér-Rao bounds.
 
-The bounds follow from the sensitivities of the sensors' outputs: the derivatives of the outputs by
-the parameters' coordinates. The study `studies.identifiability` compares the bounds with those
-of a reference solver.
+The study `studies.identifiability` compares the bounds with those of a reference solver.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +32,7 @@ class Sensor:
 
     - `channels`: a measured quantity, or a list or tuple of them. A quantity is a scalar function
       of an `Instant`, the motion at one time, such as those of `clearjoint.quantities`.
-    - `times`: (N,) s, strictly rising.
+    - `times`: (N,) strictly rising times.
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
 
@@ -60,11 +58,11 @@ class Sensor:
             require_quantity("channels", channel)
         row = np.asarray(strictly_rising_times(times, "times"))
         deviation = np.asarray(as_number(noise, "noise"))
-        fine, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
-        require(fine, "noise", deviation.shape, expected, "pass one for each time")
-        fine = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
+        fits, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
+        require(fits, "noise", deviation.shape, expected, "pass one for each time")
+        positive = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
         remedy = "give the standard deviation of the samples"
-        require(fine, "noise", deviation, "finite and positive", remedy)
+        require(positive, "noise", deviation, "finite and positive", remedy)
         # The class is frozen, so its fields are set by `object`.
         object.__setattr__(self, "channels", several)
         object.__setattr__(self, "times", row)
@@ -76,9 +74,7 @@ Sensors = Mapping[str, Sensor | Series] | Measurements
 
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
-    """Return sensors by name, from a dictionary of `Sensor` or `Series`, or from `Measurements`.
-
-    A series becomes a sensor with its channel, times and noise; its values are not used.
+    """Return sensors by name; a series becomes a sensor with its channel, times and noise.
 
     **Raises:** `ValueError` for other types, an empty dictionary, names that are empty or not
     strings, and for a channel of an element that the scene lacks.
@@ -89,8 +85,8 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
     require(filled, "sensors", sensors, "a dictionary with at least one sensor", remedy)
     require_types("sensors", by_name, Sensor | Series, "a Sensor or a Series", remedy)
     sensor_by_name = {
-        name: one if isinstance(one, Sensor) else Sensor(one.channel, one.times, one.noise)
-        for name, one in by_name.items()
+        name: s if isinstance(s, Sensor) else Sensor(s.channel, s.times, s.noise)
+        for name, s in by_name.items()
     }
     for name, sensor in sensor_by_name.items():
         for channel in sensor.channels:
@@ -117,7 +113,7 @@ def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
 
 
 def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
-    """Return the times at which any sensor has a sample, (N,) s, rising, each time once."""
+    """Return the times at which any sensor has a sample, rising, each time once."""
     return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))
 
 
@@ -128,19 +124,16 @@ ACCURACY_OF_DERIVATIVES = 1e3
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Accuracy with which data from sensors can determine parameters.
+    """Accuracy with which data from sensors can determine p parameters.
 
     Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
     normal noise that is so small that outputs are linear in the parameters over changes of the size
     of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
     parameter's value on its scale, such as the logarithm of the value.
 
-    - `names`: names of the p parameters, in the order of all arrays.
-    - `scales`: scale of each parameter.
-    - `coordinates`: (p,) coordinates at which the run was computed.
-    - `sensors`: (M,) name of the sensor of each sample, for the M samples of all channels.
-    - `sample_times`: (M,) s, time of each sample, in order of time. Samples of several channels may
-      have equal times.
+    - `names`, `scales`, `coordinates`: of the parameters, in the order of all arrays.
+    - `sensors`, `sample_times`: (M,) name of the sensor and time of each sample, in order of time,
+      for the M samples of all channels.
     - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
     - `accuracy`: relative error of the derivatives. Combinations of parameters with a smaller
       relative effect count as undetermined.
@@ -161,34 +154,27 @@ class Identifiability:
     accuracy: float
 
     def of(self, *sensors: str) -> "Identifiability":
-        """Return the identifiability from the samples of the named sensors only.
-
-        **Raises:** `ValueError` for an unknown name, and without names.
-        """
-        known = sorted(set(self.sensors.tolist()))
+        """Return the identifiability from the samples of the named sensors only."""
+        available = sorted(set(self.sensors.tolist()))
         for name in sensors:
-            require(name in known, "sensors", name, f"among {known}", "correct the name")
+            require(name in available, "sensors", name, f"among {available}", "correct the name")
         require(len(sensors) > 0, "sensors", sensors, "at least one name", "name the sensors")
         return self._where(np.isin(self.sensors, sensors))
 
     def until(self, time: float) -> "Identifiability":
-        """Return the identifiability from the samples up to `time`, s, only.
-
-        **Raises:** `ValueError` if there are no samples up to this time.
-        """
+        """Return the identifiability from the samples up to `time` only."""
         early, first = self.sample_times <= time, float(self.times[0])
         expected = f"{first} s or later, the first sample"
         require(bool(early.any()), "time", time, expected, "raise it")
         return self._where(early)
 
     def _where(self, chosen: Bool[np.ndarray, " M"]) -> "Identifiability":
-        """Return the identifiability from the samples for which `chosen`, (M,), is true."""
         sensors, times = self.sensors[chosen], self.sample_times[chosen]
         return replace(self, sensors=sensors, sample_times=times, rows=self.rows[chosen])
 
     @property
     def times(self) -> Float[np.ndarray, " N"]:
-        """Times at which any sensor has a sample, (N,) s, rising, each once."""
+        """Times at which any sensor has a sample, (N,), rising, each once."""
         return np.unique(self.sample_times)
 
     @property
@@ -212,17 +198,15 @@ class Identifiability:
 
     @property
     def deviations_alone(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations of the coordinates, (p,), if all other parameters are known.
-
-        They are infinite for parameters without effect on the data.
-        """
+        """Standard deviations of the coordinates, (p,), if all other parameters are known; infinite
+        for parameters without effect on the data."""
         # The diagonal of F = R^T R holds the squared norms of the columns of the root R.
         with np.errstate(divide="ignore"):
             return 1.0 / np.linalg.norm(self.root, axis=0)
 
     @property
     def labels(self) -> list[str]:
-        """Label of each parameter's coordinate as text, such as "log K"."""
+        """Label of each parameter's coordinate, such as "log K"."""
         return [scale.label(name) for scale, name in zip(self.scales, self.names, strict=True)]
 
     @property
@@ -244,10 +228,10 @@ class Identifiability:
 
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
-        """Standard deviation of each coordinate, (p,), above which it is not identifiable.
+        """Standard deviation of each coordinate, (p,), above which an estimate carries no
+        information.
 
-        An estimate with a larger one carries no information. The scale determines the limit by
-        `AbstractScale.uninformative_std`: on a `Log` scale it is 1, a factor of e in the value.
+        It is `AbstractScale.uninformative_std`: on a `Log` scale 1, a factor of e in the value.
         """
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
@@ -255,8 +239,8 @@ class Identifiability:
     @property
     def identifiable(self) -> dict[str, bool]:
         """Whether the standard deviation of each parameter is within its limit, by name."""
-        fine = self.deviations <= self.limits
-        return dict(zip(self.names, fine.tolist(), strict=True))
+        within = self.deviations <= self.limits
+        return dict(zip(self.names, within.tolist(), strict=True))
 
     @property
     def rank(self) -> int:
@@ -275,11 +259,8 @@ class Identifiability:
 
     @property
     def correlation(self) -> Float[np.ndarray, "p p"]:
-        """Correlation of the estimated coordinates, (p, p).
-
-        Correlations of a parameter that the data don't determine, whose standard deviation is
-        infinite, are NaN.
-        """
+        """Correlation of the estimated coordinates, (p, p); NaN for a parameter that the data don't
+        determine."""
         return information.correlation_together(self.root, self.accuracy)
 
     @property
@@ -288,11 +269,8 @@ class Identifiability:
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """Return standard deviations of the coordinates, (N, p), for records up to each of `times`.
-
-        All parameters are estimated together. Deviations are infinite for parameters that the
-        record so far doesn't determine.
-        """
+        """Return standard deviations of the coordinates, (N, p), for records up to each of
+        `times`."""
         # The root of the rows so far, together with the new rows, has the same information as all
         # these rows, so that each row enters only one decomposition.
         root, roots, start = np.zeros((len(self.names),) * 2), [], 0
@@ -303,7 +281,6 @@ class Identifiability:
         return information.deviations_together(np.array(roots), self.accuracy)
 
     def __str__(self) -> str:
-        """Return tables of standard deviations, correlations and combinations, as text."""
         sensors, times = ", ".join(dict.fromkeys(self.sensors.tolist())), self.times
         head = (
             f"Smallest standard deviations that data can reach: {sensors}; {len(times)} times from "
@@ -312,37 +289,30 @@ class Identifiability:
         return "\n".join([head, "", *self._bounds(), "", *self._combination_lines()])
 
     def _bounds(self) -> list[str]:
-        """Return the lines of a table with a row for each parameter.
-
-        The columns are its value; the bound of its standard deviation if it is estimated together
-        with the others, as a number and as a share of the value, or "not identifiable"; the bound
-        if it is estimated alone; and its correlations r.
-        """
         rows: list[tuple[str, ...]] = [
             ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
         ]
         together, alone = self.value_deviations, self.slopes * self.deviations_alone
-        for k, (name, fine) in enumerate(self.identifiable.items()):
+        for k, (name, is_identifiable) in enumerate(self.identifiable.items()):
             value = self.values[k]
             share = percent(together[k] / abs(value)) if value != 0.0 else "-"
-            bounds = (number(together[k]), share) if fine else ("not identifiable", "-")
+            bounds = (number(together[k]), share) if is_identifiable else ("not identifiable", "-")
             correlations = [number(c, 3) for c in self.correlation[k]]
             rows.append((name, f"{value:.5g}", *bounds, number(alone[k]), *correlations))
         return aligned(rows)
 
     def _combination_lines(self) -> list[str]:
-        """Return the lines of a table of the combinations of parameters with their standard
-        deviations, then a line for each parameter that is not identifiable."""
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
-        for one in self.combinations:
+        for combination in self.combinations:
             # The limit is that of the parameter whose weight has the largest magnitude, which is 1.
-            determined = one.standard_deviation <= self.limits[np.abs(one.weights).argmax()]
-            deviation = number(one.standard_deviation)
-            rows.append((one.described(labels), deviation, "" if determined else "not determined"))
+            deviation = combination.standard_deviation
+            determined = deviation <= self.limits[np.abs(combination.weights).argmax()]
+            note = "" if determined else "not determined"
+            rows.append((combination.described(labels), number(deviation), note))
         lines = aligned(rows)
-        for k, (name, fine) in enumerate(self.identifiable.items()):
-            if not fine:
+        for k, (name, is_identifiable) in enumerate(self.identifiable.items()):
+            if not is_identifiable:
                 deviation, limit = self.deviations[k], self.limits[k]
                 size = f"{deviation:.2g}" if np.isfinite(deviation) else "infinite"
                 lines.append(
@@ -365,14 +335,11 @@ def identifiability(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s: as in `simulate`.
     - `parameters`: parameters by name. The run is computed at their values, which are those of
       `scene` and `state` unless a `Parameter` has a `value` of its own.
     - `sensors`: sensors (`Sensor`) by name, each with its times; or measured `Series` by name, or
       `Measurements`, whose values are not used.
-    - `settings`: settings of the integration; by default `clearjoint.presets.derivatives`.
-
-    **Returns:** an `Identifiability`, with the smallest standard deviations that data can reach.
+    - `settings`: by default `clearjoint.presets.derivatives`.
 
     **Raises:** `ValueError` for unsupported arguments, such as settings with a `controller` instead
     of tolerances; `SimulationError` if the run fails.
@@ -386,8 +353,10 @@ def identifiability(
     settings.require_tolerances("the accuracy of derivatives depends on them")
     by_name = as_sensors(sensors, scene)
     times = times_of(by_name)
-    given = parameters, outputs_of(by_name), times, settings
-    run = sensitivities(scene, state, float(times[-1]), *given, start_time=start_time)
+    outputs, end_time = outputs_of(by_name), float(times[-1])
+    run = sensitivities(
+        scene, state, end_time, parameters, outputs, times, settings, start_time=start_time
+    )
     coordinates = coordinates_of(scene, state, parameters)
     return identifiability_from(run, parameters, coordinates, by_name, settings)
 
@@ -399,19 +368,10 @@ def identifiability_from(
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:
-    """Return the `Identifiability` of parameters from the derivatives of a run.
+    """Return the `Identifiability` of p parameters from a run with the sensors' outputs at all
+    their times.
 
-    `identifiability` calls it. So does `fit_horizon`, which computes how long a record a fit can
-    use, and has made a run with derivatives already.
-
-    **Arguments:**
-
-    - `run`: run with the sensors' outputs at all their times. The first p columns of its
-      derivatives are by the parameters' coordinates; others are not used.
-    - `parameters`: the p parameters by name.
-    - `coordinates`: (p,) coordinates of the parameters in that run.
-    - `sensors`: the sensors by name.
-    - `settings`: settings of the run; `rtol` determines the accuracy of the derivatives.
+    The first p columns of its derivatives are by the parameters' coordinates; others are not used.
     """
     p, names, times, rows = len(coordinates), [], [], []
     for name, sensor in sensors.items():

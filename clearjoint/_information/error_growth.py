@@ -1,9 +1,8 @@
 """Growth of small differences between motions, measured by displacements of points of the bodies.
 
 A difference is the derivative of the motion by a parameter, such as a perturbation of the initial
-velocity. Four points of each body are used: its centre of mass, and a point on each body axis at
-the radius of gyration, the root mean square distance of the body's mass from that centre. The size
-of a difference is the root mean square displacement of all points, m, per unit of the parameter.
+velocity. Its size is the root mean square displacement of four points of each body: the centre of
+mass, and a point on each body axis at the radius of gyration.
 """
 
 from collections.abc import Mapping
@@ -37,8 +36,6 @@ class _Push:
     Every body gets the same additional velocity, of this size, and an additional spin that moves
     points at its radius of gyration with the same speed. Components of the perturbation that ideal
     joints forbid are dropped, but joints that close a loop are not taken into account.
-
-    - `radii`: pairs of a body's name and its radius of gyration, m.
     """
 
     radii: tuple[tuple[str, float], ...]
@@ -66,11 +63,7 @@ def disturbance(scene: Scene) -> Parameter:
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the global coordinates of four points of each body, m, as quantities by name.
-
-    The points are the body's centre of mass, and a point on each body axis at the distance of the
-    radius of gyration from the centre.
-    """
+    """Return the global coordinates of four points of each body as quantities by name."""
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
@@ -81,7 +74,7 @@ def points(scene: Scene) -> dict[str, Quantity]:
 
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
-    """Return the penetrations of all contacts, m, as quantities by name."""
+    """Return the penetrations of all contacts as quantities by name."""
     return {
         f"penetration of {joint}: {contact}": Penetration(joint, contact)
         for joint, laws in scene.laws().items()
@@ -90,25 +83,18 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return the root mean square displacement of all points, (T, p) m, at T times, per unit of
-    each of p parameters.
-
-    **Arguments:** `derivatives`: by name, derivatives (T, p) of quantities by the parameters;
-    `names`: the quantities returned by `points`, whose names select the derivatives.
-    """
+    """Return the root mean square displacement of the quantities of `points`, (T, p), per unit of
+    each of p parameters, from derivatives of quantities by name."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the rate of exponential growth of displacements, 1/s.
+    """Return the rate of exponential growth of displacements from the time `since` on, 1/s.
 
-    The rate is the slope of a straight line that is fitted to the logarithms of the displacements.
-    It is NaN for fewer than two positive displacements from `since` on.
-
-    **Arguments:** `times`: (T,) s; `size`: (T,) m, displacements at these times; `since`: s, time
-    from which on they are used.
+    It is the slope of a straight line that is fitted to their logarithms, and NaN for fewer than
+    two positive displacements.
     """
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
@@ -117,10 +103,7 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
-    """Return the radius of gyration of each body, m, by name.
-
-    It is the root mean square distance of the body's mass from the centre of mass.
-    """
+    """Return the root mean square distance of each body's mass from its centre of mass, by name."""
     # The trace of the inertia is twice the integral of the squared distance over the mass.
     radii = {}
     for name, body in scene.bodies.items():

@@ -1,12 +1,11 @@
-"""Fisher information of independent samples with normal noise about parameters.
+"""Fisher information of independent samples with normal noise about p parameters.
 
-For p parameters the information is F = J^T J, with the derivatives J (N, p) of N samples, divided
-by the standard deviations of their noise. The inverse of F bounds the covariance of every unbiased
-estimate (Cramér and Rao), and it is the covariance of least squares for small noise. Computing F
-would lose half of the digits, and with them combinations that the data hardly determine. Most
-functions here therefore take a root R (p, p) with R^T R = F, which follows from a QR decomposition
-of J. An argument `roots` may be a stack (..., r, p) of roots, each with any number r >= p of rows.
-Parameters are given by coordinates, their values on scales such as a logarithm.
+The information is F = J^T J, with the derivatives J (N, p) of N samples, divided by the standard
+deviations of their noise. The inverse of F bounds the covariance of every unbiased estimate (Cramér
+and Rao), and it is the covariance of least squares for small noise. Computing F would lose half of
+the digits, and with them combinations that the data hardly determine. Most functions here therefore
+take a root R (p, p) with R^T R = F, or a stack of roots, each with any number r >= p of rows.
+`accuracy` is the relative error of the derivatives.
 """
 
 from collections.abc import Sequence
@@ -21,15 +20,12 @@ SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
 their variance."""
 LEAST_SINGULAR_VALUE = 1e-12
 """Smallest singular value of derivatives relative to the largest, with columns scaled to unit
-length, in `covariance` and `floored`. Smaller ones are raised to this value, so that the variance
-of an undetermined combination of parameters stays finite."""
+length. Smaller ones are raised to this value, so that the variance of an undetermined combination
+of parameters stays finite."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return a root R (p, p) of the information, with R^T R = J^T J.
-
-    **Arguments:** `rows`: derivatives J (N, p).
-    """
+    """Return a root of the information, by a QR decomposition."""
     # With p rows of zeros, the root has p rows also if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
@@ -38,15 +34,12 @@ def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 def deviations_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T p"]:
-    """Return lower bounds (..., p) of the parameters' standard deviations if all are estimated.
+    """Return lower bounds of the parameters' standard deviations if all are estimated.
 
     A combination of parameters is undetermined if its singular value is at most `accuracy` times
     the largest one, with the columns of the root scaled to unit length. The bound is infinite for a
     parameter whose component in the right singular vector of such a combination has a magnitude
     above the square root of `accuracy`.
-
-    **Arguments:** `roots`: roots (..., r, p) of the information; `accuracy`: relative error of the
-    derivatives.
     """
     return np.linalg.norm(_parts_together(roots, accuracy), axis=-2)
 
@@ -54,11 +47,9 @@ def deviations_together(
 def correlation_together(
     root: Float[np.ndarray, "p p"], accuracy: float
 ) -> Float[np.ndarray, "p p"]:
-    """Return the correlations (p, p) of the parameters' estimates if all are estimated.
+    """Return the correlations of the parameters' estimates if all are estimated.
 
     Those of a parameter with an infinite bound in `deviations_together` are NaN.
-
-    **Arguments:** `root`: root (p, p) of the information; `accuracy`: as for `deviations_together`.
     """
     parts = _parts_together(root, accuracy)
     half = np.where(np.isinf(parts).any(axis=0), np.nan, parts)
@@ -68,12 +59,8 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Return the contributions (..., k, p) of k = min(r, p) singular directions to the bounds.
-
-    The bound of a parameter in `deviations_together` is the norm of its k contributions.
-
-    **Arguments:** as for `deviations_together`.
-    """
+    """Contributions of singular directions to the bounds, whose norm is that of
+    `deviations_together`."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -87,19 +74,14 @@ def _parts_together(
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
-    """Return the number (...) of independent combinations of parameters that the data determine.
-
-    **Arguments:** as for `deviations_together`.
-    """
+    """Return the number of independent combinations of parameters that the data determine."""
     return (~_negligible(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
-    """Return the condition number (...) of the derivatives J with columns of unit length.
+    """Return the condition number of the derivatives J with columns of unit length.
 
-    If it is large, the data hardly determine some combination of the parameters. It is infinite
-    (with rounding errors, very large) for a singular J, and NaN if J is zero. The condition number
-    of F with its diagonal scaled to one is the square of this number.
+    It is infinite (with rounding errors, very large) for a singular J, and NaN if J is zero.
     """
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -107,11 +89,9 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 
 
 def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance (p, p) of estimates of the parameters, the inverse of F.
+    """Return the covariance of estimates of the parameters, the inverse of F, from J or a root.
 
     Variances of combinations that the data don't determine are large but finite.
-
-    **Arguments:** `rows`: derivatives (N, p), or a root (p, p).
     """
     lengths, values, directions = floored(rows)
     half = (directions / values[:, None]) / lengths
@@ -123,9 +103,8 @@ def floored(
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
     """Return the result of `_equilibrated` without numbers that are zero or negligible.
 
-    The largest singular value is at least 1, unless all columns are zero. If they are, the lower
-    limit of singular values is relative to 1. A column of zeros gets the length
-    `LEAST_SINGULAR_VALUE` times that of the longest column, or times 1 if all are shorter than 1.
+    Norms and singular values are at least `LEAST_SINGULAR_VALUE` times the largest, or times 1 if
+    that is larger.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
@@ -134,7 +113,7 @@ def floored(
 
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return the correlations (p, p) of estimates from their covariance (p, p).
+    """Return the correlations of estimates from their covariance.
 
     Correlations with an estimate of zero variance are NaN; those with an estimate of infinite
     variance are zero or NaN.
@@ -148,11 +127,10 @@ def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p
 class Combination:
     """A weighted sum of the parameters' coordinates.
 
-    - `weights`: (p,), scaled so that the largest absolute value is 1.
-    - `standard_deviation`: lower bound of the sum's standard deviation; infinite if the data don't
-      determine the sum.
-    - `shares`: (p,) share of each parameter's variance that the uncertainty of this sum causes. If
-      the data don't determine the sum, they are NaN or infinite; otherwise, a parameter of infinite
+    - `weights`: scaled so that the largest absolute value is 1.
+    - `standard_deviation`: infinite if the data don't determine the sum.
+    - `shares`: share of each parameter's variance that the uncertainty of this sum causes. If the
+      data don't determine the sum, they are NaN or infinite; otherwise, a parameter of infinite
       variance has the share zero.
     """
 
@@ -161,11 +139,9 @@ class Combination:
     shares: Float[np.ndarray, " p"]
 
     def described(self, names: Sequence[str]) -> str:
-        """Return the sum as text, such as "log K + 2 log c", without negligible terms.
+        """Return the sum, such as "log K + 2 log c", without negligible terms.
 
         All signs are reversed if the weight of largest absolute value is negative.
-
-        **Arguments:** `names`: labels of the p coordinates.
         """
         order = np.argsort(-np.abs(self.weights), kind="stable")
         signed = self.weights * np.sign(self.weights[order[0]])
@@ -185,9 +161,6 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 
     They are the eigenvectors of the information. The last ones are the simultaneous changes of
     several parameters that the data determine least or not at all.
-
-    **Arguments:** `root`: root (p, p) of the information; `accuracy`: relative error of the
-    derivatives.
     """
     # The columns are not scaled here, because combinations are in the parameters' coordinates. A
     # small singular value means missing information only if scaled columns are deficient too.
@@ -208,12 +181,8 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 def _equilibrated(
     roots: Float[np.ndarray, "*T r p"],
 ) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
-    """Return the norms of the columns of roots (..., r, p), and a singular value decomposition of
-    the roots with their columns scaled to unit length.
-
-    **Returns:** norms (..., p), singular values (..., k), the largest first, and right singular
-    vectors (..., k, p), for k = min(r, p).
-    """
+    """Norms of the columns of roots, and singular values, the largest first, and right singular
+    vectors of the roots with columns of unit length."""
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
     _, values, directions = np.linalg.svd(scaled, full_matrices=False)
@@ -221,11 +190,5 @@ def _equilibrated(
 
 
 def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Return whether singular values are negligible, (..., k).
-
-    The data don't determine a combination of parameters whose singular value is negligible.
-
-    **Arguments:** `values`: (..., k) singular values, the largest first; `accuracy`: relative error
-    of the derivatives.
-    """
+    """Whether the data don't determine the combination of a singular value."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

@@ -1,19 +1,15 @@
 """Longest record that a fit by a single run can use.
 
-Such a fit compares all samples with one run from the initial state, and searches for the parameters
-for which they agree. Small differences grow from impact to impact. This growth increases the effect
-of parameters on the data, but it limits a fit in two ways. First, from some length of the record
-on, the run of a wrong guess has another sequence of impacts than the data, and the fit may end in
-wrong parameters. Second, integration errors grow until the computed run differs from the true
-motion for the same parameters.
+Small differences grow from impact to impact. From some length of the record on, the run of a wrong
+guess has another sequence of impacts than the data, and the fit may end in wrong parameters; and
+integration errors grow until the computed run differs from the true motion.
 
-The first limit is found by a test of whether a fit can descend from a wrong guess to the truth. The
-path of the fit is assumed to be the straight line from the guess to the truth, in the parameters'
-coordinates. If the misfit of the outputs rises somewhere along this line towards the truth, a local
-minimum or a ridge may stop the fit. The slope of the misfit along the path is r^T J d, with the
-residuals r and their derivatives J at a point of the path, and the direction d from the truth to
-the guess. It is a sum over samples, so its cumulative sums are the slopes for records of every
-length.
+The first limit is found by a test of whether a fit can descend from a wrong guess to the truth,
+along the straight line between them in the parameters' coordinates. If the misfit rises somewhere
+along this line towards the truth, a local minimum or a ridge may stop the fit. The slope of the
+misfit is r^T J d, with the residuals r and their derivatives J at a point of the line, and the
+direction d from the truth to the guess. It is a sum over samples, so its cumulative sums are the
+slopes for records of every length.
 """
 
 import itertools
@@ -46,9 +42,8 @@ from .analysis import (
 )
 
 LOOSER = 10.0
-"""Ratio of the tolerance of a second run to that of the main run. The difference between the two
-runs estimates the error of the main run. A second run with a smaller tolerance than the main run
-might be dominated by rounding errors."""
+"""Ratio of the tolerance of a second run to that of the main run, whose error the difference
+estimates. A second run with a smaller tolerance might be dominated by rounding errors."""
 PATH_POINTS = 4
 """Number of points between the truth and a wrong guess, including the guess, at which the slope of
 the misfit is computed."""
@@ -58,19 +53,19 @@ ALL_CORNERS = 3
 """Largest number of parameters for which guesses with all parameters wrong are tested in every
 combination of signs, up to eight; for more parameters, eight random combinations are tested."""
 FLAT = 1e-6
-"""Magnitude of the cosine of the angle between the residuals and their derivatives along a path,
-below which the misfit counts as constant along the path. Where the path has no effect on the data,
-the cosine is not exactly zero, because of rounding and integration errors."""
+"""Cosine of the angle between the residuals and their derivatives along a path, below which the
+misfit counts as constant. Without effect, it is not exactly zero, because of rounding and
+integration errors."""
 
 
 @dataclass(frozen=True)
 class WrongGuess:
     """A wrong guess, and the records for which a fit from it may not find the truth.
 
-    - `offsets`: (p,) coordinates of the guess minus those of the truth.
-    - `blocked`: (T,) whether the misfit rises somewhere on the path to the truth, for the record
-      that ends at each of the T times of samples.
-    - `since`: s, end of the shortest blocked record; infinite if there is none.
+    - `offsets`: coordinates of the guess minus those of the truth.
+    - `blocked`: whether the misfit rises somewhere on the path to the truth, for the record that
+      ends at each of the T times of samples; `since` is the end of the shortest such record, or
+      infinite.
     """
 
     offsets: Float[np.ndarray, " p"]
@@ -85,7 +80,7 @@ class FitHorizon:
     Such a fit compares all samples with one run from the initial state. A coordinate is a
     parameter's value on its scale, such as the logarithm of the value.
 
-    - `times`: (T,) s, times of the samples.
+    - `times`: (T,) times of the samples.
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
       parameter's coordinate. The last column is for a perturbation of the initial velocity, per
       m/s.
@@ -95,7 +90,7 @@ class FitHorizon:
       outputs. It is the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
       each time, the largest of all parameters.
-    - `numerical`: s, first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
+    - `numerical`: first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
     - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
       may fail.
     - `information`: smallest standard deviations of the parameters that the data allow, also for
@@ -104,14 +99,9 @@ class FitHorizon:
     `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
     the record.
 
-    >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.fit_horizon(
-    ...     scene,
-    ...     state,
-    ...     {"stiffness": stiffness},
-    ...     {"probe": probe},
-    ...     uncertainty={"stiffness": np.log(1.5)},
-    ... )
+    >>> sensors, errors = {"probe": cj.Sensor(x, times, noise=1e-4)}, {"stiffness": np.log(1.5)}
+    >>> free = {"stiffness": stiffness}
+    >>> limits = cj.fit_horizon(scene, state, free, sensors, uncertainty=errors)
     >>> limits.growth.shape
     (30, 2)
     """
@@ -127,28 +117,19 @@ class FitHorizon:
 
     @property
     def convergence(self) -> float:
-        """End of the shortest record, s, for which a fit from one of the guesses may fail.
-
-        Infinite if fits from all guesses converge for every record.
-        """
+        """End of the shortest record for which a fit from one of the guesses may fail."""
         return min(guess.since for guess in self.guesses)
 
     @property
     def single_shot(self) -> float:
-        """Time, s, at which a record becomes too long for a fit by a single run.
-
-        The smaller one of `numerical` and `convergence`; infinite if the whole record can be used.
-        """
+        """Time at which a record becomes too long for a fit by a single run, the smaller one of
+        `numerical` and `convergence`."""
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
-        """Warn, with a `UserWarning`, if a record ends at `single_shot` or later.
+        """Warn, with a `UserWarning`, if a record's last sample is at `single_shot` or later.
 
-        The warning names each limit that the record reaches, in ms. It suggests fitting first a
-        part of the record that ends before the smaller limit, and then longer parts (`grow` of
-        `identify`).
-
-        **Arguments:** `time`: s, time of the record's last sample.
+        The warning names each limit that the record reaches, and suggests growing windows.
         """
         if time >= self.single_shot:
             reasons = []
@@ -172,8 +153,6 @@ class FitHorizon:
             )
 
     def __str__(self) -> str:
-        """Return the report as text: limits, wrong guesses, and standard deviations of the
-        parameters by length of the record."""
         end = float(self.times[-1])
         limits = [
             f"A run of {1e3 * end:g} ms; small differences of velocity grow at a rate of "
@@ -197,8 +176,6 @@ class FitHorizon:
 
 
 def _until(time: float) -> str:
-    """Return a limit of the record's length, s, as text: "up to" the time in ms, or "to the end" if
-    it is infinite."""
     return "to the end" if np.isinf(time) else f"up to {1e3 * time:.4g} ms"
 
 
@@ -224,28 +201,19 @@ def fit_horizon(
 
     **Arguments:**
 
-    - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in
-      `identifiability`; the run ends at the last sample.
+    - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in `identifiability`;
+      the run ends at the last sample.
     - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
       coordinate of its scale: log(5) for a factor of five on a `Log` scale.
-
-    **Returns:** a `FitHorizon`, whose `single_shot` is the time, s, at which a record becomes too
-    long.
 
     **Raises:** `ValueError` for arguments that `identifiability` refuses, for an `uncertainty` that
     is not one positive number for each parameter, and for a parameter or sensor with a name that
     this function uses itself, such as "initial velocity"; `SimulationError` if one of the two runs
     with the parameters' values fails.
 
-    >>> probe = cj.Sensor(x, times, noise=1e-4)
-    >>> limits = cj.fit_horizon(
-    ...     scene,
-    ...     state,
-    ...     {"stiffness": stiffness},
-    ...     {"probe": probe},
-    ...     uncertainty={"stiffness": np.log(1.5)},
-    ... )
-    >>> limits.single_shot
+    >>> sensors, errors = {"probe": cj.Sensor(x, times, noise=1e-4)}, {"stiffness": np.log(1.5)}
+    >>> free = {"stiffness": stiffness}
+    >>> cj.fit_horizon(scene, state, free, sensors, uncertainty=errors).single_shot
     inf
     """
     tight = settings_or(settings, presets.derivatives)
@@ -257,30 +225,24 @@ def fit_horizon(
     spread = np.array([float(uncertainty[name]) for name in parameters])
     by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
     times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
-    outputs = outputs_of(by_name) | points | contacts
+    outputs, end_time = outputs_of(by_name) | points | contacts, float(times[-1])
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
     # These names are used beside the user's.
-    for argument, given, own in (
+    for argument, named, own in (
         ("parameters", parameters, disturbance),
         ("sensors", outputs_of(by_name), points | contacts),
     ):
-        taken = sorted(set(given) & set(own))
+        taken = sorted(set(named) & set(own))
         require(not taken, argument, taken, "of other names, which are used here", "rename them")
 
     def run_at(coordinates: np.ndarray, settings: Settings, throw: bool = True) -> Sensitivities:
-        """Run the scene at coordinates (p,) of the parameters.
-
-        The derivatives, (T, p + 1), are by the coordinates and, in the last column, by the
-        perturbation of the initial velocity. If the run fails and `throw` is false, the result ends
-        where it failed.
-        """
         # Only the parameters' values change, which are arguments of the compiled program.
         moved = {
             name: Parameter(parameters[name].variation, parameters[name].scale, value=value)
             for name, value in values_at(parameters, coordinates).items()
         }
-        given = float(times[-1]), moved | disturbance, outputs, times, settings
-        return sensitivities(scene, state, *given, start_time=start_time, throw=throw)
+        free, options = moved | disturbance, {"start_time": start_time, "throw": throw}
+        return sensitivities(scene, state, end_time, free, outputs, times, settings, **options)
 
     true_run, weights = run_at(truth, tight), _weights(by_name, times)
     loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)
@@ -307,8 +269,8 @@ def fit_horizon(
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the weights of each output by name at times (T,): the inverse of the noise at the
-    times of its samples, and zero at other times."""
+    """Weights of each output: the inverse of the noise at the times of its samples, and zero at
+    others."""
     weights: dict[str, np.ndarray] = {}
     for name, sensor in sensors.items():
         weight = np.zeros(len(times))
@@ -322,11 +284,7 @@ def _near(
 ) -> Sensitivities:
     """Return a copy of a run with its periodic outputs, such as angles, near to a reference run.
 
-    Each value is shifted by the number of whole periods that makes it nearest to the value of the
-    reference run. The residuals of a fit are differences modulo the period too.
-
-    **Arguments:** `run`: run, which may have ended early; `reference`: run over the whole record;
-    `outputs`: outputs of both runs by name.
+    The residuals of a fit are differences modulo the period too.
     """
     values = dict(run.values)
     for name, output in outputs.items():
@@ -339,16 +297,10 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds (T,) of the errors of a run's values, and of its derivatives by the parameters.
+    """Bounds of the errors of a run's values, and of its derivatives by the p parameters.
 
-    The error of the values is in units of the noise, the largest of all outputs. For each
-    parameter, the error of the derivatives at a time is the norm of their errors over the record up
-    to this time, divided by the norm of the derivatives over the same record. The largest of all
-    parameters is returned.
-
-    **Arguments:** `loose`: the same run with a larger tolerance, whose errors are much larger;
-    `weights`: weights (T,) of the outputs by name, the inverse of the noise; `p`: number of
-    parameters, whose derivatives come first.
+    The error of the values is in units of the noise, the largest of all outputs. The error of
+    derivatives is relative to their norm over the record so far, the largest of all parameters.
     """
     values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
@@ -365,13 +317,10 @@ def _errors(
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
-    """Yield the offset of each wrong guess from the truth, (p,), in the parameters' coordinates.
+    """Yield the offset of each wrong guess from the truth.
 
-    Each parameter is wrong alone, in both directions. If there are several parameters, all are then
-    wrong together: in all combinations of signs for two or three parameters, in eight random
-    combinations for more.
-
-    **Arguments:** `uncertainty`: (p,) largest error of each coordinate.
+    Each parameter is wrong alone, in both directions, then all of several parameters together: in
+    all combinations of signs for two or three parameters, in eight random combinations for more.
     """
     p = len(uncertainty)
     for k in range(p):
@@ -392,15 +341,7 @@ def _wrong_guess(
     offset: np.ndarray,
     weights: Mapping[str, np.ndarray],
 ) -> WrongGuess:
-    """Test for which records the misfit falls all the way from a wrong guess to the truth.
-
-    **Arguments:**
-
-    - `run_at`: function that runs the scene at coordinates (p,) of the parameters.
-    - `true_run`: run at the coordinates `truth`, (p,).
-    - `offset`: (p,) guess less truth, in coordinates.
-    - `weights`: weights (T,) of the outputs by name, the inverse of the noise.
-    """
+    """Test for which records the misfit falls all the way from a wrong guess to the truth."""
     times = true_run.times
     true_values, blocked = _weighted(true_run.values, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
@@ -416,11 +357,7 @@ def _wrong_guess(
 def _weighted(
     rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> Float[np.ndarray, "S n"]:
-    """Return values or derivatives of S outputs, in units of their noise, as an array (S, n).
-
-    **Arguments:** `rows`: values or derivatives (n,) by name of the output, at the first n of T
-    times; n < T if the run failed early. `weights`: as for `_wrong_guess`.
-    """
+    """Values or derivatives of S outputs, in units of their noise, as far as the run got."""
     return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
 
 
@@ -429,20 +366,11 @@ def blocked_records(
     values: Float[np.ndarray, "S n"],
     slopes: Float[np.ndarray, "S n"],
 ) -> Bool[np.ndarray, " T"]:
-    """Return for which records the misfit rises towards the truth at a point of a path, (T,).
+    """Return for which records the misfit rises towards the truth at a point of a path.
 
-    Such a rise may block a fit. Entry k is for the record that ends at time k of the T times of
-    samples, counted from 0. A misfit below the noise doesn't block a fit. Neither does one that is
-    constant along the path: before the first impact, the run doesn't depend on the clearance, but
-    in a longer record it does.
-
-    **Arguments:** values and derivatives of S outputs, in units of their noise, zero at times
-    without a sample:
-
-    - `truth`: (S, T) values at the truth.
-    - `values`: (S, n) values at the point. If the run failed early, n < T, and longer records are
-      blocked.
-    - `slopes`: (S, n) derivatives of `values` along the path, away from the truth.
+    If the run at the point failed, longer records are blocked. A misfit below the noise doesn't
+    block a fit. Neither does one that is constant along the path: before the first impact, the run
+    doesn't depend on the clearance, but in a longer record it does.
     """
     n = values.shape[1]
     residuals = values - truth[:, :n]
@@ -457,6 +385,5 @@ def blocked_records(
 
 
 def _first(times: np.ndarray, where: np.ndarray) -> float:
-    """Return the first of `times`, (T,), at which `where`, (T,), is true; infinite if there is
-    none."""
+    """The first of `times` at which `where` is true; infinite if there is none."""
     return float(times[np.argmax(where)]) if where.any() else np.inf

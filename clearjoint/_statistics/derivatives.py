@@ -1,10 +1,9 @@
 r"""Derivatives of statistics of a motion by nominal values of its parameters.
 
-The coordinate of a parameter is its value, or for the scale `Log` the logarithm of its value.
-Between manufactured specimens the coordinate varies as \(\theta + \sigma z\) about the nominal
-coordinate \(\theta\), with a random number z of a known distribution, the standardised coordinate.
-For an output f of a run, the expectation \(J(\theta) = E[f(\theta + \sigma z)]\) is smooth even
-where f is not.
+Between manufactured specimens the coordinate of a parameter (see `Uncertain`) varies as \(\theta +
+\sigma z\) about the nominal coordinate \(\theta\), with a random number z of a known distribution,
+the standardised coordinate. For an output f of a run, the expectation \(J(\theta) = E[f(\theta +
+\sigma z)]\) is smooth even where f is not.
 
 - Normal distribution with the standard deviation \(\sigma\): by Stein's identity, \(J' = E[f z] /
   \sigma\), the coefficient of z in a regression of f on Hermite polynomials of z (divided by
@@ -67,11 +66,10 @@ def statistics_derivatives(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
+    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
-    - `uncertain`: the p parameters by name, each an `Uncertain` (a parameter with its
-      distribution). All parameters with a `deviation` share the same `members` runs; each
-      parameter with a `half_width` or `between` takes `members` further runs.
+    - `uncertain`: the p parameters by name. All parameters with a `deviation` share the same
+      `members` runs; each parameter with a `half_width` or `between` takes `members` further runs.
     - `members`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 (1 + 3 p + p (p - 1)/2), ten for each coefficient
       of the regression.
@@ -111,7 +109,8 @@ def statistics_derivatives(
     scene, state = with_arrays((scene, state))
     draws = _draws(uncertain, members, seed)
     axes = {
-        name: one.axis(scene, state, draws[:, k]) for k, (name, one) in enumerate(uncertain.items())
+        name: number.axis(scene, state, draws[:, k])
+        for k, (name, number) in enumerate(uncertain.items())
     }
     along = directions(scene, len(draws), seed)
     # The two runs of a pair, which come after the first `members` runs, share their direction.
@@ -122,16 +121,16 @@ def statistics_derivatives(
     from scipy.special import stdtrit
 
     # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
-    sizes = np.array([one.centre_and_size(scene, state)[1] for one in uncertain.values()])
-    normal = np.array([one.is_normal for one in uncertain.values()])
+    sizes = np.array([number.centre_and_size(scene, state)[1] for number in uncertain.values()])
+    normal = np.array([number.is_normal for number in uncertain.values()])
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
         # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
         # the sizes, derivatives by standardised coordinates become those by nominal coordinates.
-        found = estimate(draws, values, members, normal)
-        derivatives, errors = found.derivatives / sizes, found.errors / sizes
+        estimated = estimate(draws, values, members, normal)
+        derivatives, errors = estimated.derivatives / sizes, estimated.errors / sizes
         # Half the width of the intervals, by Student's distribution.
-        half = stdtrit(found.freedom, 0.5 * (1.0 + confidence)) * errors
+        half = stdtrit(estimated.freedom, 0.5 * (1.0 + confidence)) * errors
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:members][np.isfinite(values[:members])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
@@ -144,7 +143,7 @@ def statistics_derivatives(
             "_high": derivatives + half,
         }.items():
             variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
-    coordinates = [one.parameter.scale.label(name) for name, one in uncertain.items()]
+    coordinates = [number.parameter.scale.label(name) for name, number in uncertain.items()]
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),
         "coordinate": Labelled(("parameter",), texts(coordinates)),
@@ -155,28 +154,28 @@ def statistics_derivatives(
 
 
 def _coefficients(parameters: int) -> int:
-    """Return the number of coefficients of the regression with a number of parameters."""
+    """Number of coefficients of the regression."""
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
 def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
-    """Return the standardised coordinates (runs, p) of all runs: differences of the parameters'
-    coordinates from the nominal ones, divided by the standard deviation or by half the width.
+    """Standardised coordinates of all runs.
 
     The first `members` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []
-    ones = list(uncertain.values())
+    numbers = list(uncertain.values())
 
     def drawn(count: int) -> np.ndarray:
-        points = rng.random((count, len(ones)))
-        return np.stack([one.standardised(p) for one, p in zip(ones, points.T, strict=True)], -1)
+        points = rng.random((count, len(numbers)))
+        columns = zip(numbers, points.T, strict=True)
+        return np.stack([number.standardised(column) for number, column in columns], -1)
 
     blocks.append(drawn(members))
-    for k, one in enumerate(ones):
-        if not one.is_normal:
+    for k, number in enumerate(numbers):
+        if not number.is_normal:
             pairs = np.repeat(drawn(members // 2), 2, axis=0)
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
             blocks.append(pairs)
@@ -184,12 +183,8 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
 
 
 class Estimate(NamedTuple):
-    """Derivatives (p,) of an output's mean by the nominal values in standardised coordinates, their
-    standard errors (p,) and the degrees of freedom (p,) of these errors.
-
-    Derivatives and errors are in the unit of the output, per standard deviation or half width of
-    the parameter.
-    """
+    """Derivatives of an output's mean by the nominal values in standardised coordinates, their
+    standard errors and the degrees of freedom of these errors."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -202,14 +197,10 @@ def estimate(
     members: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean by the nominal values.
+    """Return the derivatives of an output's mean by the nominal values, from the rows of `_draws`.
 
     They are computed by regression for a normal parameter, and from pairs of runs for a uniform
-    one; see the module's docstring.
-
-    **Arguments:** `draws`: (runs, p) standardised coordinates, in the order of the rows of
-    `_draws`; `values`: (runs,) the output, NaN where a run failed; `members`: number of independent
-    draws, which come first; `normal`: (p,), whether the distribution of each parameter is normal.
+    one.
 
     **Raises:** `ValueError` if too few independent runs succeed for the regression, or if fewer
     than two pairs of runs of a uniform parameter succeed.
@@ -236,14 +227,11 @@ def estimate(
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficients (p,) of z in a regression of y, and their standard errors (p,).
+    """Coefficients of z in a regression of y, and their standard errors.
 
     The regressors are Hermite polynomials up to degree 3 for normal and Legendre polynomials for
     uniform parameters, and products of two parameters. They are orthogonal under the distribution
     of z, so that the expectation of the coefficient of z does not depend on the other regressors.
-
-    **Arguments:** `z`: (n, p) standardised coordinates; `y`: (n,) an output; `normal`: (p,) whether
-    the distribution of each parameter is normal.
     """
     p = z.shape[1]
     square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)

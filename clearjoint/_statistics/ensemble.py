@@ -1,7 +1,4 @@
-"""Ensembles: runs from starts that differ by less than a measurement can resolve.
-
-A lane is one run of a sweep. In a zipped sweep, lane i takes the i-th value of every axis.
-"""
+"""Ensembles: runs from starts that differ by less than a measurement can resolve."""
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -33,8 +30,8 @@ from .._sweeps.sweep import SweepOptions, sweep
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Share of the largest singular value of the constraints' Jacobian. Smaller singular values, such
-as those that redundant constraints cause, count as zero."""
+"""Share of the largest singular value of the constraints' Jacobian, below which singular values,
+such as those that redundant constraints cause, count as zero."""
 NEGLIGIBLE = 1e-9
 """Share of the size that was asked for a disturbance. Components below it are rounding errors and
 are set to zero, so that velocities which the constraints fix get no axis."""
@@ -44,9 +41,8 @@ def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "memb
     """Return a random direction in the space of all velocities for each member of an ensemble.
 
     The v columns are the components of velocity and spin of each body, all standard normal, in the
-    scene's order of bodies.
-    `disturbed_velocities` projects a direction on the velocities that the constraints permit. The
-    first rows don't depend on the number of members, so that an ensemble can be extended.
+    scene's order of bodies. The first rows don't depend on the number of members, so that an
+    ensemble can be extended.
     """
     return np.random.default_rng(seed).standard_normal((members, 6 * len(scene.bodies)))
 
@@ -59,18 +55,13 @@ def disturbed_velocities(
     along: Float[np.ndarray, "n v"],
     start_time: float,
 ) -> Float[np.ndarray, "n v"]:
-    """Return initial velocities (m/s, global) and spins (rad/s, body axes) of n disturbed starts,
-    of each of the `bodies` in this order.
+    """Return velocities (m/s, global) and spins (rad/s, body axes) of the `bodies` at n disturbed
+    starts.
 
-    Positions stay as they are. The velocities and spins of `state` are changed by the parts of the
-    random directions `along` that the constraints permit, scaled to `size`.
-
-    **Arguments:** `bodies`: names of all bodies. They are passed because a scene that a function of
-    JAX or of a user has made may have its bodies in another order than the columns; `size`: m/s,
-    expected root mean square of the added speeds over starts and bodies, in which a spin counts by
-    the speed at its body's radius of gyration; `along`: from `directions`, a row for each start;
-    `start_time`: s, the start of the run, at which the constraints are evaluated (those of drivers
-    depend on time).
+    Those of `state` are changed by the parts of the random directions `along` that the constraints
+    permit, scaled to `size`: the expected root mean square of the added speeds over starts and
+    bodies, in which a spin counts by the speed at its body's radius of gyration. A scene that a
+    function of JAX or of a user has made may have its bodies in another order than `bodies`.
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
@@ -85,8 +76,8 @@ def disturbed_velocities(
         _, singular, rows = np.linalg.svd(jacobian)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
     free = rows[rank:] if jacobian.size else np.eye(len(lengths))
-    given, remedy = "no free velocity", "remove a joint or driver"
-    require(len(free) > 0, "scene", given, "one that can move", remedy)
+    remedy = "remove a joint or driver"
+    require(len(free) > 0, "scene", "no free velocity", "one that can move", remedy)
     # The rows of `free` are orthonormal, so that the expected squared length of a projected
     # direction is their number. With the factor before it, the expected squared speed, averaged
     # over the bodies, is the square of `size`.
@@ -106,24 +97,11 @@ def disturbed_axes(
 ) -> dict[str, Axis]:
     """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
 
-    **Arguments:**
-
-    - `axes`: further axes of the sweep, of as many values as lanes, which may change the scene and
-      the initial state.
-    - `size`: m/s, and `along`: random directions, as in `disturbed_velocities`.
-    - `start_time`: s, of the runs.
-    - `members`: number of successive lanes with equal values of `axes`.
-
-    **Returns:** the given axes, and an axis, named such as "disturbed velocity x of arm", for each
-    component of a velocity or spin that differs in any lane from that of the undisturbed state.
-
-    The disturbances satisfy the constraints of the scene with the values of `axes`. The Jacobian of
-    the constraints is computed once for each block of `members` lanes. If `members` is 1 and `axes`
-    change only numbers of the scene, one Jacobian, of the given scene, serves all lanes instead,
-    because a Jacobian and its singular value decomposition for each lane would be slow. The caller
-    must then ensure that the values of `axes` differ little from the numbers in `scene`, as within
-    tolerances of manufacture: where a number differs by 1 %, the disturbance violates the
-    constraints by about 1 % of its size.
+    The result has the given `axes` and an axis, named such as "disturbed velocity x of arm", for
+    each component of a velocity or spin that differs in any lane from that of the undisturbed
+    state. `members` successive lanes have equal values of `axes`. If `members` is 1 and `axes`
+    change only numbers of the scene, these must differ little from those in `scene`, whose
+    constraints then serve all lanes.
 
     **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
     that is also that of a disturbed velocity.
@@ -158,14 +136,12 @@ def disturbed_axes(
 
 
 def _component(state: State, body: str, part: str, k: int) -> float:
-    """Return component k of a body's velocity (m/s) or spin (rad/s), whichever `part` names. An
-    axis of a sweep uses this function to select the number that it changes."""
     return getattr(state.bodies[body], part)[k]
 
 
 def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies` in a state,
-    (v,), in the order of their names."""
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies` in a
+    state."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
@@ -173,11 +149,7 @@ def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"
 def with_values(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
 ) -> tuple[Scene, State]:
-    """Return scene and initial state with one value of each of several axes.
-
-    **Arguments:** `scene`, `state`: before the change; `axes`: axes of a sweep by name; `values`:
-    the value to set for each axis that is to be changed, by the same names.
-    """
+    """Return scene and initial state with one value of each of several axes."""
     for name, value in values.items():
         change = axes[name].setter(scene, state)
         scene, state = change(scene, state, value)
@@ -191,10 +163,9 @@ DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
 measurements, and far above rounding errors."""
 TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
-"""Settings of the runs with a tangent, the derivative of the motion by the initial velocity. With
-so large a tolerance the tangent does not control the length of steps. A growth rate needs few
-correct digits of the tangent, and control by an ever larger tangent would make steps ever shorter,
-until runs reach their step limit."""
+"""Settings of the runs with a tangent, which does not control the length of steps with so large a
+tolerance. A growth rate needs few correct digits of the tangent, and control by an ever larger
+tangent would make steps ever shorter."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 ROUNDING = 1e-12
@@ -224,14 +195,13 @@ def ensemble(
 
     A chaotic motion can be computed from a measured start only up to its predictability horizon,
     but its statistics can be computed beyond. The starts differ in velocities and spins only, in
-    random directions that the constraints permit. All runs are lanes of one zipped `sweep`, in
-    which lane i takes the i-th value of every axis.
+    random directions that the constraints permit. All runs are lanes of one zipped `sweep`.
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
-      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
-      the outputs with one number in each run, such as `Peak`.
+    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
+      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of the
+      outputs with one number in each run, such as `Peak`.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
       point, the scene and state as they are.
     - `members`: number of runs at each point, 2 or more. More members of the same seed extend a
@@ -258,27 +228,23 @@ def ensemble(
     point where all runs failed; so are ``force_deviation`` and all standard errors where only one
     run succeeded.
 
-    Two further variables exist unless `exponents` is 0. ``lyapunov_exponent``, 1/s, is the growth
-    rate of a disturbance in the second half of the run, on average over the first `exponents`
-    members, and ``lyapunov_exponent_standard_error`` is the standard error of this average. At a
-    point where fewer than two of the runs with derivatives succeed, both are NaN. The
-    disturbance is a tangent: the derivative of the motion by the initial velocity, as by
-    `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no size,
-    and does not stop growing when it is as large as the motion.
+    With `exponents`, ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second
+    half of the run, on average over the first `exponents` members, and
+    ``lyapunov_exponent_standard_error`` is the standard error of this average. At a point where
+    fewer than two of the runs with derivatives succeed, both are NaN. The disturbance is a tangent:
+    the derivative of the motion by the initial velocity, as by `sensitivities`. Unlike the
+    difference of two runs, it is exact across impacts, needs no size, and does not stop growing
+    when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
 
     **Warns:** as `sweep` does, for example of failed runs.
 
-    >>> speed = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
-    >>> found = cj.ensemble(
-    ...     scene, state, 0.5, outputs={"speed": speed}, members=20, progress=False
-    ... )
-    >>> found["speed"].shape, int(found["failed"])
-    ((20,), 0)
-    >>> print(f"{float(found['speed_mean']):.6f}")
-    1.000000
+    >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+    >>> found = cj.ensemble(scene, state, 0.5, outputs=speed, members=20, progress=False)
+    >>> found["speed"].shape, int(found["failed"]), round(float(found["speed_mean"]), 6)
+    ((20,), 0, 1.0)
     """
     axes = {} if axes is None else dict(axes)
     require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
@@ -290,9 +256,9 @@ def ensemble(
     levels = np.asarray(quantiles, float)
     inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
     require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
-    fine = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
+    possible = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
     expected = f"0, or a whole number from 2 to members = {members}"
-    require(fine, "exponents", exponents, expected, "a standard error needs two runs")
+    require(possible, "exponents", exponents, expected, "a standard error needs two runs")
     scene, state = with_arrays((scene, state))
     # The values of each axis at all combinations of values; those of the last axis change fastest.
     grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
@@ -332,11 +298,8 @@ def ensemble(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each lane of a zipped sweep failed, (lanes,).
-
-    A lane failed if its result code is not `successful`, whether its run ended early or was never
-    started, for example because of impossible parameters.
-    """
+    """Return whether each lane of a zipped sweep failed: its run ended early or was never
+    started."""
     return results["result"].values != SUCCESSFUL
 
 
@@ -346,13 +309,8 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 
 
 def scalar_outputs(results: "xr.Dataset") -> dict[str, tuple[np.ndarray, str]]:
-    """Return the outputs with one number in each lane, by name, as pairs of values and unit. The
-    values, (lanes,), are NaN for failed lanes.
-
-    Other outputs, such as tables of impacts, are left out.
-
-    **Arguments:** `results`: of a zipped sweep.
-    """
+    """Return the outputs with one number in each lane of a zipped sweep, by name, as pairs of
+    values, NaN for failed lanes, and unit."""
     failed = failed_runs(results)
     return {
         str(name): (
@@ -372,18 +330,14 @@ def _statistics(
 ) -> "xr.Dataset":
     """Return the statistics of all outputs over the members at each point.
 
-    **Arguments:**
-
-    - `results`: of the zipped sweep; the members of a point are successive lanes.
-    - `labels`: for each axis by name, the coordinate of the dataset: name, values and attributes.
-    - `shape`: number of values of each axis, then the number of members.
-    - `levels`: of the quantiles, between 0 and 1.
+    `labels` are coordinates of the dataset along the axes, and `shape` their sizes, then the number
+    of members, which are successive lanes.
     """
     import xarray as xr
 
-    found = xr.Dataset(coords={**labels, QUANTILE: levels})
+    statistics = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
-    found["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    statistics["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
     for name, (values, unit) in scalar_outputs(results).items():
         runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
         deviation = runs.std(MEMBER, ddof=1)
@@ -401,17 +355,17 @@ def _statistics(
             "_quantile_standard_error": quantile.copy(data=errors),
         }
         for part, variable in variables.items():
-            found[f"{name}{part}"] = variable.assign_attrs(units=unit)
-    return found
+            statistics[f"{name}{part}"] = variable.assign_attrs(units=unit)
+    return statistics
 
 
 def _quantile_errors(
     runs: Float[np.ndarray, "... members"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Return the standard errors (..., q) of quantiles of `runs` (..., members) at q levels.
+    """Standard errors of quantiles of `runs`, of which failed ones are left out.
 
-    Failed runs, which are NaN, are left out. The errors are NaN where fewer than two runs
-    succeeded, and for a level less than one deviation of the share of runs below it from 0 or 1.
+    They are NaN where fewer than two runs succeeded, and for a level less than one deviation of the
+    share of runs below it from 0 or 1.
     """
     # The share of n members below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
@@ -438,35 +392,27 @@ def _lyapunov_exponent(
     along: Float[np.ndarray, "members v"],
     progress: bool,
 ) -> tuple[float, float]:
-    """Return the largest Lyapunov exponent, 1/s, averaged over several starts, and the standard
-    error of this average.
+    """The largest Lyapunov exponent, 1/s, averaged over several starts, and its standard error.
 
-    Each start takes one run with a tangent: the derivative of the motion by a perturbation of the
-    initial velocity. The size of a tangent is the root mean square displacement of points of the
-    bodies. The exponent of a start is the slope of the logarithm of this size over the second half
-    of the run; in the first half the tangent turns to the direction of fastest growth. Runs that
-    fail before the end are left out. If fewer than two remain, both numbers are NaN.
-
-    **Arguments:**
-
-    - `span`: start and end of the runs, s.
-    - `size`, m/s, and `along`: disturbances of the starts, as in `disturbed_velocities`.
-    - `progress`: whether to show a bar for each run.
+    The exponent of a start is the growth rate of the tangent over the second half of the run; in
+    the first half the tangent turns to the direction of fastest growth. Runs that fail before the
+    end are left out. If fewer than two remain, both numbers are NaN.
     """
     start_time, end_time = span
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
     points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
-    given = end_time, tangent, points, times, TANGENT_SETTINGS
     options = {"start_time": start_time, "throw": False, "progress": progress}
     rates = []
     for k in range(len(along)):
         # The initial state of this member, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
-        found = sensitivities(scene, start, *given, **options)
+        run = sensitivities(
+            scene, start, end_time, tangent, points, times, TANGENT_SETTINGS, **options
+        )
         # The result of a failed run contains only the times before its failure.
-        if len(found.times) == len(times):
-            sizes = growth.sizes(found.derivatives, points)[:, 0]
+        if len(run.times) == len(times):
+            sizes = growth.sizes(run.derivatives, points)[:, 0]
             rates.append(growth.rate(times, sizes, 0.5 * (start_time + end_time)))
     if len(rates) < 2:
         return float("nan"), float("nan")

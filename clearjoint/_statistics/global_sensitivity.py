@@ -56,7 +56,7 @@ def sobol_indices(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time` s, `outputs`, `settings`, and the options `start_time`, `path`,
+    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: p parameters, two or more, `Uncertain` by name.
     - `count`: n, a power of two, 2 or more; n (p + 2) runs are made.
@@ -76,11 +76,9 @@ def sobol_indices(
 
     **Warns:** `UserWarning` if groups are left out; also as `sweep` does, such as of failed runs.
 
-    >>> stiffness = lambda scene: scene.forces["spring"].stiffness
-    >>> mass = lambda scene: scene.bodies["ball"].mass
     >>> uncertain = {
-    ...     "stiffness": cj.Uncertain(stiffness, half_width=10.0),
-    ...     "mass": cj.Uncertain(mass, half_width=0.01),
+    ...     "stiffness": cj.Uncertain(lambda s: s.forces["spring"].stiffness, half_width=10.0),
+    ...     "mass": cj.Uncertain(lambda s: s.bodies["ball"].mass, half_width=0.01),
     ... }
     >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
     >>> found = cj.sobol_indices(scene, state, 0.5, uncertain, speed, count=64, progress=False)
@@ -111,7 +109,7 @@ def sobol_indices(
 
 
 def _groups(p: int, count: int, seed: int) -> np.ndarray:
-    """Return the points of all runs in the unit cube, (count (p + 2), p), in groups of p + 2.
+    """Points of all runs in the unit cube, in groups of p + 2.
 
     A group has two independent points A and B, and for each parameter the point A with this
     parameter's coordinate from B. Groups come one after the other, so that a larger `count` appends
@@ -119,7 +117,7 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
     """
     randomisations = min(RANDOMISATIONS, count)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
-    each = [unit_cube(2 * p, count // randomisations, "sobol", int(one)) for one in seeds]
+    each = [unit_cube(2 * p, count // randomisations, "sobol", int(s)) for s in seeds]
     first, second = np.split(np.stack(each, axis=1).reshape(count, 2 * p), 2, axis=1)
     groups = np.repeat(first[:, None], p + 2, axis=1)
     groups[:, 1] = second
@@ -128,19 +126,10 @@ def _groups(p: int, count: int, seed: int) -> np.ndarray:
 
 
 def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
-    """Return first-order and total indices of an output, and the ends of their intervals.
+    """First-order and total indices of an output, and the ends of their intervals, by name.
 
-    Groups with a value that is not finite are left out.
-
-    **Arguments:** `groups`: (n, p + 2) the output in each run, NaN for failed runs; `confidence`:
-    level of the intervals.
-
-    **Returns:** arrays (p,) by name: the indices by the names in `ORDERS`, and the ends of their
-    intervals by these names with "_low" and "_high" appended.
-
-    **Raises:** `ValueError` if groups of fewer than two randomisations are left.
-
-    **Warns:** `UserWarning` if fewer than n groups are used.
+    `groups` (n, p + 2) has the output in each run. Groups with a value that is not finite are left
+    out.
     """
     from scipy.special import stdtrit
 
@@ -159,7 +148,6 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     sums = np.array([[term[randomisation == k].sum() for term in terms] for k in left])
 
     def both_orders(row: np.ndarray) -> np.ndarray:
-        """Return the indices (2, p) by the sums of the terms over groups."""
         number, mean, square = row[0], row[1] / row[0], row[2] / row[0]
         variance = square - mean**2
         # An output that does not vary has the indices zero, as in SciPy.

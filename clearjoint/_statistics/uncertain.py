@@ -32,9 +32,9 @@ class Uncertain:
 
     **Arguments:**
 
-    - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``.
-      Its `value`, by default the number in the scene, is the nominal value. A path has the scale
-      `Linear()`.
+    - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``,
+      with the scale `Linear()`. Its `value`, by default the number in the scene, is the nominal
+      value.
     - `deviation`: standard deviation of a normal distribution about the nominal value, in the
       coordinate.
     - `half_width`: half the width of a uniform distribution about the nominal value, in the
@@ -65,11 +65,11 @@ class Uncertain:
         half_width: float | None = None,
         between: tuple[float, float] | None = None,
     ):
-        known = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
+        chosen = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
         sizes = {"deviation": deviation, "half_width": half_width, "between": between}
-        given = [name for name, size in sizes.items() if size is not None]
+        named = [name for name, size in sizes.items() if size is not None]
         expected = "one of deviation, half_width and between"
-        require(len(given) == 1, "deviation", given, expected, "give exactly one of them")
+        require(len(named) == 1, "deviation", named, expected, "give exactly one of them")
         for name in ("deviation", "half_width"):
             if sizes[name] is not None:
                 require_positive(name, sizes[name], "give the size of the variation")
@@ -79,7 +79,7 @@ class Uncertain:
             require(rising, "between", between, "two rising bounds", "pass (low, high)")
             between = float(bounds[0]), float(bounds[1])
         # The class is frozen, so its fields are set by `object`.
-        object.__setattr__(self, "parameter", known)
+        object.__setattr__(self, "parameter", chosen)
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "half_width", half_width)
         object.__setattr__(self, "between", between)
@@ -90,12 +90,8 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Return the middle of the distribution, and its standard deviation or half width.
-
-        Both are in the coordinate of the parameter's scale.
-
-        **Raises:** `ValueError` for a nominal value or bound that the scale doesn't allow.
-        """
+        """Return the middle of the distribution, and its standard deviation or half width, in the
+        coordinate."""
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None
@@ -104,21 +100,13 @@ class Uncertain:
         return 0.5 * (low + high), 0.5 * (high - low)
 
     def standardised(self, probabilities: np.ndarray) -> np.ndarray:
-        """Return (coordinate - centre)/size at given cumulative probabilities, of the same shape.
-
-        For probabilities drawn uniformly between 0 and 1, the result is standard normal, or uniform
-        between -1 and 1. `centre_and_size` returns centre and size.
-        """
+        """Return (coordinate - centre)/size at given cumulative probabilities."""
         from scipy.special import ndtri
 
         return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0
 
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
-        """Return the axis of a sweep whose n values have the given standardised coordinates.
-
-        **Arguments:** `scene`, `state`: with the nominal value; `standardised`: (n,), as the method
-        of this name returns them.
-        """
+        """Return the axis of a sweep whose n values have the given standardised coordinates."""
         centre, size = self.centre_and_size(scene, state)
         scale = self.parameter.scale
         # One at a time: a user-defined scale need not accept arrays.
@@ -127,29 +115,20 @@ class Uncertain:
 
 
 def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
-    """Check that the argument is a dictionary of `Uncertain` by name, with one at least.
-
-    **Raises:** `ValueError` that names the wrong entry; also for an empty dictionary.
-    """
+    """Raise a `ValueError` unless the argument is a dictionary of `Uncertain` by name, with one at
+    least."""
     require_types("uncertain", uncertain, Uncertain, "an Uncertain", PASS_UNCERTAIN)
     require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)
 
 
 def check_confidence(confidence: float) -> None:
-    """Check the level of intervals.
-
-    **Raises:** `ValueError` unless it is between 0 and 1.
-    """
+    """Raise a `ValueError` unless the level of intervals is between 0 and 1."""
     inside = 0.0 < float(confidence) < 1.0
     require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
 
 
 def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points (count, dimensions) in the unit cube, from `scipy.stats.qmc` unless `method` is
-    "random".
-
-    **Arguments:** `method`: one of `METHODS`, of which "random" draws independent points; `seed`:
-    of the random numbers, which scramble the points or, for "random", are their coordinates.
+    """Return points in the unit cube, by one of `METHODS`; those of "random" are independent.
 
     **Raises:** `ValueError` for an unknown method, and for a count below 1.
 
@@ -200,9 +179,6 @@ def design(
     - `count`: number of points; for "sobol" preferably a power of two, for which the points fill
       the distributions evenly.
     - `method`: "sobol", "halton", "latin hypercube", or "random" for independent draws.
-    - `seed`: of the generator; equal seeds give equal designs.
-
-    **Returns:** an `Axis` of `count` values by name.
 
     **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`,
     entries that are not `Uncertain`, and a nominal value or bound that the parameter's scale does
@@ -223,12 +199,9 @@ def design(
 def axes_at(
     scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
 ) -> dict[str, Axis]:
-    """Return an axis of n values for each uncertain number, by name.
-
-    **Arguments:** `points`: (n, p) cumulative probabilities of the values, from `unit_cube`; the
-    columns are in the order of `uncertain`.
-    """
+    """Return an axis of n values for each uncertain number, at cumulative probabilities `points`
+    (n, p)."""
     return {
-        name: one.axis(scene, state, one.standardised(points[:, k]))
-        for k, (name, one) in enumerate(uncertain.items())
+        name: number.axis(scene, state, number.standardised(points[:, k]))
+        for k, (name, number) in enumerate(uncertain.items())
     }

@@ -1,5 +1,4 @@
-"""Axes of a sweep, and the scenes and initial states of its lanes. A lane is one run of the sweep,
-with one value of each axis."""
+"""Axes of a sweep, and the scenes and initial states of its lanes."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -46,16 +45,15 @@ from .._parametrisation.variations import (
 class Axis:
     """A number of the scene or of the initial state, and the values that a sweep gives it.
 
-    `Axis.initial` makes an axis of a number of the initial state. `Axis.change` makes one for a
-    parameter on which several numbers depend, such as a length, from a function that returns scene
-    and state for a value.
+    `Axis.initial` makes an axis of a number of the initial state, `Axis.change` one for a parameter
+    on which several numbers depend, such as a length.
 
     **Arguments:**
 
-    - `path`: function that selects the number in a scene, such as
-      ``lambda scene: scene.joints["pin"].clearance``; or a variation, an object that says how a
-      value changes scene and state (`clearjoint._parametrisation.variations`). If the function
-      returns several numbers, all of them get the same value.
+    - `path`: function that selects the number in a scene, such as ``lambda scene:
+      scene.joints["pin"].clearance``; or a variation, an object that says how a value changes scene
+      and state (`clearjoint._parametrisation.variations`). If the function returns several numbers,
+      all of them get the same value.
     - `values`: (n,), in the SI unit of the number.
     - `unit`: text that labels the values in the results; by default the unit of the number in the
       scene. It does not convert the values. A variation has its own unit.
@@ -89,35 +87,23 @@ class Axis:
 
     @staticmethod
     def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
-        """Return an axis of a number of the initial state.
-
-        **Arguments:** `path`: function that selects the number in a `State`, such as
-        ``lambda state: state.bodies["arm"].spin[2]``. `values` (n,), `unit` and errors: as in
-        `Axis`.
-        """
+        """Return an axis of a number of the initial state, selected by a function such as ``lambda
+        state: state.bodies["arm"].spin[2]``."""
         return Axis(StateNumber(path, unit), values)
 
     @staticmethod
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
         """Return an axis whose values change the scene and the initial state by a function.
 
-        **Arguments:**
-
-        - `make`: function that receives the scene, the initial state and one value, and returns the
-          changed pair (scene, state). Scene and state already have the values of the axes that come
-          before this one in the sweep. The function may change numbers only, not names or shapes of
-          arrays. A lane for which it changes more, or raises a `ValueError`, is not run.
-        - `values`: (n,), in `unit`.
-        - `unit`: text that labels the values in the results.
-
-        **Raises:** `ValueError` for values that are not a row of one or more finite numbers, and
-        for a `make` that is not a function.
+        `make` receives the scene, the initial state and one value, and returns the changed pair
+        (scene, state). Scene and state already have the values of the axes that come before this
+        one in the sweep. The function may change numbers only, not names or shapes of arrays. A
+        lane for which it changes more, or raises a `ValueError`, is not run.
         """
         return Axis(MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the values as text: the given one or, if none was given, that of the
-        number in the scene or state.
+        """Return the unit of the values: the given one or that of the number in the scene or state.
 
         **Raises:** `ValueError` if no unit was given, and the path selects no number.
         """
@@ -125,18 +111,15 @@ class Axis:
 
     def setter(self, scene: Scene, state: State) -> Change:
         """Return a function of a scene, a state and a value, which returns scene and state with the
-        value set.
+        value set, for scenes and states of the same structure.
 
-        The function takes scenes and states of the same structure as `scene` and `state`.
-
-        **Raises:** `ValueError` for a path that selects no number or a whole array. Also for a
-        variation that is the delay of a measured series, because only a fit can use it.
+        **Raises:** `ValueError` for a path that selects no number or a whole array, and for the
+        delay of a measured series, because only a fit can use it.
         """
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return a text about the axis for the notes of a sweep: the class of its variation and the
-        name of its function, such as "StateNumber <lambda>" for a number of the initial state."""
+        """Return a text for the notes of a sweep, such as "StateNumber <lambda>"."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -152,7 +135,7 @@ class Lanes:
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
     - `bad`: error messages by number of the lane, for lanes that don't run because of their values.
       Lanes with invalid values have the numbers of `scene` and `state`. Lanes with nearly redundant
-      constraints keep their own numbers; `clearjoint._sweeps.sweep.checked_starts` adds them.
+      constraints keep their own numbers.
     """
 
     scene: Scene
@@ -163,20 +146,15 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Return, by name, the joints that have contacts, each with its numbers in all lanes.
-
-        Each number of a joint becomes an array (lanes,), and vectors are split into their
-        components, so that one call of a method of the joint computes all lanes.
-        """
+        """Return the joints that have contacts, each with its numbers in all lanes, so that one
+        call of a method of the joint computes all lanes."""
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
         return unpack(self.expanded(joints, varied), leading=1)
 
     def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
-        """Return a part of `scene` with arrays (lanes, ...) in place of its numbers.
-
-        **Arguments:** `tree`: the part of `scene`; `varied`: the same part of `scenes`.
-        """
+        """Return a part of `scene`, and the same part `varied` of `scenes`, with arrays (lanes,
+        ...) in place of all numbers."""
         count = len(jax.tree.leaves(self.states)[0])
 
         def in_all(leaf: PyTree) -> PyTree:
@@ -186,7 +164,7 @@ class Lanes:
         return eqx.combine(varied, jax.tree.map(in_all, tree))
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Return the scene and the initial state of the lane with the given number."""
+        """Return the scene and the initial state of a lane."""
         varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
         return ordered_like((self.scene, self.state), (eqx.combine(varied, self.scene), state))
 
@@ -194,20 +172,14 @@ class Lanes:
 def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
-    """Return the scenes and initial states of all lanes.
+    """Return the scenes and initial states of all lanes, from the `values` of each axis in every
+    lane.
 
     Values may be refused by the constructor of a part of the scene, such as a body or a joint, or
     by a function of `Axis.change`. That raises no error: lanes with such values are added to
     `Lanes.bad`.
 
-    **Arguments:**
-
-    - `scene`, `state`: the scene and initial state that the axes change.
-    - `axes`: `Axis` by name.
-    - `values`: by name of the axis, its values in every lane, (lanes,).
-
-    **Raises:** `ValueError` for an axis that `Axis.setter` refuses, such as one whose path selects
-    no number.
+    **Raises:** `ValueError` for an axis that `Axis.setter` refuses.
     """
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
@@ -262,16 +234,7 @@ def _columns_by_setters(
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
 ) -> Columns:
-    """Return the columns without a loop over lanes, for axes that only set numbers.
-
-    **Arguments:**
-
-    - `scene`: the scene that the axes change.
-    - `base`: leaves of (scene, state).
-    - `changes`: by name of the axis, its `NumberSetter`. It lists the numbers that the axis sets,
-      each as a leaf and a component of the leaf's array.
-    - `values`: by name of the axis, its values in every lane, (lanes,).
-    """
+    """Columns without a loop over lanes, for axes that only set numbers."""
     columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
@@ -294,11 +257,10 @@ def _columns_by_functions(
     values: Mapping[str, np.ndarray],
     bad: dict[int, str],
 ) -> Columns:
-    """Return the columns by calling the axes' functions for every lane.
+    """Columns by calling the axes' functions for every lane.
 
-    The arguments are those of `lanes_of`, with the functions `changes` in place of the axes; `bad`
-    is extended. A lane gets the unchanged leaves and an entry in `bad` if a function raises a
-    `ValueError` for it, or changes more than numbers, such as a name or the shape of an array.
+    A lane gets the unchanged leaves and an entry in `bad` if a function raises a `ValueError` for
+    it, or changes more than numbers, such as a name or the shape of an array.
     """
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
@@ -317,9 +279,9 @@ def _columns_by_functions(
             alike = changed_structure == structure and all(
                 a is b or np.shape(a) == np.shape(b) for a, b in pairs
             )
-            given, expected = "a change of the structure", "functions that change numbers only"
+            fault, expected = "a change of the structure", "functions that change numbers only"
             remedy = "keep the names, kinds and shapes of arrays of scene and state in all lanes"
-            require(alike, "axes", given, expected, remedy)
+            require(alike, "axes", fault, expected, remedy)
             rows.append(leaves)
         except ValueError as error:
             bad[lane] = str(error)
@@ -340,10 +302,9 @@ would take longer than the checks themselves."""
 
 
 def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
-    """Return for each lane, (lanes,), whether compiled checks accept the lane's values.
+    """Return for each lane whether compiled checks accept its values; empty if no leaf changes.
 
-    ``False`` means that the lane must be checked in Python; its values may be valid. The array is
-    empty if no leaf changes, so that no lane is checked.
+    ``False`` means that the lane must be checked in Python; its values may be valid.
     """
     if not columns:
         return np.ones(0, bool)
@@ -362,14 +323,8 @@ def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
 
 
 def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Return whether bodies, joints and other parts of scene and state with changed leaves pass the
-    checks of their constructors.
-
-    **Arguments:** `changed`: for each leaf of (scene, state), whether it changes.
-
-    **Returns:** a traced boolean (); ``None`` if a check may need the values of numbers, which are
-    unknown while JAX traces this function.
-    """
+    """Whether parts of scene and state with changed leaves pass the checks of their constructors;
+    ``None`` if a check may need the values of numbers."""
     tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
     conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
     if conditions is not None and any(changed[scene_leaves:]):
@@ -383,9 +338,9 @@ _checks = NativeFunction(_all_hold, few_runs=True)
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
     """Return a PyTree like the scene with ``True`` for each number that an axis can change.
 
-    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. A
-    store recognises its sweep by digests of the compiled programs. These numbers must be arguments
-    of the programs, not constants, so that further values of an axis don't change the digests.
+    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. These
+    must be arguments of the programs, not constants, so that further values of an axis don't change
+    the digests by which a store recognises its sweep.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

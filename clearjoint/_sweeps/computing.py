@@ -1,7 +1,4 @@
-"""Computation of the lanes that are missing in a store, with progress bars.
-
-A lane is one run of a sweep. A chunk is a group of lanes whose results a store keeps together.
-"""
+"""Computation of the lanes that are missing in a store, with progress bars."""
 
 import logging
 import sys
@@ -27,14 +24,14 @@ Tracer = Callable[[], Mapping[str, str]]
 """Function that returns digests, by name, of the programs that the calling process would run."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
-"""Time, s, without a result after which a warning is logged if no progress bar is shown, because
-the workers may be unable to start."""
+"""Time without a result after which a warning is logged if no progress bar is shown, because the
+workers may be unable to start."""
 ROUNDS = 3
 """Largest number of attempts to compute the lanes that are missing in the store. More than one is
 needed only if another process writes to the store at the same time."""
 WRITE_SHARE = 0.05
 """Largest share of the sweep's time that writing incomplete chunks may take. Each of these writes
-replaces whole files, so lanes wait for further lanes of their chunks if writing takes long."""
+replaces whole files."""
 WRITTEN_TOGETHER = 16
 """Largest number of chunks that are written together. With more, lanes would count as pending for
 longer, and little time would be saved."""
@@ -52,19 +49,9 @@ def compute_missing(
 ) -> "xr.Dataset":
     """Run the lanes that are missing in a store, and return the results of all lanes.
 
-    Lanes that are still missing after `ROUNDS` attempts have the `result` -1 (pending).
-
-    **Arguments:**
-
-    - `work`: the lanes of the sweep.
-    - `store`: store of the results, on disk or in memory, which may have some of them already.
-    - `trace`: function with which worker processes check that they have the same code as this one;
-      ``None`` for no check.
-    - `executor`: executor that computes the chunks; ``None`` to compute the lanes in threads of
-      this process.
-    - `threads`: number of these threads; ``None`` for the number given to `clearjoint.configure`,
-      or one for each core.
-    - `progress`: whether to show a progress bar.
+    Lanes that are still missing after `ROUNDS` attempts are pending. With `trace`, worker processes
+    check that they have the same code as this one. Without `executor`, `threads` of this process
+    compute the lanes.
 
     **Raises:** `ValueError` for an unsuitable executor; `ChunkError` for chunks that the executor
     could not compute; `PermissionError` if lanes are missing in a store that can't be written to.
@@ -95,11 +82,6 @@ def compute_missing(
 def _by_executor(
     chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
 ) -> None:
-    """Compute chunks on an executor and write them to the store.
-
-    **Arguments:** `chunks`: function that computes the missing lanes of a chunk; its attribute
-    `lanes` has their numbers, by number of the chunk; `bar`: progress bar of lanes.
-    """
     missing = chunks.lanes
 
     # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
@@ -128,11 +110,6 @@ def _by_threads(
     threads: int | None,
     bar: tqdm,
 ) -> None:
-    """Compute lanes in threads of this process and write them to the store.
-
-    **Arguments:** `missing`: numbers of the lanes to compute, by number of their chunk; `threads`:
-    number of threads, ``None`` for the configured number; `bar`: progress bar of lanes.
-    """
     # The writer decides when lanes are written. Lanes that are not written yet are written at the
     # end, also after an error or an interrupt.
     writer = _Writer(missing, store, bar)
@@ -155,9 +132,6 @@ class _Writer:
     incomplete chunks, as long as writing them takes at most the share `WRITE_SHARE` of the time.
     Lanes that end while others are written are added in the next call of `add`; `Batch.run` begins
     no further lanes if that lasts long.
-
-    **Arguments:** `missing`: numbers of the lanes to compute in each chunk, by number of the chunk;
-    `store`: where results are written; `bar`: progress bar that counts written lanes.
     """
 
     def __init__(
@@ -171,10 +145,7 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add lanes that have ended, and write those that are due.
-
-        **Arguments:** `lanes`: (n,) numbers of the lanes; `results`: arrays (n, ...) by name.
-        """
+        """Add lanes that have ended, and write those that are due."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
             rows = chunks == chunk
@@ -183,8 +154,7 @@ class _Writer:
         self.write_if_due()
 
     def write_if_due(self) -> None:
-        """Write the lanes of complete chunks, and also those of incomplete chunks unless such
-        writes would take more than `WRITE_SHARE` of the time."""
+        """Write complete chunks, and incomplete ones unless that would take too long a time."""
         since = time.monotonic() - self._last_write
         if since * WRITE_SHARE >= self._write_seconds:
             self.write_all()
@@ -200,11 +170,10 @@ class _Writer:
         self._write_seconds = self._last_write - start
 
     def _is_complete(self, chunk: int) -> bool:
-        """Return whether all lanes of a chunk that are not written yet have ended."""
+        """Whether all lanes of a chunk that are not written yet have ended."""
         return sum(len(lanes) for lanes, _ in self._waiting[chunk]) == self._unwritten[chunk]
 
     def _write(self, chunks: Sequence[int]) -> None:
-        """Write the lanes of some chunks that have ended."""
         for first in range(0, len(chunks), WRITTEN_TOGETHER):
             parts = {}
             for chunk in chunks[first : first + WRITTEN_TOGETHER]:
@@ -219,14 +188,7 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a progress bar of the stored lanes as a context manager.
-
-    The bar appears after two seconds and shows the time left. Its method `update(n)` counts n more
-    lanes. If lanes were stored before, a line on the terminal says so.
-
-    **Arguments:** `lanes`: number of lanes of the sweep; `done`: number of lanes that were stored
-    before; `show`: whether to show anything.
-    """
+    """Return a progress bar of the stored lanes, of which `done` were stored before."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
@@ -245,11 +207,7 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
 
 
 def show_running(bar: tqdm, running: Running) -> None:
-    """Show in a progress bar the time left, and the simulated times that lanes have reached.
-
-    **Arguments:** `bar`: a bar of `lane_progress`; `running`: progress of the lanes that have begun
-    and not ended.
-    """
+    """Show in a progress bar the time left, and the simulated times that lanes have reached."""
     assert isinstance(bar, ProgressBar)
     bar.seconds_left = running.seconds_left
     reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"

@@ -1,20 +1,8 @@
 """Computation of the chunks of a sweep on an executor.
 
-A chunk is a group of lanes, the runs of the sweep. Chunks are independent and may be computed more
-than once. Any executor with the interface of `concurrent.futures.Executor` is accepted, and so is a
-client of Dask's distributed scheduler. If a worker dies, Dask gives its chunks to another one. For
-the cores of one machine, a script makes an executor below ``if __name__ == "__main__":`` by ::
-
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(4, mp_context=spawn) as executor: ...
-
-and for a cluster, it makes a client by ::
-
-    with dask.distributed.Client("tcp://scheduler:8786") as client: ...
-
 The function that computes a chunk is sent to workers by cloudpickle, which supports closures and
-functions from notebooks. The runtime settings of this process (`clearjoint.configure`) are sent
-too, and worker processes use them.
+functions from notebooks, together with the runtime settings of this process
+(`clearjoint.configure`).
 """
 
 import inspect
@@ -41,6 +29,7 @@ from typing import Protocol
 
 import cloudpickle
 import equinox as eqx
+from typing_extensions import override
 
 from .._fields.checks import require
 from .._runtime import adopt, in_force
@@ -48,9 +37,9 @@ from .outputs import LaneArrays
 
 
 class _Pickler(cloudpickle.Pickler):
-    """Pickler for functions and classes that are defined in scripts and notebooks, among them
-    equinox modules, which cloudpickle alone does not restore."""
+    """Pickler that also supports equinox modules that are defined in scripts and notebooks."""
 
+    @override
     def reducer_override(self, value: object) -> object:
         # To restore a class from a script or notebook, cloudpickle first makes it without
         # attributes, and sets these afterwards. An equinox module needs its fields when it is made,
@@ -74,12 +63,10 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """Make an equinox class that has its fields from the start. A worker calls this function when
-    it unpickles the class.
+    """Make an equinox class that has its fields from the start, by cloudpickle's function `make`.
 
-    **Arguments:** `make`, `arguments`: cloudpickle's function that makes the class, and its
-    arguments; `statics`: by name of a field, whether it is static; `initialises`: whether the class
-    defines `__init__`.
+    `statics` says whether each field is static, and `initialises` whether the class defines
+    `__init__`.
     """
     # The fields defined here are provisional: cloudpickle sets the class's own attributes
     # afterwards. The defaults allow the fields to follow inherited ones that have defaults. With
@@ -100,14 +87,12 @@ def _placeholder(self: object) -> None:
 ChunkFunction = Callable[[int], LaneArrays]
 """Function of the number of a chunk that returns the results of its lanes."""
 RETRIES = 3
-"""How many times Dask repeats a chunk that raises an error. If the last repetition raises one too,
-the sweep fails."""
+"""How many times Dask repeats a chunk that raises an error before the sweep fails."""
 TICK = 1.0
-"""Time, s, between two calls of `on_start`, the callback of `run_chunks` that reports that workers
-are still starting."""
+"""Time between two calls of `on_start`, the callback of `run_chunks`, while workers are
+starting."""
 QUEUED = 2
-"""Number of chunks submitted for each worker: one that it computes, and another one that it can
-begin at once when the first is done."""
+"""Number of chunks submitted for each worker, so that it can begin another one at once."""
 
 
 class AbstractSubmitter(Protocol):
@@ -119,10 +104,10 @@ class AbstractSubmitter(Protocol):
 
 
 class ChunkError(RuntimeError):
-    """Raised for chunks of a sweep that an executor could not compute.
+    """Raised for chunks of a sweep that an executor could not compute, with the first error as
+    cause.
 
-    - `chunks`: numbers of the chunks.
-    - `__cause__`: the first error.
+    `chunks` has the numbers of the chunks.
 
     >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
     >>> error.chunks
@@ -144,23 +129,12 @@ def run_chunks(
     """Compute `task(chunk)` for every chunk and pass the results to `on_done(chunk, results)`.
 
     `on_done` is called in this thread, for one chunk at a time, in the order in which chunks end.
-    Only a few chunks at a time are submitted, and none after an error. An interrupt (Ctrl-C) or an
-    error of `on_done` cancels the chunks that have not begun.
-
-    **Arguments:**
-
-    - `task`: function that computes the results of a chunk from its number. Each process decodes
-      the function once.
-    - `chunks`: numbers of the chunks.
-    - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client`.
-    - `on_done`: function of the number of a chunk and its results.
-    - `on_start`: function that is called every second until the first result, with the time in
-      seconds since `run_chunks` was called.
+    Only a few chunks at a time are submitted, and none after an error. Until the first result,
+    `on_start` is called every second with the time since the call.
 
     **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
-    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it.
-    This error is raised after the chunks already submitted have ended, and `on_done` has received
-    the results of those that succeeded.
+    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
+    after the chunks already submitted have ended.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
@@ -196,12 +170,7 @@ def run_chunks(
 
 
 class _Pool:
-    """An executor or a Dask client, with the function that its workers call for each chunk.
-
-    **Arguments:** `executor`: the executor or client; `task`: the function of a chunk's number.
-
-    **Raises:** `ValueError` if `executor` has another type, or forks its processes.
-    """
+    """An executor or a Dask client, with the function that its workers call for each chunk."""
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
         # A forked process has copies of the locks that JAX's threads hold, but not the threads, so
@@ -223,8 +192,7 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return the largest number of submitted chunks that may be unfinished at present: `QUEUED`
-        for each worker or, with Dask, for each thread of the workers."""
+        """Return the largest number of submitted chunks that may be unfinished at present."""
         if self._threads is not None:  # of Dask; the number of workers of a cluster may change
             workers = sum(self._threads().values())
         else:
@@ -232,11 +200,8 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Submit a chunk and return its future.
-
-        If the executor is broken or has been shut down, the future has the error, as for a chunk
-        that fails.
-        """
+        """Submit a chunk and return its future, which has the error if the executor is broken or
+        has been shut down."""
         try:
             return self._executor.submit(self._call, chunk)
         except RuntimeError as error:  # also a `BrokenExecutor`
@@ -261,10 +226,7 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
-    """Adopt the runtime settings in the bytes of `_payload`, and return the function.
-
-    A worker process does so once for a sweep, and keeps the function for further chunks.
-    """
+    """Adopt the runtime settings in the bytes of `_payload`, and return the function."""
     _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)
@@ -289,11 +251,6 @@ def _end_with_parent() -> None:
 
 
 def _call(payload: bytes, chunk: int) -> LaneArrays:
-    """Compute a chunk in a worker, from the bytes of `_payload`.
-
-    **Raises:** the error of the function or, if that error can't be pickled and unpickled, a
-    `RuntimeError` with its type and text.
-    """
     with _decoding:  # One thread decodes the task, and the others take it from the cache.
         task = _decoded(payload)
     try:
@@ -309,10 +266,6 @@ def _call(payload: bytes, chunk: int) -> LaneArrays:
 
 
 def _fail(failed: dict[int, BaseException], done: int) -> None:
-    """Raise a `ChunkError` that names the failed chunks and the first error.
-
-    **Arguments:** `failed`: errors by number of the chunk; `done`: number of computed chunks.
-    """
     chunks = tuple(sorted(failed))
     cause = next(iter(failed.values()))
     numbers = ", ".join(map(str, chunks))

@@ -1,10 +1,6 @@
 """Search for the largest value of a parameter for which quantities stay within their limits.
 
-Sweeps over many values of the parameter compute the margins of the quantities to their limits,
-log(limit / peak). The values of one sweep are called a row. Its runs, one for each value, are
-computed side by side, as lanes. Each value may be combined with random draws of other numbers, such
-as the phase at the start. Then a value has a lane for each draw, and a given quantile of the peaks
-over the draws must stay within the limits.
+The values of one sweep are called a row.
 """
 
 import math
@@ -53,7 +49,7 @@ of runs where the margin is a rough function of the parameter."""
 VALUE = "largest_value"
 """Name of the axis of the parameter's values in the sweeps."""
 NEIGHBOURS = 2
-"""The change of the margin inside an interval between two computed values is estimated: it is the
+"""The change of the margin inside an interval between two computed values is estimated as the
 largest of the changes over the interval itself and over this many intervals on each side of it."""
 CONFIDENCE = 0.95
 """Confidence level of the quantiles' intervals."""
@@ -73,10 +69,9 @@ class LargestFeasible:
 
     - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
       exceeded.
-    - `interval`: interval in which the first violation begins: `value`, and the next computed
-      value, which violates a limit. With several draws and a quantile below 1, it is instead a 95 %
-      confidence interval of the value at which the first violation begins. Both ends are `value` if
-      no limit is exceeded.
+    - `interval`: `value`, and the next computed value, which violates a limit. With several draws
+      and a quantile below 1, it is instead a 95 % confidence interval of the value at which the
+      first violation begins. Both ends are `value` if no limit is exceeded.
     - `met`: whether a computed value violates a limit.
     - `monotone`: whether the margins only fall: no computed margin exceeds one at a smaller value
       by more than `tolerance`; with draws, the nearest ends of their confidence intervals are
@@ -87,9 +82,9 @@ class LargestFeasible:
     - `spacing`: largest distance between neighbouring values up to the first violation, relative to
       the neighbour of larger magnitude. In a range that contains zero, it is relative to
       `tolerance` times the range where that is larger.
-    - `values`: (n,) all computed values, in `unit`.
-    - `margins`: (n,) margin of each value. It is +inf for a peak of zero or less, and -inf for a
-      peak that is NaN or infinite; a failed run counts as an infinite peak.
+    - `values`, `margins`: (n,) all computed values, in `unit`, and their margins. A margin is +inf
+      for a peak of zero or less, and -inf for a peak that is NaN or infinite; a failed run counts
+      as an infinite peak.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
     >>> largest = cj.largest_feasible(
@@ -110,7 +105,6 @@ class LargestFeasible:
     margins: Float[np.ndarray, " n"]
 
     def __str__(self) -> str:
-        """Return sentences on the value, its uncertainty, and the trend of the margins."""
         low, high = self.interval
         trend = (
             "All computed margins fall with the parameter."
@@ -159,43 +153,34 @@ def largest_feasible(
 
     No computed value up to this one violates a limit. One sweep runs a row of values side by side,
     as lanes. A first row over the range finds the first violation, and a second row examines the
-    values just below it. If margins, log(limit / peak), rise and fall, more
-    rows search for violations between values with small margins. Then each row divides the interval
-    in which the first violation begins, down to the tolerance.
+    values just below it. If margins, log(limit / peak), rise and fall, more rows search for
+    violations between values with small margins. Then each row divides the interval in which the
+    first violation begins, down to the tolerance.
 
     ```python
     import clearjoint as cj
 
     scene, state = cj.mechanisms.slider_crank(0.1e-3)
-    largest = cj.largest_feasible(
-        scene,
-        state,
-        2e-3,
-        cj.Parameter(lambda scene: scene.joints["slider pin"].clearance, cj.Log()),
-        cj.quantities.ContactForce("slider pin", "V"),
-        1e4,
-        between=(1e-6, 1e-4),
-        lanes=8,
-    )
-    print(largest)
+    clearance = cj.Parameter(lambda scene: scene.joints["slider pin"].clearance, cj.Log())
+    force = cj.quantities.ContactForce("slider pin", "V")
+    options = {"between": (1e-6, 1e-4), "lanes": 8}
+    print(cj.largest_feasible(scene, state, 2e-3, clearance, force, 1e4, **options))
     ```
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`.
     - `parameter`: the parameter, for example a clearance; values in a row are evenly spaced on its
       scale.
     - `quantity`: a scalar function of an `Instant` (the scene and its motion at one time), whose
       peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
       limited; or several functions and reductions by name.
     - `limit`: largest allowed value, positive, in SI; for several quantities by name, one for each.
-    - `settings`: settings of the integration. By default the search uses
-      `clearjoint.presets.derivatives`, with which margins are smoother, and the values just below
-      the first violation must also satisfy the limits in runs with the default settings of
-      `simulate`.
+    - `settings`: by default the search uses `clearjoint.presets.derivatives`, with which margins
+      are smoother, and the values just below the first violation must also satisfy the limits in
+      runs with the default settings of `simulate`.
     - `between`: smallest and largest value considered; the smallest must satisfy the limits.
-    - `after`: s, time after which peaks of quantities count, to exclude a transient. Reductions
-      have times of their own.
+    - `after`: time after which peaks of quantities count, to exclude a transient. Reductions have
+      times of their own.
     - `draws`: for each random number of the scene or its initial state, such as the phase at the
       start, an `Axis` with its draws, by name. All have equal length, and their i-th values form
       the i-th draw.
@@ -205,9 +190,6 @@ def largest_feasible(
     - `tolerance`: relative tolerance of the value, positive. The search also ends where rounding
       errors leave no values in between. If the range contains zero, the absolute tolerance is at
       least `tolerance` squared times the range.
-    - `progress`: whether to show a progress bar during the runs.
-
-    **Returns:** a `LargestFeasible`.
 
     **Raises:** `ValueError` for unsupported arguments, and if the smallest value violates a limit;
     the message then has the peak of the quantity, or says that it is NaN or that the run fails.
@@ -230,11 +212,11 @@ def largest_feasible(
     require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
     require_positive("tolerance", tolerance, "1e-3 suffices")
     # A quantity without reduction is limited by its peak.
-    outputs = {name: as_reduction(one, after) for name, one in quantities.items()}
+    outputs = {name: as_reduction(watched, after) for name, watched in quantities.items()}
 
     def margins_with(settings: Settings) -> Callable[[np.ndarray], LaneMargins]:
-        given = {"settings": settings, "start_time": start_time, "progress": progress}
-        run = partial(sweep, scene, state, end_time, **given)
+        options = {"settings": settings, "start_time": start_time, "progress": progress}
+        run = partial(sweep, scene, state, end_time, **options)
         return partial(lane_margins, run, parameter, outputs, limits, draws, quantile)
 
     # Near a limit, integration errors decide: the answer must hold in the run that a user makes.
@@ -248,15 +230,12 @@ def largest_feasible(
 class LaneMargins:
     """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
-    - `coordinates`: (n,) rising coordinates of the values on the parameter's scale.
-    - `margins`: (n,) the smallest margin of all outputs. Its peak is the largest value of a
-      quantity or the result of a reduction; with draws, the quantile of these over the draws. A
-      failed run counts as an infinite peak. The margin is -inf for an infinite peak, +inf for a
-      peak of zero or less, and NaN, which counts as a violation, for a peak that is NaN.
-    - `low`, `high`: (n,) ends of the margins' 95 % confidence intervals; equal to `margins` without
+    - `margins`: the smallest margin of all outputs, and NaN, which counts as a violation, for a
+      peak that is NaN. `LargestFeasible` says what a peak is.
+    - `low`, `high`: ends of the margins' 95 % confidence intervals; equal to `margins` without
       draws, for a single draw, and for the quantile 1.
-    - `peak`: text, part of an error message: it gives the peak of the output with the smallest
-      margin at the first coordinate, or says that the run fails there.
+    - `peak`: part of an error message, about the output with the smallest margin at the first
+      coordinate.
     """
 
     coordinates: Float[np.ndarray, " n"]
@@ -266,19 +245,14 @@ class LaneMargins:
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins merged with those at other coordinates, in the order of coordinates.
-
-        If both have a margin at a coordinate, that of this object is kept.
-        """
+        """Return these margins merged with those at other coordinates; of equal ones, this object's
+        is kept."""
         both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
         kept = np.unique(both[0], return_index=True)[1]
         return LaneMargins(*(row[kept] for row in both), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins, with the smaller one where `others` has a margin at a coordinate.
-
-        A margin that is NaN, of these or of the others, counts as smaller.
-        """
+        """Return these margins, with the smaller one, or a NaN, where `others` has a margin too."""
         at = np.searchsorted(self.coordinates, others.coordinates)
         rows = [row.copy() for row in self._rows]
         for row, other in zip(rows, others._rows, strict=True):
@@ -290,12 +264,10 @@ class LaneMargins:
         return self.coordinates, self.margins, self.low, self.high
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
-        """Return for each interval between neighbouring values, (n - 1,), whether it may hide a
-        violation.
+        """Return for each interval between neighbouring values whether it may hide a violation.
 
         An interval up to the first violation is doubtful if the smaller margin at its ends is below
         the largest change of the margin over it or one of the `NEIGHBOURS` intervals on each side.
-        Intervals after the first violation are not doubtful.
         """
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
@@ -315,13 +287,11 @@ class LaneMargins:
         """Return whether the margins only fall as the coordinate rises.
 
         A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
-        of that at a smaller coordinate by more than `tolerance`. As a difference of logarithms,
-        `tolerance` is a relative change of the peak. Margins that are NaN are left out. If the
-        margins only fall, no violation is hidden between two values that satisfy the limits.
+        of that at a smaller coordinate by more than `tolerance`, a relative change of the peak.
         """
-        known = ~np.isnan(self.margins)
-        least = np.minimum.accumulate(np.where(known, self.high, np.inf))
-        return bool(np.all(self.low[known][1:] <= least[known][:-1] + tolerance))
+        is_number = ~np.isnan(self.margins)
+        least = np.minimum.accumulate(np.where(is_number, self.high, np.inf))
+        return bool(np.all(self.low[is_number][1:] <= least[is_number][:-1] + tolerance))
 
 
 def first_violation(margins: Float[np.ndarray, " n"]) -> int:
@@ -339,16 +309,7 @@ def lane_margins(
     quantile: float,
     coordinates: Float[np.ndarray, " n"],
 ) -> LaneMargins:
-    """Compute the margins at n values of a parameter, each with all draws, by one sweep.
-
-    **Arguments:**
-
-    - `run`: function that sweeps over axes by name, such as `sweep` with its other arguments set.
-    - `parameter`: the parameter, and `coordinates`: (n,) its rising coordinates.
-    - `outputs`: limited reductions by name, and `limits`: their limits by the same names, SI.
-    - `draws`: axes of random numbers by name, of equal length; empty for none.
-    - `quantile`: share of the draws that must satisfy each limit.
-    """
+    """Compute the margins at n values of a parameter, each with all draws, by one sweep `run`."""
     values = np.array([float(parameter.scale.value(u)) for u in coordinates])
     count = len(next(iter(draws.values())).values) if draws else 1
     # A lane for each pair of a value and a draw; the lanes of a value follow each other.
@@ -392,11 +353,8 @@ def limit_margins(
     draws does not exceed. Its 95 % confidence interval is between two other order statistics and
     holds for any distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
 
-    **Arguments:** `peaks`: (n, draws); `limit`: in the unit of the peaks; `quantile`: share of the
-    draws, 0 to 1.
-
-    **Returns:** margins, lower ends and upper ends, (n,) each. The lower end is -inf if there are
-    too few draws for it. Both ends equal the margin for a single draw, and for the quantile 1.
+    **Returns:** margins, lower ends and upper ends. The lower end is -inf if there are too few
+    draws for it. Both ends equal the margin for a single draw, and for the quantile 1.
     """
     from scipy.stats import binom
 
@@ -420,8 +378,8 @@ def limit_margins(
 
 
 def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) -> AbstractReduction:
-    """Return a reduction unchanged; for a quantity, the reduction to its peak from the time
-    `after`, s, on, or over the whole run for ``None``."""
+    """Return a reduction unchanged; for a quantity, the reduction to its peak from the time `after`
+    on."""
     if isinstance(quantity, AbstractReduction):
         return quantity
     unit = getattr(quantity, "unit", None) or "1"
@@ -432,15 +390,10 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
 
-    The argument `lanes` of methods, unlike the field, has the margins of all values that have been
-    computed so far.
-
-    - `margins`: function that runs a sweep at rising coordinates (n,) and returns their margins.
-    - `lanes`: number of values in a row.
-    - `tolerance`: relative tolerance of the value.
-    - `parameter`: the parameter, whose scale converts between values and coordinates.
-    - `plain`: the same function as `margins` with the settings of plain runs, which must satisfy
-      the limits too; ``None`` if these are the settings of `margins`.
+    `margins` runs a sweep at rising coordinates. `plain` does so with the settings of plain runs,
+    which must satisfy the limits too; ``None`` if these are the settings of `margins`. The argument
+    `lanes` of methods, unlike the field, has the margins of all values that have been computed so
+    far.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
@@ -450,9 +403,7 @@ class _Search:
     plain: Callable[[np.ndarray], LaneMargins] | None = None
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
-        """Search between the coordinates `low` and `high` of the parameter, and return the result.
-
-        **Arguments:** `unit`: of the parameter's value, as text for the result.
+        """Search between the coordinates `low` and `high` of the parameter.
 
         **Raises:** `ValueError` if the value at `low` violates a limit.
         """
@@ -466,17 +417,12 @@ class _Search:
         return self._result(self._confirmed(lanes), unit)
 
     def _require_smallest(self, lanes: LaneMargins) -> None:
-        """Check that the smallest value satisfies the limits.
-
-        **Raises:** `ValueError` with the peak otherwise.
-        """
         smallest, expected = self._values(lanes)[0], "a value that satisfies the limits"
         remedy = f"{lanes.peak}; decrease it, or raise the limit"
         require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
 
     def _narrowed(self, lanes: LaneMargins) -> LaneMargins:
-        """Return the margins with rows added until the interval in which the first violation
-        begins is as narrow as the tolerance."""
+        """Add rows until the interval of the first violation is as narrow as the tolerance."""
         computed = 0
         # A row adds no value if there are no floats between the last value and the violation.
         while (
@@ -488,11 +434,7 @@ class _Search:
         return lanes
 
     def _confirmed(self, lanes: LaneMargins) -> LaneMargins:
-        """Return the margins after those just below the first violation, and thus the largest
-        feasible value, have been confirmed by plain runs.
-
-        **Raises:** `ValueError` if the smallest value violates a limit in a plain run.
-        """
+        """Confirm the margins just below the first violation by plain runs."""
         if self.plain is None:
             return lanes
         checked, rounds = np.empty(0), 0
@@ -509,11 +451,10 @@ class _Search:
         return lanes
 
     def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
-        """Return the margins with a row of values added just below the first violation.
+        """Add a row of values between the last value before the first violation and the violation.
 
-        The row is between the last value before the first violation and the violation. With
-        `below`, it begins `CLOSE` times their distance lower, but not below the smallest value.
-        There must be a violation, but not at the smallest value.
+        With `below`, it begins `CLOSE` times their distance lower, but not below the smallest
+        value.
         """
         first = first_violation(lanes.margins)
         last, violation = lanes.coordinates[first - 1 : first + 1]
@@ -521,11 +462,7 @@ class _Search:
         return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
     def _inspected(self, lanes: LaneMargins) -> LaneMargins:
-        """Return the margins with values added in intervals that may hide a violation.
-
-        Rows are added until these intervals are as narrow as the tolerance, at most `INSPECTIONS`
-        rows. None is added if the margins only fall.
-        """
+        """Add rows in intervals that may hide a violation, unless the margins only fall."""
         for _ in range(INSPECTIONS):
             doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
             if lanes.falls(self.tolerance) or not doubtful.any():
@@ -543,10 +480,6 @@ class _Search:
         return lanes
 
     def _result(self, lanes: LaneMargins, unit: str) -> LargestFeasible:
-        """Return the result of the search from the margins of all computed values.
-
-        **Arguments:** `unit`: of the parameter's value, as text for the result.
-        """
         first, values = first_violation(lanes.margins), self._values(lanes)
         met, value = first < len(values), values[first - 1]
         last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
@@ -565,22 +498,16 @@ class _Search:
     def _interval(self, lanes: LaneMargins) -> tuple[float, float]:
         """Return the two values between which the first violation begins.
 
-        With several draws and a quantile below 1, these are the ends of a 95 % confidence interval:
-        the last value before any violation is possible by the margins' intervals, and the first at
-        which it is certain. If a violation is possible from the smallest value on, the interval
-        begins there; if it is certain nowhere, the interval ends at the largest computed value.
-
-        Without draws, with a single draw or with the quantile 1, the margins are exact. The two
-        values are then the last one before the first violation, and that of the first violation.
+        With several draws and a quantile below 1, these are the last value before any violation is
+        possible by the margins' intervals, or the smallest one, and the first at which it is
+        certain, or the largest one. Otherwise the margins are exact.
         """
         possible, certain = first_violation(lanes.low), first_violation(lanes.high)
         values = self._values(lanes)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Return the distances (n - 1,) of neighbouring values, relative to the neighbour of larger
-        magnitude. If the range contains zero, they are relative to `tolerance` times the range
-        where that is larger."""
+        """Return the relative distances of neighbouring values, as of `LargestFeasible.spacing`."""
         values = np.array(self._values(lanes))
         low, high = values[0], values[-1]
         # The distance from zero to its neighbour is as large as the neighbour, however small.
@@ -589,17 +516,13 @@ class _Search:
         return np.abs(np.diff(values)) / sizes
 
     def _values(self, lanes: LaneMargins) -> list[float]:
-        """Return the value at each coordinate, without the rounding errors of scales, (n,)."""
+        """The value at each coordinate, without the rounding errors of scales."""
         return [as_shown(float(self.parameter.scale.value(u))) for u in lanes.coordinates]
 
 
 def _check_quantities(
     scene: Scene, quantities: Mapping[str, Watched], limits: Mapping[str, float]
 ) -> None:
-    """Check the limited quantities, and that each has one positive, finite limit.
-
-    **Raises:** `ValueError` otherwise.
-    """
     require(len(quantities) > 0, "quantity", quantities, "one or more quantities", "name one")
     remedy = "give each quantity one limit, under the same name"
     same = set(quantities) == set(limits)
@@ -607,13 +530,13 @@ def _check_quantities(
     for name, limit in limits.items():
         argument, remedy = f"limit[{name!r}]", "pass the largest allowed magnitude or distance"
         require_positive(argument, as_number(limit, argument), remedy)
-    for name, one in quantities.items():
-        if isinstance(one, AbstractReduction):
+    for name, watched in quantities.items():
+        if isinstance(watched, AbstractReduction):
             # The main result of a reduction, which is limited, has the empty name.
-            units, expected = list(one.units()), 'a reduction with a main result, named ""'
+            units, expected = list(watched.units()), 'a reduction with a main result, named ""'
             remedy = "subclass AbstractReduction to report one, or pass the quantity for its peak"
             require("" in units, f"quantity[{name!r}]", units, expected, remedy)
-            one.check(scene)
+            watched.check(scene)
         else:
-            require_quantity(f"quantity[{name!r}]", one)
-            check_quantity(f"quantity[{name!r}]", one, scene)
+            require_quantity(f"quantity[{name!r}]", watched)
+            check_quantity(f"quantity[{name!r}]", watched, scene)

@@ -1,12 +1,4 @@
-"""Outputs of a sweep, and the shapes and labels of its results, which are known before it runs.
-
-A lane is one run of a sweep. Lanes are numbered from 0. They are all combinations of the axes'
-values, those of the last axis varying fastest. In a zipped sweep the i-th lane has the i-th value
-of each axis.
-
-Lanes are computed and stored in chunks of equal size; the last chunk may be shorter. The results of
-any group of lanes are a dictionary of arrays, whose first dimension is that of the lanes.
-"""
+"""Outputs of a sweep, and the shapes and labels of its results, which are known before it runs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -38,18 +30,13 @@ RESULT = "result"
 BY_LANE = "by_lane"
 """Folder of a store with the results by lane; variables and axes can't have this name."""
 PENDING = -1
-"""Result code of a lane that has not been computed yet; such a lane is called pending."""
+"""Result code of a lane that has not been computed yet."""
 LaneArrays = dict[str, np.ndarray]
 """Results of one or more lanes, (lanes, ...), by name of the variable."""
 
 
 class Coordinate(NamedTuple):
-    """Labels along a dimension of the results, such as the values of an axis or names of bodies.
-
-    - `name`: name of the dimension.
-    - `values`: (n,) numbers or texts.
-    - `unit`: unit of the numbers; "1" if they have none.
-    """
+    """Labels along a dimension of the results, such as the values of an axis or names of bodies."""
 
     name: str
     values: np.ndarray
@@ -57,17 +44,15 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes of the labels: "units", as in the CF conventions; none for texts."""
+        """Attribute "units", as in the CF conventions; none for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
 class Variable(NamedTuple):
     """A result of every lane, such as a peak force or a table of impacts.
 
-    - `dims`, `shape`: names and sizes of the dimensions after that of the lanes.
-    - `dtype`: type of the entries, by NumPy's name.
-    - `unit`, `description`: texts for readers.
-    - `attrs`: further attributes, for example the `flag_values` and `flag_meanings` of a code.
+    `dims` and `shape` are those after the dimension of lanes. `attrs` are further attributes, for
+    example the `flag_values` and `flag_meanings` of a code.
     """
 
     dims: tuple[str, ...] = ()
@@ -79,19 +64,17 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """Value of entries that have not been computed: NaN for floats, -1 for integers, and false
-        for truth values."""
+        """Value of entries that have not been computed."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return the entries for a number of lanes that have not been computed, (lanes, ...), all
-        with the value `fill`."""
+        """Return the entries for a number of lanes that have not been computed."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Unit, description and further attributes, named by the CF conventions."""
+        """Attributes, named by the CF conventions."""
         return {"units": self.unit, "long_name": self.description, **self.attrs}
 
 
@@ -99,18 +82,9 @@ class Variable(NamedTuple):
 class Layout:
     """The shape, the labels and the settings of a sweep's results.
 
-    The layout is known before the sweep runs. The sweep's store and dataset are made from it.
-
-    **Arguments:**
-
-    - `axes`: the swept values, one `Coordinate` for each axis.
-    - `chunk`: number of lanes in a chunk.
-    - `variables`: results by name. The variable ``"result"``, an integer for each lane, is
-      `PENDING` until the lane has been computed.
-    - `coordinates`: labels along those dimensions of the variables (`Variable.dims`) that have any.
+    - `axes`: the swept values; `coordinates`: labels along dimensions of variables that have any.
+    - `variables`: results by name, with ``"result"``, the result code, among them.
     - `settings`: texts by name, for settings on which the numbers depend.
-    - `zipped`: whether the i-th lane has the i-th value of every axis; otherwise the lanes are all
-      combinations.
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
       the name of a function.
 
@@ -170,29 +144,24 @@ class Layout:
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:
-        """Return the range of lanes of the chunk with the given number."""
+        """Return the range of lanes of a chunk."""
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the value of each axis in every lane, (lanes,), by name of the axis."""
+        """Return the value of each axis in every lane, by name of the axis."""
         columns = [axis.values for axis in self.axes]
         if not self.zipped:
             columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> LaneArrays:
-        """Return the results of all lanes, before any of them has been computed."""
+        """Return the results of all lanes before any of them has been computed."""
         return {name: variable.pending(self.lanes) for name, variable in self.variables.items()}
 
 
 def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """Return the results of all lanes as a dataset along the sweep's axes.
-
-    The dataset has the units, and the layout's settings and notes as attributes. If the sweep is
-    zipped, its dimension is `LANE`, along which the axes are coordinates.
-
-    **Arguments:** `arrays`: by name of the variable, its values in all lanes, (lanes, ...).
-    """
+    """Return the results of all lanes as a dataset along the sweep's axes, or along `LANE` if
+    zipped, with units, and with settings and notes as attributes."""
     import xarray as xr
 
     # If the sweep is zipped, there is one dimension of lanes, along which the axes are labels.
@@ -216,8 +185,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """Return a coordinate with its values as an array. Values other than numbers and truth values
-    become texts, without a unit."""
+    """A coordinate with an array of numbers or truth values; other values become texts without
+    unit."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)
@@ -225,8 +194,8 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
 
 
 def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
-    """Return attributes by names that netCDF allows: with "_" in place of slashes and apostrophes,
-    without spaces at the end, and with a number appended to a name that is already taken."""
+    """Attributes by names that netCDF allows: with "_" in place of slashes and apostrophes, without
+    spaces at the end, and with a number appended to a name that is already taken."""
     named: dict[str, str] = {}
     for name, text in attributes.items():
         allowed = unique = name.translate({ord(c): "_" for c in "/'"}).rstrip()
@@ -253,9 +222,9 @@ class Saved:
 
     **Arguments:**
 
-    - `times`: (K,) s, strictly rising and within the run; or a function of the lane's scene that
+    - `times`: (K,) strictly rising times within the run; or a function of the lane's scene that
       returns K such times for every lane, for example one in each revolution of a crank whose speed
-      is swept. They are checked when the sweep begins.
+      is swept.
     - `channels`: the quantities to record, by name: pairs of a function of an `Instant`, such as
       those of `clearjoint.quantities`, and its unit as text.
 
@@ -276,16 +245,11 @@ class Saved:
         check_channels(self.channels)
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the bodies and joints that the channels name.
-
-        **Raises:** `ValueError` for a name that the scene lacks.
-        """
+        """Raise a `ValueError` if the scene lacks a body or joint that a channel names."""
         check_quantities(self.channels, scene)
 
     def at(self, scene: Scene) -> np.ndarray:
-        """Return the times at which the quantities are recorded in a lane, (K,) s.
-
-        **Arguments:** `scene`: scene of the lane.
+        """Return the times at which the quantities are recorded in a lane.
 
         **Raises:** `ValueError` for times that are not a row of finite numbers, or that don't rise
         strictly.
@@ -303,23 +267,15 @@ class ImpactTable:
     For each contact, labelled by joint and contact such as "pin V", the table has the first `count`
     impacts: onset, separation, duration and peak time, s, entry and exit speed, m/s, peak force, N,
     and largest penetration, m. Rows after the recorded impacts are NaN. The table also has the
-    number of recorded impacts of each contact; a contact with `count` of them may have had more.
-
-    Quantiles can be computed from the table, and are exact for the recorded impacts:
-
-    ```python
-    import clearjoint as cj
-
-    outputs = {"hits": cj.ImpactTable(200, "shoulder", after=0.5)}
-    # sweep = cj.sweep(..., outputs=outputs)
-    # sweep.hits_peak_force.quantile(0.95, ["hits_contact", "hits_number"])
-    ```
+    number of recorded impacts of each contact; a contact with `count` of them may have had more. A
+    quantile of the peak forces is ``sweep.hits_peak_force.quantile(0.95, ["hits_contact",
+    "hits_number"])``, for an output named "hits".
 
     **Arguments:**
 
     - `count`: number of impacts kept for each contact.
     - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
-    - `after`, `until`: start and end of a time window, s; by default the whole run. An impact is
+    - `after`, `until`: start and end of a time window; by default the whole run. An impact is
       recorded if its onset lies in the window. Each may be a function of the scene that returns a
       time and that JAX can trace, so that the window follows the values of the lane.
 
@@ -346,14 +302,11 @@ class ImpactTable:
         return None if self.after is None and self.until is None else window
 
     def check(self, scene: Scene) -> None:
-        """Check that the scene has joints with contacts, among them the joint of the table.
-
-        **Raises:** `ValueError` otherwise.
-        """
-        known = scene.contact_joints()
+        """Raise a `ValueError` if the scene has no contacts, or lacks the joint of the table."""
+        joints = scene.contact_joints()
         if self.joint is not None:
-            require_known("joint", self.joint, known)
-        require(len(known) > 0, "scene", {}, "one with contacts", "leave the table out")
+            require_known("joint", self.joint, joints)
+        require(len(joints) > 0, "scene", {}, "one with contacts", "leave the table out")
 
     def contacts(self, scene: Scene) -> list[tuple[str, str]]:
         """Return the table's contacts as pairs of joint and label, such as ("shoulder", "V")."""
@@ -363,26 +316,19 @@ class ImpactTable:
 
 
 class PartOfStates(eqx.Module):
-    """Quantity whose value is one part of the states of all bodies, such as all positions.
-
-    - `part`: "position", "orientation", "velocity" or "spin", in the unit given by `STATE_PARTS`.
-    - `bodies`: names of the bodies, in the order of the rows.
-    """
+    """Quantity whose value is one part of the states of all bodies, such as all positions, in the
+    unit given by `STATE_PARTS`."""
 
     part: str = eqx.field(static=True)
     bodies: tuple[str, ...] = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Float[Array, "bodies parts"]:
-        """Return the part at an instant, (bodies, components of the part)."""
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
 class StatesOfLanes:
-    """Output with the states of all bodies of a scene at given times. A sweep has this output if
-    the argument `save` of `sweep`, a `Saving`, has times.
-
-    **Arguments:** `times`: (K,) s, the same in all lanes; `scene`: scene with these bodies.
-    """
+    """Output with the states of all bodies at given times, for which the argument `save` of `sweep`
+    asks."""
 
     def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
         self.times, bodies = times, tuple(scene.bodies)
@@ -391,10 +337,10 @@ class StatesOfLanes:
         }
 
     def check(self, scene: Scene) -> None:
-        """Accept every scene, because every scene has bodies."""
+        """Accept every scene."""
 
     def at(self, scene: Scene) -> np.ndarray:
-        """Return the times (K,) s, which don't depend on the scene."""
+        """Return the times, which don't depend on the scene."""
         del scene
         return self.times
 
@@ -406,10 +352,6 @@ Output = AbstractReduction | AnySaved | Section | ImpactTable
 
 def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
     """Return all outputs of a sweep by name: `outputs` and those for which `save` asks.
-
-    `save` is the argument of `sweep` that selects results as for a single run: Poincaré sections
-    and reductions by name, and times. Sections and reductions keep their names. If there are times,
-    there is an output `SAVED` with the states of all bodies at these times.
 
     **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, for
     names of `outputs` that can't be those of arrays (see `Layout`), and for a name in both
@@ -427,16 +369,9 @@ def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> di
 
 
 def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
-    """Check that a sweep supports the outputs, and that the scene has the bodies, joints and forces
-    that they name.
-
-    **Arguments:** `outputs`: outputs by name; `scene`: scene of the sweep; `ledger`: whether the
-    energy ledger is computed (`Settings.ledger`), which some reductions need.
-
-    **Raises:** `ValueError` that names the output, if a sweep does not support it, or the scene
-    lacks something that it names or the ledger that it needs. Also for more than one output at
-    given times, which are each `Saved` and the states at the times of `save`.
-    """
+    """Raise a `ValueError` for an output that a sweep does not support, or that needs something
+    that the scene lacks, or the energy ledger if it is not computed; and for more than one output
+    at given times."""
     for name, output in outputs.items():
         expected = "a reduction, a Saved, a Section or an ImpactTable"
         remedy = "subclass AbstractReduction, or pass one of clearjoint's"

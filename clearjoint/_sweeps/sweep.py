@@ -1,5 +1,4 @@
-"""Parameter sweeps: simulate one scene for many values of its parameters. Each of the runs is
-called a lane."""
+"""Parameter sweeps: simulate one scene for many values of its parameters."""
 
 import os
 import warnings
@@ -64,12 +63,7 @@ from .work import CONTACT, Work, variable_name
 def variables_of(
     scene: Scene, outputs: Mapping[str, Output]
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
-    """Return the variables of a sweep by name, and the labels of their dimensions.
-
-    **Arguments:** `scene`: scene of the sweep; `outputs`: requested outputs by name.
-
-    **Returns:** the variables that every sweep has, followed by those of the outputs; and a
-    `Coordinate` for each dimension with labels, apart from the axes.
+    """Return the variables of a sweep by name, and the labels of dimensions other than the axes.
 
     **Raises:** `ValueError` for an output whose variables have names that are already used.
     """
@@ -107,10 +101,6 @@ def variables_of(
 
 
 def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, Variable]:
-    """Return the variables of one output by name.
-
-    **Arguments:** `scene`: scene of the sweep; `name`: name of the output.
-    """
     if isinstance(output, StatesOfLanes):
         return _states(scene, name, "of the bodies", (variable_name(name, "time"), output.times))
     if isinstance(output, AbstractReduction):
@@ -144,11 +134,9 @@ def _variables_of_output(scene: Scene, name: str, output: Output) -> dict[str, V
 def _states(
     scene: Scene, name: str, description: str, along: tuple[str, np.ndarray] | None = None
 ) -> dict[str, Variable]:
-    """Return variables with the states of all bodies, by name.
+    """Variables with the states of all bodies, by name.
 
-    **Arguments:** `name`: start of the variables' names, which is the name of an output or "final";
-    `description`: end of the variables' descriptions; `along`: name of a dimension before that of
-    the bodies, and its labels.
+    `along` is the name of a dimension before that of the bodies, and its labels.
     """
     dims, shape = ((), ()) if along is None else (along[:1], along[1].shape)
     return {
@@ -165,12 +153,9 @@ def _states(
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
     """Return, as texts by name, the settings that a store compares.
 
-    The numbers of the lanes depend on them, so a sweep with other settings is another sweep. They
-    include the start time, the kind of compiled program ("native", or XLA and its backend), and the
-    versions of clearjoint, JAX and diffrax. Other settings, such as the solver, are recognised by
-    the digests of the traced programs.
-
-    **Arguments:** `settings`: settings of the integration; `start_time`: s, start of all runs.
+    The numbers of the lanes depend on them. They include the start time, the kind of compiled
+    program ("native", or XLA and its backend), and the versions of clearjoint, JAX and diffrax.
+    Other settings, such as the solver, are recognised by the digests of the traced programs.
     """
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}
@@ -187,12 +172,7 @@ def notes_for_readers(
 ) -> dict[str, str]:
     """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
 
-    They become attributes of the results, so that readers see how these were computed. A store does
-    not compare these notes. It recognises a sweep by the traced programs and the numbers of the
-    lanes (see `clearjoint._sweeps.store.program`).
-
-    **Arguments:** `settings`, `end_time`, `outputs`, `axes`: arguments of `sweep`; `lanes`: scenes
-    and initial states of the lanes.
+    They become attributes of the results, which a store does not compare.
     """
     # For each leaf of the state, whether it differs between lanes.
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
@@ -216,11 +196,7 @@ def notes_for_readers(
 
 
 def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
-    """Return, as texts by name, the numbers of a scene or state that all lanes share.
-
-    **Arguments:** `varied`: PyTree like `tree`, true where lanes differ; `name`: prefix of the
-    names.
-    """
+    """Numbers of a scene or state that all lanes share, as texts by name."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
     return {
@@ -241,8 +217,7 @@ executor computes one chunk in each of its tasks."""
 
 
 class SweepOptions(TypedDict, total=False):
-    """Keyword arguments that functions such as `sobol_indices`, which run a sweep themselves, pass
-    on to `sweep`; see there."""
+    """Keyword arguments of `sweep` that functions such as `sobol_indices` pass on."""
 
     start_time: float
     path: str | PathLike | None
@@ -280,8 +255,8 @@ def sweep(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time`, `end_time` s: as in `simulate`. `end_time` may be a function
-      of the lane's scene, for example of the speed of a crank.
+    - `scene`, `state`, `start_time`, `end_time`: as in `simulate`. `end_time` may be a function of
+      the lane's scene, for example of the speed of a crank.
     - `axes`: the values of each parameter by name; see `Axis`. The lanes are all combinations of
       the values. With `zipped`, lane i has the i-th value of every axis.
     - `outputs`: outputs to keep for each lane, by name: reductions (`Peak`, `ImpactCount`,
@@ -290,7 +265,7 @@ def sweep(
       `Saved`. For instance, ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every
       contact, with their peak forces as ``hits_peak_force``. The final state, result code, time
       reached, and numbers of steps are always kept.
-    - `settings`: settings of the integration; by default `clearjoint.presets.default`.
+    - `settings`: by default `clearjoint.presets.default`.
     - `save`: further results of each lane, as in `simulate`: the states at given times, as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin`` along
       ``saved_time``, and sections and reductions, which become outputs of the same names. Sweeps
@@ -299,20 +274,18 @@ def sweep(
       store of this sweep, only missing or damaged lanes are computed, so that axes, further values
       of an axis, and outputs can be added later. A store recognises its sweep by the numbers of its
       lanes and by the programs that JAX traces, not by source texts or names. `open_sweep(path)`
-      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. Lanes that have
-      ended are written together a few times a second; while that takes longer, no lane begins. A
-      process that is killed loses the running lanes and, of the ended ones, about one second of
-      computing. On a slow disk, it also loses lanes of incomplete chunks, which then wait until
-      writing them takes at most a twentieth of the time.
+      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
+      killed loses the running lanes and, of the ended ones, about one second of computing; on a
+      slow disk, also lanes of incomplete chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
-      forked, and a script must make the executor below ``if __name__ == "__main__":``. Dask serves
-      for clusters (``pip install 'clearjoint[cluster]'``); if a worker dies, Dask gives its chunks
-      to another worker.
+      forked, and a script must make the executor below ``if __name__ == "__main__":``, as
+      ``ProcessPoolExecutor(4, mp_context=multiprocessing.get_context("spawn"))``. Dask serves for
+      clusters (``pip install 'clearjoint[cluster]'``); if a worker dies, Dask gives its chunks to
+      another worker.
     - `threads`: number of threads that share the lanes in this process; by default the number given
       to `configure`, or one for each core. Results don't depend on it.
     - `chunk`: number of lanes in a chunk of the store and of the executor.
-    - `progress`: whether to show a progress bar.
 
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the
     settings as attributes.
@@ -389,9 +362,6 @@ def checked_starts(
     Lanes whose initial state violates the constraints are skipped: their runs end at once, with the
     result code of `not_assembled`.
 
-    **Arguments:** `lanes`: scenes and initial states; `start_time`: s; `coordinates`: coordinates
-    that the solver uses.
-
     **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
     are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
 
@@ -400,16 +370,16 @@ def checked_starts(
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
-    # `known` keeps the results of the search for dependent rows. Lanes often have equal rows, so
+    # `searched` keeps the results of the search for dependent rows. Lanes often have equal rows, so
     # the search is done once for all of them.
     bad, redundant = dict(lanes.bad), False
-    known: dict[bytes, np.ndarray] = {}
+    searched: dict[bytes, np.ndarray] = {}
     # Only lanes that satisfy their constraints are looked at: the others end as `not_assembled`.
     residuals = np.concatenate([rows.values, rows.rates], axis=1)
     for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
         if lane in bad:
             continue
-        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], known)
+        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], searched)
         try:
             require_certain(uncertain)
             redundant = redundant or bool(dependent_rows)
@@ -421,13 +391,6 @@ def checked_starts(
 def _common_values(
     lanes: Lanes, scheme: Scheme, outputs: Mapping[str, Output], start_time: float, max_steps: int
 ) -> Common:
-    """Return the data that all lanes share: the scene, settings of the run, and outputs.
-
-    **Arguments:** `scheme`: method of the integration; `outputs`: outputs by name; `start_time`: s;
-    `max_steps`: largest number of steps of a lane.
-
-    **Raises:** `ValueError` if outputs need a dense output that the solver lacks.
-    """
     saved = next((name for name, o in outputs.items() if isinstance(o, AnySaved)), "")
     reductions = {name: o for name, o in outputs.items() if isinstance(o, AbstractReduction)}
     sections = {name: o for name, o in outputs.items() if isinstance(o, Section)}
@@ -437,7 +400,7 @@ def _common_values(
     if recorded or tables:
         require_dense(scheme.method.solver)
     recorders = {name: section.state_recorder for name, section in sections.items()}
-    impacts = {name: ImpactRecorder(one.joint, one.window()) for name, one in tables.items()}
+    impacts = {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()}
     plan = Plan(scheme, reductions, recorders, bool(saved), np.asarray(max_steps), impacts)
     # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
     # has a log of its own, too, and each log has room for a limited number of rows.
@@ -467,9 +430,6 @@ def _lane_tasks(
 ) -> Task:
     """Return the data of all lanes: scenes, states, end times, first steps, and times to save at.
 
-    **Arguments:** `end_time`: s, a number or a function of the lane's scene; `start_time`: s;
-    `settings`: settings of the integration; `outputs`: outputs by name.
-
     **Raises:** `ValueError` for ends that are not finite or not long enough after the start, for
     times to save at that are outside of the run, and if lanes have different numbers of them.
     """
@@ -477,8 +437,8 @@ def _lane_tasks(
     count = len(jax.tree.leaves(lanes.states)[0])
     # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     scenes = [lanes.of(k)[0] for k in range(count)] if callable(end_time) or saved else []
-    given = [end_time(s) for s in scenes] if callable(end_time) else [end_time] * count
-    ends = np.asarray(given, dtype=float)
+    times_of_ends = map(end_time, scenes) if callable(end_time) else [end_time] * count
+    ends = np.array([*times_of_ends], dtype=float)
     wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
     expected = f"finite and after start_time = {start_time}"
     require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")
@@ -498,13 +458,6 @@ def _lane_tasks(
 def _warn_of_failures(
     results: "xr.Dataset", lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
 ) -> None:
-    """Warn of the number of failed lanes by result code, and of lanes that are still pending.
-
-    The warning contains the error message of the first lane in `lanes.bad`, if there is any, and
-    that of the first lane whose initial state does not satisfy the joints.
-
-    **Arguments:** `start_time`, s, and `coordinates`: of the runs.
-    """
     names = {number: name for name, number in result_numbers().items()}
     codes = results[RESULT].values
     counts = Counter(names[int(code)] for code in codes[codes != PENDING])
@@ -535,7 +488,6 @@ def _warn_of_failures(
 
 
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
-    """Warn of lanes at whose end a journal has slid out of its bearing."""
     # The final states of all lanes, as arrays (lanes, bodies, components). They are NaN for lanes
     # that were not run, which the comparison with zero leaves out.
     parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))

@@ -1,4 +1,4 @@
-"""Compute the lanes (runs) of a sweep, and convert their results to arrays."""
+"""Compute the lanes of a sweep, and convert their results to arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +19,6 @@ CONTACT = "contact"
 class Work:
     """All lanes of a sweep, in the form in which they can be run.
 
-    - `common`: data that the lanes share, such as the integration method and the outputs.
-    - `tasks`: data of each lane, such as its initial state and its end time, in NumPy arrays
-      (lanes, ...).
     - `bodies`: names of the bodies along the dimension "body".
     - `bad`: numbers of the lanes with invalid parameters, or with nearly redundant constraints,
       which count as invalid parameters too; they are not run.
@@ -45,27 +42,16 @@ class Work:
         threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> Batch:
-        """Run lanes, and pass on their results as soon as they end.
+        """Run lanes, and pass on the numbers (n,) and results (n, ...) of lanes as soon as they
+        end.
 
-        Lanes with invalid parameters are not run. Their results are passed on first: the result
-        code of `bad_parameters`, the start time as "time_reached", and otherwise the fill values of
-        entries that have not been computed.
+        Lanes with invalid parameters are not run; their results, with the code of `bad_parameters`,
+        come first. `on_progress` is called several times a second. It and `on_ended` are called in
+        the thread that calls `run`.
 
-        **Arguments:**
-
-        - `lanes`: numbers of the lanes to run.
-        - `on_ended`: function that is called with the numbers (n,) of lanes that have ended, and
-          their results, arrays (n, ...) by variable.
-        - `threads`: number of threads that share the lanes; by default the number given to
-          `clearjoint.configure`, or one for each core.
-        - `on_progress`: function that is called several times a second with the progress of the
-          running lanes.
-
-        `on_ended` and `on_progress` are called in the thread that calls `run`.
-
-        **Returns:** the `Batch`, when all lanes have ended. In each iteration of a compiled loop,
-        every running lane tries one step. The batch's attribute `turns` is the number of iterations
-        of all loops, times the number of lanes that a loop can run side by side.
+        **Returns:** the `Batch`, when all lanes have ended. Its attribute `turns` is the number of
+        iterations of all compiled loops, in which every running lane tries one step, times the
+        number of lanes that a loop can run side by side.
         """
         # Apart from result code and time, lanes with invalid parameters keep the entries of lanes
         # that have not been computed.
@@ -84,7 +70,6 @@ class Work:
         return batch
 
     def _results(self, ended: Ended) -> LaneArrays:
-        """Return the results of lanes that have ended, arrays (lanes, ...) by variable."""
         # Names are those of `clearjoint._sweeps.sweep.variables_of`.
         outcome = ended.outcome
         results: LaneArrays = {
@@ -110,12 +95,10 @@ class Work:
         }
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded rows, by name of the output, of all outputs that record rows, such as
-        sections.
+        """Return the recorded rows, by name of the output and of the column, with their number as
+        "count".
 
-        Each output has a dictionary of its columns, arrays (lanes, rows, ...) by name, and under
-        "count" the numbers of recorded rows, (lanes,). For impact tables, all these arrays have a
-        dimension of contacts after that of the lanes.
+        For impact tables, all arrays have a dimension of contacts after that of the lanes.
         """
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
@@ -132,11 +115,9 @@ class Work:
 class Chunks:
     """Function that computes a chunk of a sweep, in this process or in a worker process.
 
-    - `work`: all lanes of the sweep.
-    - `lanes`: numbers of the lanes to run, by number of the chunk.
-    - `trace`: function that returns digests, by name, of the programs that the process in which it
-      is called would run. Unless they equal those of `work`, the process has other code than the
-      one that made the sweep. ``None`` for no check.
+    `lanes` has the numbers of the lanes to run, by number of the chunk. `trace` returns digests of
+    the programs that the process in which it is called would run. Unless they equal those of
+    `work`, the process has other code than the one that made the sweep. ``None`` for no check.
     """
 
     work: Work
@@ -144,11 +125,10 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """Return the results of the lanes of a chunk, arrays (lanes, ...) by variable, in the order
-        of `lanes[chunk]`.
+        """Return the results of the lanes of a chunk, in the order of `lanes[chunk]`.
 
-        **Raises:** `RuntimeError` if `trace` is given, and this process would run other code than
-        the process that made the sweep.
+        **Raises:** `RuntimeError` if this process would run other code than the process that made
+        the sweep.
         """
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []
@@ -159,10 +139,6 @@ class Chunks:
         return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:
-        """Raise a `RuntimeError` if this process would run other programs than those of `work`.
-
-        Programs are compared once in each process, because tracing them takes long.
-        """
         expected = self.work.common.programs
         if self.trace is None or expected in _confirmed_programs:
             return
@@ -175,8 +151,8 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests of the programs that this process has traced and found equal to those of a sweep. Each
-process traces the programs of a sweep once only."""
+"""Digests of the programs that this process has traced, which takes long, and found equal to those
+of a sweep."""
 
 
 def variable_name(output: str, key: str) -> str:
@@ -185,8 +161,7 @@ def variable_name(output: str, key: str) -> str:
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
-    """Join one or more parts, each a pair of the numbers of its lanes, (n,), and their results by
-    variable, (n, ...), to one such pair."""
+    """Join one or more pairs of the numbers of lanes and their results to one such pair."""
     lanes, results = zip(*parts, strict=True)
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
     return np.concatenate(lanes), joined

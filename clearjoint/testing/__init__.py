@@ -1,8 +1,7 @@
 """Checks of user-defined laws, joints and forces, for the tests of their authors.
 
 Each `check_...` function raises an `AssertionError` that states the first problem. `moving` makes
-motions of bodies for these checks. `native_seconds` returns the processor time that compiling the
-native programs of this process has taken.
+motions of bodies for these checks.
 """
 
 from .._fields.objects import without_modules as _without_modules

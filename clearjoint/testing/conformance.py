@@ -1,8 +1,4 @@
-"""Check user-defined contact laws, friction laws and constraints.
-
-A contact law returns the normal force for a depth (penetration), the rate of the depth, and the
-entry speed, which is the rate at the onset of the contact.
-"""
+"""Check user-defined contact laws, friction laws and constraints."""
 
 import warnings
 from collections.abc import Callable
@@ -31,8 +27,7 @@ ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
 """A jump of the force counts as a jump at the onset if its depth differs from that of the onset by
-at most this fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m. The onset
-offset of a law is the width of the gap, m, at which its force begins; it is zero for most laws."""
+at most this fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
     (1.3e-6, 0.07, 0.11),
@@ -47,12 +42,12 @@ STEP = 1e-6
 """Step of central differences, relative to the number that is changed. The relative error of a
 difference is about 1e-10: the step squared, plus the rounding error divided by the step."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative, relative to the magnitude of the derivative plus a
-thousandth of the force. It is far above the errors of finite differences. Derivatives are in N,
-since they are by a dimensionless factor, by which a depth, speed or parameter is multiplied."""
+"""Largest accepted error of a derivative by a dimensionless factor of a number, relative to the
+magnitude of the derivative plus a thousandth of the force. It is far above the errors of finite
+differences."""
 SINGLE = 9
-"""Number of points at which a function is also evaluated singly, without `jax.vmap`. It is small,
-since single evaluations are slow."""
+"""Number of points at which a function is also evaluated singly, which is slow, without
+`jax.vmap`."""
 
 Points: TypeAlias = Float[jax.Array, " N"]
 """Depths in m, rates or speeds in m/s, or forces in N at N points."""
@@ -65,10 +60,7 @@ def ensure(condition: Condition, message: str) -> None:
 
 
 def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: Points) -> Points:
-    """Return the values (N,) of a scalar function of a law and of further numbers at N points.
-
-    **Arguments:** `name`: name of the function in messages; `points`: (N,) values of each further
-    number.
+    """Return the values of a scalar function of a law and of further numbers at N points.
 
     **Raises:** `AssertionError` if a value is not finite, or if `jax.vmap` gives another value than
     a single evaluation.
@@ -83,16 +75,11 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
 
 
 def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points: Points) -> None:
-    """Raise an `AssertionError` unless all derivatives of a scalar function are finite.
-
-    Derivatives are taken by the parameters of the law and by the further numbers.
-
-    **Arguments:** `function`: function of the law and of further numbers; `points`: (N,) values of
-    each further number, by its name in messages.
-    """
-    given = jax.tree.map(jnp.asarray, law), *points.values()
-    gradient = eqx.filter_grad(lambda given: function(*given))
-    slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(given)
+    """Raise an `AssertionError` unless all derivatives of a scalar function, by the parameters of
+    the law and by further numbers, are finite."""
+    arguments = jax.tree.map(jnp.asarray, law), *points.values()
+    gradient = eqx.filter_grad(lambda arguments: function(*arguments))
+    slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(arguments)
     names = ("a parameter of the law", *(f"the {name.replace('_', ' ')}" for name in points))
     for name, slope in zip(names, slopes, strict=True):
         for leaf in jax.tree.leaves(slope):
@@ -105,7 +92,7 @@ def check_law(
     """Check that a contact law for the normal force is consistent.
 
     The check evaluates the law for penetrations up to 10 µm, penetration rates up to 1 m/s and
-    entry speeds up to 10 m/s. It demands that
+    entry speeds (rates at the onset of the contact) up to 10 m/s. It demands that
 
     - the force is finite, not negative, and zero before the onset;
     - the stored energy is the integral of the elastic force over the penetration, and the
@@ -117,8 +104,7 @@ def check_law(
     - the force is the elastic force if the entry speed is unknown;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `law`: the contact law; `bearing_radius`, `clearance`: radius of the bearing and
-    radial clearance, m, for stiffnesses that depend on them.
+    Stiffnesses may depend on the radius of the bearing and on the radial clearance.
 
     **Raises:** `AssertionError` that states the first problem.
 
@@ -171,12 +157,6 @@ def check_law(
 
 
 def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Raise an `AssertionError` unless the derivatives of the force by its arguments and by each
-    parameter of the law agree with finite differences.
-
-    **Arguments:** `forces`: function of the law, depths, m, rates and entry speeds, m/s, (N,) each;
-    it returns forces (N,), N.
-    """
     depth, rate, entry = jnp.asarray(SMOOTH).T
     law = jax.tree.map(jnp.asarray, law)
     # Functions that return the forces if one number is multiplied by a factor.
@@ -189,7 +169,6 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
     leaves, structure = jax.tree.flatten(numbers)
 
     def with_parameter(k: int, factor: Scalar) -> Points:
-        """Return the forces if the k-th parameter of the law is multiplied by a factor."""
         leaf = leaves[k]
         # Zero times a factor would stay zero: such a parameter grows with the factor instead.
         leaf = jnp.where(jnp.any(leaf != 0.0), leaf * factor, leaf + (factor - 1.0))
@@ -214,11 +193,8 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Check that the force jumps only at the onset or at separation, and that the law declares such
-    a jump. Warn of a declared jump.
-
-    **Arguments:** `forces`: as in `_check_differences`.
-    """
+    """Check that the force jumps only where contact begins or ends, and that the law declares
+    it."""
     # Jumps are searched between successive depths, at all rates and entry speeds.
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
@@ -261,7 +237,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
 
 
 def _grid(*rows: tuple[float, ...]) -> list[Points]:
-    """Return all N combinations of one value of each row, as one array (N,) for each row."""
+    """All N combinations of one value of each row, as one array for each row."""
     return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
 
@@ -365,7 +341,6 @@ def check_constraint(
 
     **Arguments:**
 
-    - `constraint`: the joint.
     - `motions`: motion of each body of the joint at time 0, from `moving`, by the body's name;
       include "ground" if the joint has it. Translating and rotating bodies make the strictest test.
     - `tolerance`: largest accepted difference of rates, relative to one plus the size of the rate.

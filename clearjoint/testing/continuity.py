@@ -21,23 +21,20 @@ ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
 """The change that remains after all bisections is a jump if it exceeds this fraction of the change
-after half of them."""
+after half of them. For a continuous function, even one with an infinite slope, such as a square
+root, the change decreases in the second half."""
 
 
 class Jumps(NamedTuple):
-    """The largest jump of a function in each of N intervals.
-
-    - `sizes`: value on the right minus value on the left of the jump; zero without a jump.
-    - `positions`: arguments at which the function jumps; without a jump they have no meaning.
-    """
+    """The largest jump of a function in each of N intervals: the value on its right minus that on
+    its left, zero without a jump, and its position, meaningless without one."""
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]
 
 
 class _Piece(NamedTuple):
-    """Left and right ends of the pieces of N intervals, and the function's values there; arrays
-    (pieces, N)."""
+    """Ends of the pieces of N intervals, and the function's values there; arrays (pieces, N)."""
 
     left: jax.Array
     right: jax.Array
@@ -53,14 +50,8 @@ def jumps(
     """Return the largest jump of a function in each of N intervals, and its position.
 
     Each interval is divided into pieces. Each piece is bisected until its ends are practically
-    adjacent floats; of its two halves, the one with the larger change of the function is kept. The
-    change that remains is a jump if it is about as large as the change after half of the
-    bisections. For a continuous function, even one with an infinite slope, such as a square root,
-    the change decreases in the second half. A jump that is smaller than the continuous change of
-    the function within a piece may be missed.
-
-    **Arguments:** `function`: returns values (N,) for arguments (N,), of which the k-th lies in the
-    k-th interval; `left`, `right`: ends of the intervals, (N,).
+    adjacent floats; of its two halves, the one with the larger change of the function is kept. A
+    jump that is smaller than the continuous change of the function within a piece may be missed.
     """
     # All arrays have one row for each piece and one column for each interval.
     ends = jnp.linspace(left, right, PIECES + 1)
@@ -68,8 +59,6 @@ def jumps(
     start = _Piece(ends[:-1], ends[1:], values(ends[:-1]), values(ends[1:]))
 
     def bisect(k: jax.Array, state: tuple[_Piece, jax.Array]) -> tuple[_Piece, jax.Array]:
-        """Replace each piece by its half with the larger change of the function. Also return the
-        change of the pieces after half of the bisections, once it is known."""
         piece, halfway = state
         change = jnp.abs(piece.value_right - piece.value_left)
         halfway = jnp.where(k == HALVINGS // 2, change, halfway)
@@ -103,10 +92,9 @@ def moving(
 
     **Arguments:**
 
-    - `position`: (3,) m, of the centre of mass, in global axes.
-    - `orientation`: (4,) Euler parameters, scalar first, of any length except zero.
-    - `velocity`: (3,) m/s, of the centre of mass, in global axes.
-    - `spin`: (3,) rad/s, angular velocity in body axes.
+    - `position`, `velocity`: of the centre of mass, m and m/s, in global axes.
+    - `orientation`: Euler parameters, scalar first, of any length except zero.
+    - `spin`: angular velocity in body axes, rad/s.
 
     >>> arm = testing.moving((0.5, 0, 0), (1, 0, 0, 0), velocity=(0, 1, 0), spin=(0, 0, 2))
     >>> arm.spin.z
@@ -117,9 +105,8 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """Return the motions of bodies, by name, `time` seconds later, if their velocities in global
-    axes and their angular velocities (spins) in body axes stay constant. Checks compare time
-    derivatives with differences of such motions."""
+    """Return motions `time` seconds later, if velocities in global axes and spins in body axes stay
+    constant."""
     return {
         name: Motion(
             motion.position + motion.velocity * time,
@@ -132,7 +119,7 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 
 
 def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
-    """Return the motions of bodies, by name, with zero velocities and spins."""
+    """Return motions with zero velocities and spins."""
     return {
         name: replace(motion, velocity=motion.velocity * 0.0, spin=motion.spin * 0.0)
         for name, motion in motions.items()
@@ -140,8 +127,7 @@ def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
 
 
 def _exponential(angle: Vector) -> EulerParameters:
-    """Return the Euler parameters of a rotation given by its rotation vector `angle`, rad, whose
-    direction is the axis and whose length is the angle of the rotation."""
+    """Euler parameters of the rotation by a rotation vector, rad."""
     size = jnp.sqrt(angle.dot(angle)) + 1e-300  # no division by zero without rotation
     scale = jnp.sin(0.5 * size) / size
     return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

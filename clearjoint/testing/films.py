@@ -1,9 +1,4 @@
-"""Check user-defined film laws, which give the force of the lubricant in a bearing.
-
-The offset of the journal is the vector from the bearing's axis to the journal's centre, divided by
-the radial clearance. Its rate, 1/s, is its time derivative in axes that rotate with half the sum of
-the spins of bearing and journal.
-"""
+"""Check user-defined film laws, which give the force of the lubricant in a bearing."""
 
 from collections.abc import Callable, Iterator
 
@@ -29,12 +24,11 @@ derivatives are compared with finite differences."""
 STEP = 1e-6
 """Step of central differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Largest accepted error of the derivatives of the force by one number. It is relative to the
-larger of the magnitudes of these derivatives, one for each of the two components of the force, and
-far above the errors of finite differences."""
+"""Largest accepted error of the derivatives of the force by one number, relative to the larger of
+their magnitudes, and far above the errors of finite differences."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
-"""Function of a film and a state (4,), the x and y of the journal's offset and of its rate; it
-returns the x and y of the force on the journal, (2,) N."""
+"""Force on the journal, x and y, from a film and a state (4,): x and y of the offset and of its
+rate."""
 
 
 def check_film(
@@ -45,8 +39,10 @@ def check_film(
 ) -> None:
     """Check that a film law is consistent.
 
-    The check evaluates the film for offsets of the journal from the bearing's axis, from zero to
-    0.99 clearances, and various rates of the offset. It demands that
+    The offset of the journal is the vector from the bearing's axis to the journal's centre, divided
+    by the radial clearance. Its rate, 1/s, is its time derivative in axes that rotate with half the
+    sum of the spins of bearing and journal. The check evaluates the film for offsets from zero to
+    0.99, and various rates. It demands that
 
     - the film supplies no energy, and exerts no force if the rate of the offset is zero;
     - the force and its derivatives by offset, rate and parameters of the film are finite, even at
@@ -57,9 +53,6 @@ def check_film(
     - the drag torque is finite and doesn't drive the journal's spin relative to the bearing;
     - `jax.vmap` gives the same result as a single evaluation.
 
-    **Arguments:** `film`: the law; `bearing_radius`, `clearance` (radial), `length`: of the
-    bearing, m.
-
     **Raises:** `AssertionError` that states the first problem.
 
     >>> testing.check_film(cj.films.CaponeFilm(0.02))
@@ -69,10 +62,7 @@ def check_film(
 
 
 def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message for each problem of a film; `check_film` raises the first one.
-
-    **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
-    """
+    """Yield a message for each problem of a film."""
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
@@ -89,15 +79,11 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
-    """Return a compiled function of a film and N states, (N, 4), made from a function of a film
-    and one state, (4,)."""
+    """A compiled function of a film and N states, from a function of a film and one state."""
     return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
 
 
 def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield a message for each problem of the force: values that are not finite, power that the
-    film supplies, a force without motion, a force that changes under `jax.vmap`, and one that does
-    not turn with offset and rate."""
     states = _states()
     forces_at, force_at = _at_all(force), eqx.filter_jit(force)
     forces, rates = forces_at(film, states), states[:, 2:]
@@ -121,9 +107,9 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _states() -> jax.Array:
-    """Return states (N, 4) with all combinations of `RATIOS`, `SPEEDS` and `ANGLES`.
+    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES`.
 
-    All are turned by 0.3 rad, so that offsets are not along x, where some mistakes are invisible.
+    They are turned by 0.3 rad, so that offsets are not along x, where some mistakes are invisible.
     """
     ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
     columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
@@ -131,21 +117,14 @@ def _states() -> jax.Array:
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Return the vectors in `rows` turned by `angle`, rad, which is arbitrary by default.
-
-    A row has the x and y components of one vector, (N, 2), or of two, (N, 4).
-    """
+    """Rows of one or two vectors in the plane, turned by an angle, which is arbitrary by
+    default."""
     c, s = np.cos(angle), np.sin(angle)
     pairs = rows.reshape(len(rows), -1, 2)
     return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 
 
 def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message if the drag torque on the journal is not finite, and another message if the
-    torque drives the journal's spin relative to the bearing.
-
-    **Arguments:** `sizes`: the bearing's radius, radial clearance and length, m.
-    """
     # All combinations of a spin relative to the bearing, rad/s, and a length of the offset; the
     # rate of the offset is arbitrary.
     spins, ratios = (jnp.asarray(a.ravel()) for a in np.meshgrid((-100.0, 0.0, 100.0), RATIOS))
@@ -158,9 +137,6 @@ def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield a message for each problem of the derivatives of the force: derivatives by offset or
-    rate that are not finite, derivatives by parameters that are not finite, and, once for each of
-    the states in `SMOOTH`, derivatives by offset or rate that differ from central differences."""
     # The smooth states are turned too, since a number that is zero would get a step of zero below.
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
@@ -179,8 +155,7 @@ def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """Yield a message if the component of the force along the offset jumps while the rate of the
-    offset makes a full turn at constant length."""
+    """A message if the force along the offset jumps while the rate makes a full turn."""
     # The offset is along x, and the length of the rate is one per second. For each ratio, `along`
     # returns the x component of the force when the rate is at an angle from x.
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)

@@ -14,8 +14,8 @@ from .conformance import ensure
 from .continuity import at_rest, moved
 
 STEP = 1e-5
-"""Step, s, of the central differences of the stored energy. With this step, their errors are well
-below the default tolerance of `check_force`."""
+"""Step, s, of the central differences of the stored energy, with errors well below the default
+tolerance of `check_force`."""
 Wrenches = dict[str, Wrench]
 """Force, N in global axes, and moment, N m in body axes, on each body, by the body's name."""
 
@@ -39,16 +39,14 @@ def check_force(
 
     **Arguments:**
 
-    - `force`: the element.
     - `motions`: motion of each body of the element, from `moving`, by the body's name; include
       "ground" if the element has it. Translating and rotating bodies make the strictest test.
-    - `time`: time of evaluation, s. It must not be a breakpoint of the element, at which the force
+    - `time`: time of evaluation. It must not be a breakpoint of the element, at which the force
       jumps or has a kink.
-    - `tolerance`: largest accepted relative error of the balances. The error of the force balance
-      is relative to the largest force. The error of the moment balance is relative to the largest
-      moment about the global origin or, if larger, to the largest force times the largest distance
-      of a body from this origin. The error of the energy balance is relative to 1 W plus the
-      magnitudes of the power of the wrenches and of `supplied_power`.
+    - `tolerance`: largest accepted error of the balances: of forces, relative to the largest force;
+      of moments, to the largest moment about the global origin or, if larger, to the largest force
+      times the largest distance of a body from this origin; of energy, to 1 W plus the magnitudes
+      of the power of the wrenches and of `supplied_power`.
 
     **Raises:** `AssertionError` that states the first problem.
 
@@ -75,15 +73,10 @@ def check_force(
 
 
 def _wrenches(force: AbstractForce, motions: Mapping[str, Motion], time: Scalar) -> Wrenches:
-    """Return the wrenches of the force element on its bodies at a time, s."""
     return jax.tree.map(on_device, unpack(force).wrenches(motions, on_device(time)))
 
 
 def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance: float) -> None:
-    """Check that the forces on all bodies, and their moments about the global origin, add up to
-    zero. The sum of the forces may be up to `tolerance` times the largest force. The sum of the
-    moments may be up to `tolerance` times the largest moment or, if larger, the largest force times
-    the largest distance of a body from the origin."""
     forces = [wrench.force for wrench in wrenches.values()]
     moments = [
         motions[name].direction(wrench.moment) + motions[name].position.cross(wrench.force)
@@ -107,8 +100,6 @@ def _size(vector: Vector) -> float:
 def _check_power(
     force: AbstractForce, motions: Mapping[str, Motion], time: float, tolerance: float
 ) -> None:
-    """Check that the element's `supplied_power`, by which it changes the total energy, is the power
-    of its wrenches on the bodies plus the rate of its stored energy, all in W."""
     element = unpack(force)
 
     def stored(step: float) -> float:
@@ -129,15 +120,13 @@ def _check_power(
 
 
 def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
-    """Check that the derivatives of the wrenches by motions and parameters are finite, at the given
-    motions and with all bodies at rest, where norms of velocities have no derivative."""
     numbers, rest = eqx.partition(jax.tree.map(on_device, force), eqx.is_inexact_array)
 
     def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
         return _wrenches(eqx.combine(numbers, rest), motions, time)
 
-    for given in (motions, at_rest(motions)):
-        point = numbers, given
+    for tested in (motions, at_rest(motions)):
+        point = numbers, tested
         # The derivative if all numbers change at once is not finite if one derivative is not.
         slopes = jax.jvp(wrenches, point, jax.tree.map(jnp.ones_like, point))[1]
         for slope in jax.tree.leaves(slopes):
@@ -145,7 +134,6 @@ def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time
 
 
 def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
-    """Check that `jax.vmap` over two motions gives the same wrenches as single evaluations."""
     # A lane is one element of the axis over which `jax.vmap` maps. The second lane differs from the
     # first: it has the motions of the same bodies 0.1 s later.
     lanes = [motions, moved(motions, 0.1)]

@@ -13,13 +13,13 @@ import pytest
 from scipy.stats import kstest, norm
 
 import clearjoint as cj
+from clearjoint._identification.points import level
 from clearjoint._identification.posterior.posterior import modes
 from clearjoint._identification.posterior.tempering import (
     Mixture,
     Target,
     draw,
     effective_number,
-    level_or_infinity,
     next_count,
     resampled,
 )
@@ -469,9 +469,9 @@ def test_few_points_keep_the_ends_of_a_thin_curved_region():
 
 def test_steps_along_the_record():
     curves = np.array([[0.0, 1.0, 4.0], [0.0, 3.0, np.inf]])
-    assert level_or_infinity(curves, 0.5).tolist() == [0.5, 1.5]
-    assert level_or_infinity(curves, 1.0).tolist() == [1.0, 3.0]
-    assert level_or_infinity(curves, 1.5).tolist() == [2.5, np.inf]
+    assert level(curves, 0.5).tolist() == [0.5, 1.5]
+    assert level(curves, 1.0).tolist() == [1.0, 3.0]
+    assert level(curves, 1.5).tolist() == [2.5, np.inf]
     assert next_count(np.zeros((4, 3)), 0.0) == 2.0
     steep = np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0], [0.0, 300.0]])
     assert 0.0 < next_count(steep, 0.0) < 0.1

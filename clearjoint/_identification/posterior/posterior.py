@@ -1,8 +1,5 @@
 """Posterior distribution of parameters, whose likelihoods come from runs that are computed side by
-side, as lanes.
-
-A point is the coordinates of p parameters: their values on their scales, such as logarithms.
-"""
+side."""
 
 import math
 import time
@@ -13,7 +10,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..._fields.checks import require
+from ..._fields.checks import require, require_type
 from ..._measurements.series import Measurements
 from ..._model.bodies import State
 from ..._model.scene import Scene
@@ -22,17 +19,15 @@ from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..._simulation.step import presets
 from ..._simulation.step.settings import Settings, settings_or
 from ..comparison import Comparison, comparison
+from ..goodness_of_fit import RISE
 from ..residuals import UNREACHED
 from ..starts import Guess, half_widths, start_coordinates
 from .result import Posterior
 from .tempering import ImpossiblePriorError, Target, draw
 
-RISE = 3.84
-"""Smallest rise of chi squared between two minima that count as separate: the rise at the ends of a
-95 % interval of one parameter."""
 NEAREST = 10
-"""Smallest number of neighbours of a point, which are the points nearest to it. With fewer, chance
-gaps between the points would divide a mode."""
+"""Smallest number of neighbours of a point. With fewer, chance gaps between the points would divide
+a mode."""
 SMALLEST = 0.01
 """Share of all points below which a mode is joined to the nearest larger mode, because so few
 points may be stray points of the larger one."""
@@ -41,20 +36,15 @@ points may be stray points of the larger one."""
 def modes(
     points: Float[np.ndarray, "n p"], chi_squared: Float[np.ndarray, " n"]
 ) -> Int[np.ndarray, " n"]:
-    """Return for each point the number of its mode, (n,), from 0 for that with the most points.
+    """Return for each point the number of its mode, from 0 for that with the most points.
 
-    A mode is a group of points around one minimum of chi squared. Two points are neighbours if one
-    of them is among the k points nearest to the other, where k is 10, or 4 p for p coordinates if
-    that is larger. The points are taken from the lowest chi squared upwards. If some neighbours of
-    a point are in groups already, the point joins the group with the lowest minimum among these.
-    If none is, the point begins a new group. Other groups of its neighbours are united with the
-    group that it joins if chi squared rises by less than 3.84 from their minimum to this point
-    (F. Chazal et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a
-    group with less than 1 % of the points joins the nearest larger one. A minimum with fewer than k
-    points may not be found.
-
-    **Arguments:** `points`: (n, p) coordinates, some of which may be equal; `chi_squared`: (n,) at
-    the points.
+    A mode is a group of points around one minimum of chi squared. Points are taken from the lowest
+    chi squared upwards. A point joins the group with the lowest minimum among those of its
+    neighbours, or else begins a new group. Other groups of its neighbours are united with the group
+    that it joins if chi squared rises by less than 3.84 from their minimum to this point (F. Chazal
+    et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with
+    less than 1 % of the points joins the nearest larger one. A minimum with fewer points than a
+    point has neighbours may not be found.
     """
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
@@ -69,11 +59,11 @@ def modes(
     group = np.full(number, -1)  # Index of the lowest point of each point's group.
     for point in np.argsort(values, kind="stable"):
         # Groups of the neighbours with a lower chi squared; the others have no group yet, index -1.
-        around = {int(one) for one in group[neighbour[point]] if one >= 0}
+        around = {int(k) for k in group[neighbour[point]] if k >= 0}
         if not around:
             group[point] = point
             continue
-        lowest = min(around, key=lambda one: values[one])
+        lowest = min(around, key=lambda k: values[k])
         group[point] = lowest
         for other in around - {lowest}:
             if values[point] - values[other] < RISE:
@@ -89,17 +79,17 @@ def modes(
         closest = np.where(others, distances[members].min(axis=0), np.inf).argmin()
         group[members] = group[closest]
     # Numbers of the modes, in the order of their number of points.
-    found, numbers, sizes = np.unique(
+    groups, numbers, sizes = np.unique(
         group[copies.ravel()], return_inverse=True, return_counts=True
     )
-    rank = np.empty(len(found), int)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(found))
+    rank = np.empty(len(groups), int)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(len(groups))
     return rank[numbers.ravel()]
 
 
 def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Return distances (n, n) between points (n, p), with coordinates in their standard
-    deviations."""
+    # Along principal axes, modes far apart would count as near: their distance is most of the
+    # points' deviation along the axis from one to the other.
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     return np.linalg.norm(scaled[:, None] - scaled, axis=2)
@@ -130,67 +120,55 @@ def posterior(
     """Return the posterior distribution of parameters, by sequential Monte Carlo.
 
     Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
-    minima, and it needs no start near the truth. Points, the coordinates of parameters, are drawn
-    from the prior in a box around the guess, which may be much narrower than the box. Then more and
-    more of the record enters the likelihood, and at each step the points are weighted, resampled
-    and moved. At the end, importance sampling around these points
-    gives the points of the result and the evidence. The noise is assumed to be normal, with the
-    standard deviations stated in the measurements.
+    minima, and it needs no start near the truth. Points are drawn from the prior in a box around
+    the guess, which may be much narrower than the box. Then more and more of the record enters the
+    likelihood, and at each step the points are weighted, resampled and moved. At the end,
+    importance sampling around these points gives the points of the result and the evidence. The
+    noise is assumed to be normal, with the standard deviations stated in the measurements.
 
     **Arguments:**
 
-    - `scene`, `state`, `measurements`, `parameters`, `start_time` s: as in `identify`.
+    - `scene`, `state`, `measurements`, `parameters`, `start_time`: as in `identify`.
     - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
     - `guess`: values at the centre of the box, by name; by default those in the scene.
-    - `spread`: half the width of the box, positive, in the coordinates of the scales (on a `Log`
-      scale, 1 is a factor of e in both directions): one number, or a number for each parameter by
-      name.
+    - `spread`: half the width of the box, as of `Starts`, positive for each parameter.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
       It is called for some ten thousand values, some hundred or thousand at once.
     - `number`: number of points, at least 32. The importance sampling goes on until the effective
       number of its weighted runs is at least this, for at most five rounds; the result's `warnings`
-      tell if the effective number is too small. With three parameters, 500 points take about
-      10 000 runs.
+      tell if the effective number is too small. With three parameters, 500 points take about 10 000
+      runs.
     - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
       any number of threads.
-    - `progress`: whether to show a line.
 
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
-    standard deviations off a sample, has the likelihood zero, and is counted in `failed`.
+    standard deviations off a sample, has the likelihood zero.
 
     **Raises:** `ValueError` for unsupported arguments, if the prior is zero at all or almost all
     points of the box, and if so few points are possible, because the runs of the others fail, that
     they have no covariance.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
-    >>> found = cj.posterior(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     spread=0.3,
-    ...     number=64,
-    ...     progress=False,
-    ... )
+    >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)})
+    >>> options = {"spread": 0.3, "number": 64, "progress": False}
+    >>> found = cj.posterior(scene, state, data, {"stiffness": stiffness}, **options)
     >>> found.coordinates.shape, abs(found.means["stiffness"] - 100.0) < 1.0
     ((64, 1), True)
     """
     begun = time.perf_counter()
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    kind = type(measurements).__name__
-    fine = isinstance(measurements, Measurements)
-    require(fine, "measurements", kind, "Measurements", remedy)
+    require_type("measurements", measurements, Measurements, "Measurements", remedy)
     measurements.check(scene)
     check_parameters(parameters)
     half = half_widths(spread, tuple(parameters))
     remedy = "pass the possible error of each guess"
-    fine = bool(np.all(np.isfinite(half) & (half > 0.0)))
-    require(fine, "spread", spread, "finite and positive for each parameter", remedy)
-    fine, expected = isinstance(number, int) and number >= FEWEST, f"a whole number from {FEWEST}"
-    require(fine, "number", number, expected, "500 points serve up to about five parameters")
-    fine = isinstance(seed, int) and seed >= 0
-    require(fine, "seed", seed, "a whole number from 0", "pass 0")
+    positive = bool(np.all(np.isfinite(half) & (half > 0.0)))
+    require(positive, "spread", spread, "finite and positive for each parameter", remedy)
+    enough = isinstance(number, int) and number >= FEWEST
+    expected = f"a whole number from {FEWEST}"
+    require(enough, "number", number, expected, "500 points serve up to about five parameters")
+    is_seed = isinstance(seed, int) and seed >= 0
+    require(is_seed, "seed", seed, "a whole number from 0", "pass 0")
     settings = settings_or(settings, presets.identification)
     compared = comparison(scene, state, measurements, parameters, start_time, settings)
     centre = start_coordinates(scene, state, parameters, guess, None)[0]
@@ -203,8 +181,8 @@ def posterior(
             bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")
             bar.update()
 
-        found = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
-    return replace(found, seconds=time.perf_counter() - begun)
+        result = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
+    return replace(result, seconds=time.perf_counter() - begun)
 
 
 def drawn_posterior(
@@ -216,20 +194,10 @@ def drawn_posterior(
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
-    """Return the posterior distribution of parameters for a scene and samples that are prepared.
+    """Return the posterior distribution of parameters for runs and samples that are prepared.
 
-    `posterior` calls it with the user's arguments, and `identify` for a small posterior around a
-    fit.
-
-    **Arguments:**
-
-    - `compared`: the runs, and the samples with which they are compared.
-    - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
-    - `log_prior`: as in `posterior`.
-    - `number`, `seed`: number of points, and seed of the random numbers.
-    - `most_runs`: largest number of runs, along the record and in the importance sampling together.
-    - `on_step`: function that is called after each step with the time, s, up to which the record is
-      in the likelihood, and the number of runs so far.
+    `on_step` is called after each step with the time up to which the record is in the likelihood,
+    and the number of runs so far.
 
     **Raises:** `ImpossiblePointsError`, a `ValueError`, if the prior is zero at all or almost all
     points of the box, or so few points are possible that they have no covariance;
@@ -297,19 +265,14 @@ class ImpossiblePointsError(ValueError):
 class TooManyRunsError(ArithmeticError):
     """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
 
-    It is raised before the runs that would exceed this number, and no result is returned. The small
-    posterior of `identify` has such a limit; `identify` catches the error, and the fit keeps its
-    other intervals. `posterior` has no limit.
+    It is raised before the runs that would exceed this number, and no result is returned.
     """
 
 
 def _log_prior(
     parameters: Mapping[str, Parameter], log_prior: LogPrior | None, points: np.ndarray
 ) -> np.ndarray:
-    """Return the logarithms of the prior density at points (n, p) in the box, (n,).
-
-    Points are coordinates; the user's function `log_prior` receives values by name instead. If it
-    is ``None``, the prior is uniform.
+    """Return the logarithms of the user's prior density at points in the box, by default uniform.
 
     **Raises:** `ValueError` if `log_prior` returns another shape, NaN or +infinity; -infinity is a
     density of zero.
@@ -318,10 +281,10 @@ def _log_prior(
         return np.zeros(len(points))
     pairs = zip(parameters.items(), points.T, strict=True)
     values = {name: values_on(p.scale, row) for (name, p), row in pairs}
-    found = np.asarray(log_prior(values), float)
+    logarithms = np.asarray(log_prior(values), float)
     expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
-    require(found.shape == (len(points),), "log_prior", found.shape, expected, remedy)
-    fine = not np.isnan(found).any() and not (found == np.inf).any()
+    require(logarithms.shape == (len(points),), "log_prior", logarithms.shape, expected, remedy)
+    valid = not np.isnan(logarithms).any() and not (logarithms == np.inf).any()
     remedy = "return -inf for impossible values"
-    require(fine, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
-    return found
+    require(valid, "log_prior", "NaN or infinity", "finite numbers, or -inf", remedy)
+    return logarithms

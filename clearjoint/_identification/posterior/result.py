@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
+from typing_extensions import override
 
 from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ..._export.tables import duration, estimates_table
@@ -18,14 +19,14 @@ if TYPE_CHECKING:
 
 EDGE, EDGE_SHARE = 0.01, 0.02
 """`EDGE`: a point is at an end of the box if its distance from the end is less than this share of
-the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end.
-This is twice the share that a uniform distribution would have there."""
+the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end,
+twice the share that a uniform distribution would have there."""
 EVEN = 0.1
 """The report warns that a parameter's points fill the box evenly if their cumulative distribution
 differs everywhere by less than this from that of a uniform distribution over the box."""
 FEWEST_EFFECTIVE = 150.0
-"""The report warns that the points come from too few runs for accurate ends of intervals, if the
-effective number of runs is less than this and less than half the number of points."""
+"""The report warns of inaccurate ends of intervals if the effective number of runs is less than
+this and less than half the number of points."""
 
 
 @dataclass(frozen=True)
@@ -39,28 +40,19 @@ class Posterior(AbstractTabular):
     - `modes`: (n,) index of the separate minimum of chi squared to which each point belongs. The
       minimum with the most points has the index 0, the next one 1, and so on.
     - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
-      prior; `log_evidence_error`: its standard error, including that of the integral of
-      `log_prior` by which it is divided.
+      prior, with its standard error.
     - `effective_sample_size`: effective number of the weighted runs from which the points were
       drawn: the square of the sum of the weights over the sum of their squares. Runs at equal
       points count as one.
     - `box`: lower and upper ends (p,) of the coordinates, outside which the prior is zero.
-    - `runs`: number of runs; `failed`: number of runs that failed, or whose prediction was 1e6
-      standard deviations off a sample; the likelihood of all these is zero.
-    - `steps`: number of steps of the calculation, each of which includes more of the record in the
-      likelihood.
-    - `seed`: of the random numbers; `seconds`: time taken, s.
+    - `runs`: number of runs; `failed`: number of those that failed, or whose prediction was 1e6
+      standard deviations off a sample, so that their likelihood is zero.
+    - `steps`: number of steps, each of which includes more of the record in the likelihood.
+    - `seconds`: computing time.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)
-    >>> found = cj.posterior(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     spread=0.3,
-    ...     number=64,
-    ...     progress=False,
-    ... )
+    >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)})
+    >>> options = {"spread": 0.3, "number": 64, "progress": False}
+    >>> found = cj.posterior(scene, state, data, {"stiffness": stiffness}, **options)
     >>> low, high = found.intervals["stiffness"]
     >>> low < 100.0 < high, found.failed, found.weights.size
     (True, 0, 1)
@@ -126,11 +118,8 @@ class Posterior(AbstractTabular):
     @property
     def warnings(self) -> list[str]:
         """Sentences on a box that cuts the posterior off, on parameters whose points fill the box
-        evenly, and on a small effective number of runs.
-
-        The list is empty if there are no problems.
-        """
-        found = []
+        evenly, and on a small effective number of runs; empty if there are no problems."""
+        sentences = []
         low, high = self.box
         near = EDGE * (high - low)
         for k, name in enumerate(self.parameters):
@@ -139,26 +128,27 @@ class Posterior(AbstractTabular):
             # Positions in the box, 0 to 1, are compared with those of as many evenly spaced points.
             positions = (np.sort(row) - low[k]) / (high[k] - low[k])
             if np.abs(positions - (np.arange(number) + 0.5) / number).max() < EVEN:
-                found.append(
+                sentences.append(
                     f"The points fill the box of {name} evenly: the data hardly determine it. "
                     "Increase its spread, or leave it out."
                 )
                 continue
             share = max((row < low[k] + near[k]).mean(), (row > high[k] - near[k]).mean())
             if share > EDGE_SHARE:
-                found.append(
+                sentences.append(
                     f"{share:.0%} of the points are at an end of the box of {name}: increase its "
                     "spread, or the data don't determine it."
                 )
         if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
-            found.append(
+            sentences.append(
                 f"The points, {self.distinct} of which are distinct, come from only "
                 f"{self.effective_sample_size:.0f} effective runs: increase `number`."
             )
-        return found
+        return sentences
 
+    @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with mean, standard deviation and interval of each parameter.
+        """Return mean, standard deviation and interval of each parameter.
 
         `mean` and `standard_deviation` are along "parameter", and the 95 % `interval` along
         (parameter, bound), in the `unit` of each parameter. Attributes are `log_evidence`,
@@ -181,25 +171,23 @@ class Posterior(AbstractTabular):
         """Return the points as an `arviz.InferenceData` with one chain.
 
         ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
-        values of the parameters; `log_likelihood` has the logarithm of the likelihood of the whole
-        record, by the name "record"; and `sample_stats` has the entries of `modes` as `mode`. The
-        group `posterior` has the attributes of the dataset from `to_xarray`, and the `weights` of
-        the modes.
+        values of the parameters, the attributes of the dataset from `to_xarray` and the `weights`
+        of the modes; `log_likelihood` that of the whole record, by the name "record"; and
+        `sample_stats` the entries of `modes` as `mode`.
         """
         import arviz
 
-        found = arviz.from_dict(
+        data = arviz.from_dict(
             posterior={name: row[None] for name, row in self.samples.items()},
             log_likelihood={"record": self.log_likelihood[None]},
             sample_stats={"mode": self.modes[None]},
             posterior_attrs={**self._notes(), "weights": self.weights.tolist()},
         )
         for name, unit in self.units.items():
-            found["posterior"][name].attrs["units"] = unit
-        return found
+            data["posterior"][name].attrs["units"] = unit
+        return data
 
     def _notes(self) -> Mapping[str, float | int]:
-        """Return the attributes of exported data, by name."""
         return {
             "log_evidence": self.log_evidence,
             "log_evidence_error": self.log_evidence_error,

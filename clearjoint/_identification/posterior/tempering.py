@@ -1,27 +1,20 @@
 """Sequential Monte Carlo over a growing record, and importance sampling at its end.
 
-A cloud of points, coordinates of p parameters, is drawn from the prior (see `from_prior`). Then the
-record enters the likelihood in steps of many samples, or of a fraction of a sample that changes the
-likelihood much. After each step the points are weighted, resampled and moved, so that they are
-distributed as the posterior of the record so far (N. Chopin, *A sequential particle filter method
-for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference for Lévy-driven
-stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over a part of the record
-with few impacts, chi squared is a smooth function of the parameters, so that the cloud finds the
-region of the truth before later impacts make chi squared rough. The usual way, by growing powers of
-the likelihood of the whole record, would have to find this region in the rough chi squared.
-
-A length of the record is given as a number of its T sample times: chi squared over the first k
-times is that of all samples up to the k-th time.
+A cloud of points is drawn from the prior. Then the record enters the likelihood in steps of many
+samples, or of a fraction of a sample. After each step the points are weighted, resampled and moved,
+so that they are distributed as the posterior of the record so far (N. Chopin, *A sequential
+particle filter method for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference
+for Lévy-driven stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over a
+part of the record with few impacts, chi squared is smooth, so that the cloud finds the region of
+the truth before later impacts make it rough. Growing powers of the likelihood of the whole record,
+as usual, would have to find this region in the rough chi squared.
 
 The cloud serves only to find the region, because a small cloud loses the ends of a curved region.
-The points of the result and the evidence come from rounds of importance sampling, each with a
-mixture of normal distributions around the weighted points of the round before (O. Cappé et al.,
+The points of the result and the evidence come from rounds of importance sampling (O. Cappé et al.,
 *Population Monte Carlo*, 2004).
 
-This module runs no scene: the likelihood is an argument. Samplers of libraries such as BlackJAX
-don't serve here. They trace the likelihood with JAX, but it comes from native code, which computes
-many runs side by side and can't be called in a traced function; and they know only powers of the
-likelihood.
+Samplers such as BlackJAX don't serve here: they trace the likelihood, which comes from native code,
+with JAX, and they know only powers of it.
 """
 
 import math
@@ -31,9 +24,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..points import filled, last_where, level
+
 KEPT = 0.5
-"""Effective number of points, 1 / (sum of their squared weights), to which a step along the record
-may reduce the cloud, relative to the number of points. It determines the length of the step."""
+"""Effective number of points to which a step along the record may reduce the cloud, relative to the
+number of points. It determines the length of the step."""
 AHEAD = 1.5
 """Number of sample times over which points are run, relative to the number in the likelihood. The
 further times serve the next steps."""
@@ -41,47 +36,41 @@ ACCEPTED, SWEEPS = 1.5, 10
 """Mean number of accepted moves of a point after which a step ends, and largest number of moves
 tried for each point in a step."""
 PRIOR_POINTS, PRIOR_NUMBER = 2**12, 2**10
-"""`PRIOR_POINTS`: number of points of the box that show where the prior is zero, and whether it is
-uniform. `PRIOR_NUMBER`: smallest number of points that are drawn from another prior. None of them
-takes a run."""
-HALVINGS = 200
-"""Largest number of bisections that find the length of a step. A step may be as short as 1e-30: a
-prior of which a share of 1e-15 of the box's width is likely varies by 1e30 in its logarithm."""
+"""Number of points of the box that show where the prior is zero, and whether it is uniform;
+smallest number of points drawn from another prior. None of them takes a run."""
 CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
-"""Sizes of the importance sampling. `FIRST`: number of draws in the first round, relative to the
-number of points of the result. `GROWTH`, `MOST`: largest number of draws in a later round, relative
-to the round before and to the number of points of the result. `ROUNDS`: largest number of rounds.
-Draws outside the box take no run."""
+"""Numbers of draws of the importance sampling, relative to the number of points of the result: in
+the first round, `FIRST`; in a later one, at most `MOST`, and at most `GROWTH` times those of the
+round before; and largest number of rounds. Draws outside the box take no run."""
 WIDER = 2.0
 """Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
 """Variance that is added along each coordinate, relative to the cloud's variance along it, so that
 the covariance of a flat cloud is not singular."""
+NARROWEST = 1e-4
+"""Share of the cloud's covariance that is added to that of the points near each point, because
+nearly equal points have a singular one: 1 % of the cloud's standard deviations."""
 WIDE, OVERALL = 1.5, 0.1
-"""The mixture of `Mixture.around` has one wide distribution around all points. `WIDE`: its standard
-deviations, relative to those of the cloud. `OVERALL`: its weight in the mixture."""
+"""Standard deviations of the one wide distribution of `Mixture.around`, relative to those of the
+cloud, and its weight."""
 
 TOGETHER = 256
 """Number of points whose densities are computed at once."""
 
 Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
-"""Function that takes points (n, p) and a number T of sample times. It runs the points and returns
-chi squared over the first 0 to T times, (n, T + 1), infinite from the first sample on that a run
-misses."""
+"""Function that runs points (n, p) over the first T sample times, and returns chi squared over the
+first 0 to T times, (n, T + 1), infinite from the first sample on that a run misses."""
 
 
 @dataclass(frozen=True)
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `curves`: function that returns chi squared over parts of the record; `count`: number T of
-      times in the whole record.
-    - `low`, `high`: (p,) bounds of the box outside which the prior is zero.
-    - `log_prior`: function of points (n, p) in the box that returns the logarithm of the prior
-      density of the coordinates, (n,), up to a constant.
+    `curves` has chi squared over parts of the record of `count` times, and `log_prior` the
+    logarithm of the prior density of points in the box, up to a constant.
     """
 
     curves: Curves
@@ -91,38 +80,26 @@ class Target:
     log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
 
     def holds(self, points: Float[np.ndarray, "n p"]) -> Bool[np.ndarray, " n"]:
-        """Return whether each of n points is in the box, (n,)."""
+        """Return whether each point is in the box."""
         return np.all((points >= self.low) & (points <= self.high), axis=1)
-
-    def filled(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "n p"]:
-        """Return points (number, p) that fill the box evenly."""
-        from scipy.stats import qmc
-
-        cube = qmc.LatinHypercube(len(self.low), rng=generator).random(number)
-        return self.low + (self.high - self.low) * cube
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points in the box, with their chi squared and prior.
-
-    - `points`: (n, p) coordinates.
-    - `curves`: (n, T + 1) chi squared over the first 0 to T times. Here T is the number of times
-      over which the points have been run, in general less than the whole record.
-    - `log_priors`: (n,) logarithms of the prior density.
-    """
+    """Points in the box, their chi squared over the times up to which they have been run, and the
+    logarithms of their prior density."""
 
     points: Float[np.ndarray, "n p"]
     curves: Float[np.ndarray, "n T"]
     log_priors: Float[np.ndarray, " n"]
 
     def taken(self, indices: np.ndarray) -> "Cloud":
-        """Return a cloud of the points with the given indices (m,), which may repeat."""
+        """Return a cloud of the points with the given indices, which may repeat."""
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return a cloud of n points, with their chi squared and prior: point i is taken from
-        `others`, also of n points, if ``mask[i]`` is true, and from this cloud if it is false."""
+        """Return a cloud with the points of `others` where `mask` is true, and of this one
+        elsewhere."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),
@@ -135,12 +112,8 @@ class Cloud:
 class Drawn:
     """Result of `draw`: points of equal weight that are distributed as the posterior.
 
-    - `points`: (n, p) coordinates; `chi_squared`: (n,) of the whole record.
-    - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior; `error`: its
-      standard error, to which the prior's integral over the box contributes.
-    - `effective`: effective number of the weighted runs from which the points were drawn, 1 / (sum
-      of their squared weights). Runs at equal points count as one.
-    - `steps`: number of steps along the record.
+    `log_evidence` is the logarithm of the mean of exp(-chi squared / 2) over the prior, and
+    `effective` the effective number of the weighted runs from which the points were drawn.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -161,16 +134,10 @@ def draw(
     generator: np.random.Generator,
     on_step: Callable[[float], None] = lambda count: None,
 ) -> Drawn:
-    """Draw points from the posterior: from the prior, by steps along the record and then by
-    importance sampling.
+    """Draw points from the posterior. `on_step` gets the number of times in the likelihood.
 
-    **Arguments:** `target`: the posterior; `number`: number of points to draw; `generator`: source
-    of random numbers; `on_step`: function that is called after each step and round with the number
-    of times in the likelihood, which may be a fraction.
-
-    **Raises:** `ImpossiblePriorError` if the prior is zero at all or almost all points of the box;
-    `FloatingPointError` if, in a step or round, the likelihood is zero at each point (that of a
-    failed run is zero); `numpy.linalg.LinAlgError` if so few distinct points have a weight that
+    **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
+    is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that
     they have no covariance.
     """
     points, log_integral, error = from_prior(target, _cloud_size(number), generator)
@@ -182,34 +149,30 @@ def draw(
 
 
 def _cloud_size(number: int) -> int:
-    """Return the number of points in the cloud for a number of points to draw."""
     return min(number, max(CLOUD, number // SHARE))
 
 
 def from_prior(
     target: Target, number: int, generator: np.random.Generator
 ) -> tuple[Float[np.ndarray, "n p"], float, float]:
-    """Return points of the prior, (number, p), the logarithm of the prior's integral over the box,
-    and the standard error of this logarithm.
+    """Return points of the prior, the logarithm of the prior's integral over the box, and its
+    standard error.
 
-    Points of a uniform prior fill the box evenly, and its integral is exact. Any other prior is
-    drawn from by `drawn_from`, as the likelihood of a record of one sample, of which growing
-    fractions enter. Points that fill the box can't be weighted by the prior instead: where it is
-    much narrower than the box, one of them has all the weight.
-
-    **Raises:** `ImpossiblePriorError` as `draw`.
+    Points of a uniform prior fill the box evenly. Any other prior is drawn from by `drawn_from`, as
+    the likelihood of a record of one sample. Points that fill the box can't be weighted by the
+    prior instead: where it is much narrower than the box, one of them has all the weight.
     """
-    filled = target.filled(PRIOR_POINTS, generator)
-    logarithms = target.log_prior(filled)
-    possible = filled[logarithms > -np.inf]
-    if len(possible) <= filled.shape[1]:
+    box = filled(target.low, target.high, PRIOR_POINTS, generator)
+    logarithms = target.log_prior(box)
+    possible = box[logarithms > -np.inf]
+    if len(possible) <= box.shape[1]:
         raise ImpossiblePriorError(f"finite at {len(possible)} of {PRIOR_POINTS} points")
     if np.ptp(logarithms) == 0.0:
         log_volume = float(np.log(target.high - target.low).sum())
-        return target.filled(number, generator), log_volume + float(logarithms[0]), 0.0
+        points = filled(target.low, target.high, number, generator)
+        return points, log_volume + float(logarithms[0]), 0.0
 
     def curves(points: np.ndarray, count: int) -> np.ndarray:
-        """Return minus two times the logarithms of the prior in place of chi squared."""
         return np.stack([np.zeros(len(points)), -2.0 * target.log_prior(points)][: count + 1], 1)
 
     prior = replace(target, curves=curves, count=1, log_prior=lambda points: np.zeros(len(points)))
@@ -231,25 +194,15 @@ def drawn_from(
     generator: np.random.Generator,
     on_step: Callable[[float], None],
 ) -> Drawn:
-    """Draw points from the posterior, by steps along the record and then by importance sampling.
+    """Draw points from the posterior, by steps along the record from points of the prior, and then
+    by importance sampling.
 
     The cloud at the end of the record is small, and its points have moved little. Importance
-    sampling therefore makes many runs at points drawn from wide normal distributions around the
-    cloud, and weights the points by the posterior. Each further round draws around the weighted
-    points of the round before. The last round is the first whose effective number of runs is at
-    least `number`, or else the fifth.
-
-    Only the last round enters the result. The mean of its weights is an almost unbiased estimate of
-    the evidence: the mixture is fixed before the round, whose runs only decide whether another
-    round follows.
-
-    **Arguments:** `points`: (n, p) points of the prior, the cloud before the first step; the others
-    are those of `draw`.
-
-    **Returns:** the points. The evidence is not divided by the integral of the prior: it is the
-    logarithm of the integral of prior times likelihood over the box.
-
-    **Raises:** as `draw`, except `ImpossiblePriorError`.
+    sampling therefore draws from wide normal distributions around it, and each further round from
+    those around the weighted points of the round before, until the effective number of runs is at
+    least `number`. Only the last round enters the result. The mean of its weights is an almost
+    unbiased estimate of the integral of prior times likelihood: the mixture is fixed before the
+    round, whose runs only decide whether another round follows.
     """
     points, weights, steps = along_record(target, points, generator, on_step)
     mixture, runs = Mixture.around(points, weights, WIDER), FIRST * number
@@ -288,14 +241,8 @@ def along_record(
     generator: np.random.Generator,
     on_step: Callable[[float], None],
 ) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"], int]:
-    """Return weighted points near the posterior of the whole record, by steps along the record.
-
-    **Arguments:** as in `drawn_from`, but `on_step` is called after each step only.
-
-    **Returns:** the points (n, p), their weights (n,) of sum 1, and the number of steps.
-
-    **Raises:** as `drawn_from`.
-    """
+    """Return weighted points near the posterior of the whole record, their weights of sum 1, and
+    the number of steps along the record."""
     # Number of times over which the points have been run, and number of times in the likelihood.
     ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
@@ -308,7 +255,7 @@ def along_record(
             cloud = evaluated(target, cloud.points, ahead)
             continue
         # Weights by what this part of the record adds to the likelihood.
-        before, after = (level_or_infinity(cloud.curves, k) for k in (reached, following))
+        before, after = (level(cloud.curves, k) for k in (reached, following))
         weights, _ = normalised(0.5 * (before - after))
         reached, steps = following, steps + 1
         on_step(reached)
@@ -321,44 +268,21 @@ def along_record(
 
 
 def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
-    """Return points (n, p), all in the box, with their chi squared over the first `ahead` times."""
+    """Return points, all in the box, with their chi squared over the first `ahead` times."""
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
-def level_or_infinity(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared (n,) over the first `count` times.
-
-    If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
-    time. The result is infinite for a run that misses a sample at any of these times, also at the
-    last one that counts in part.
-
-    **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times.
-    """
-    full = min(int(count), curves.shape[1] - 1)
-    part = count - full
-    if part == 0.0:
-        return curves[:, full]
-    with np.errstate(invalid="ignore"):  # Infinity less infinity, after a run has failed.
-        rise = part * (curves[:, full + 1] - curves[:, full])
-    return np.where(np.isinf(curves[:, full + 1]), np.inf, curves[:, full] + rise)
-
-
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
-    """Return the number of times, which may be a fraction, in the likelihood after the next step.
+    """Return the number of times in the likelihood after the next step.
 
-    The step goes to the end of the runs if the effective number of points, by their new weights, is
-    then at least the share `KEPT` of all points. If it is not, the step is shorter, so that the
-    effective number falls to this share.
-
-    **Arguments:** `curves`: (n, T + 1) chi squared over the first 0 to T times; `reached`: number
-    of times that are already in the likelihood.
+    The step goes to the end of the runs if the effective number of points is then at least the
+    share `KEPT` of all points, or else so far that it falls to this share.
     """
-    before, last = level_or_infinity(curves, reached), curves.shape[1] - 1
+    before, last = level(curves, reached), curves.shape[1] - 1
 
     def enough(count: float) -> bool:
-        """Return whether enough effective points remain after a step to `count` times."""
         with np.errstate(invalid="ignore"):
-            fall = 0.5 * (before - level_or_infinity(curves, count))
+            fall = 0.5 * (before - level(curves, count))
         # Without a point that reaches `count` times, there are no weights.
         if not np.isfinite(fall).any():
             return False
@@ -367,22 +291,14 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
 
     if enough(float(last)):
         return float(last)
-    # The effective number falls as the step grows.
-    low, high = reached, float(last)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        if middle in (low, high):  # No number is between them.
-            break
-        low, high = (middle, high) if enough(middle) else (low, middle)
     # Where most runs miss the next sample, no step leaves enough points. The shortest one discards
     # them. A longer one would also leave a single point where chi squared is steep.
-    return max(low, float(np.nextafter(reached, np.inf)))
+    longest = last_where(enough, reached, float(last))  # The number falls as the step grows.
+    return max(longest, float(np.nextafter(reached, np.inf)))
 
 
 def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
-    """Return weights (n,) in proportion to exp(logarithms), and log(mean(exp(logarithms))).
-
-    The sum of the weights is 1. Logarithms that are NaN count as -inf.
+    """Return weights of sum 1 in proportion to exp(logarithms), and log(mean(exp(logarithms))).
 
     **Raises:** `FloatingPointError` if all logarithms are -inf or NaN, or one is +inf.
     """
@@ -398,8 +314,6 @@ def effective_number(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray
     """Return the effective number of weighted points, 1 / (sum of their squared weights).
 
     Equal points count as one: copies of a point tell nothing more about a distribution.
-
-    **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1.
     """
     return 1.0 / float((_distinct(points, weights)[1] ** 2).sum())
 
@@ -407,7 +321,6 @@ def effective_number(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray
 def _distinct(
     points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, "m p"], Float[np.ndarray, " m"]]:
-    """Return the distinct ones of n weighted points, (m, p), and the sums of their weights."""
     distinct, numbers = np.unique(points, axis=0, return_inverse=True)
     # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
     return distinct, np.bincount(numbers.ravel(), weights, len(distinct))
@@ -416,10 +329,7 @@ def _distinct(
 def resampled(
     weights: Float[np.ndarray, " n"], generator: np.random.Generator, count: int | None = None
 ) -> np.ndarray:
-    """Return indices (count,) of points drawn by systematic resampling, in rising order.
-
-    **Arguments:** `weights`: (n,) of sum 1; `count`: number of points to draw, by default n.
-    """
+    """Return indices of points drawn by systematic resampling, in rising order."""
     count = len(weights) if count is None else count
     # The sum of the weights may be less than 1 by rounding, hence the minimum.
     ticks = (np.arange(count) + generator.uniform()) / count
@@ -433,19 +343,12 @@ def mutated(
     reached: float,
     generator: np.random.Generator,
 ) -> Cloud:
-    """Resample a weighted cloud and move its points.
+    """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings.
 
-    Moves separate the copies that resampling makes. They are accepted by the rule of Metropolis and
-    Hastings, so that points stay distributed as the posterior of the record so far. Moves alternate
-    between draws from a mixture of normal distributions around the weighted points and steps along
-    differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of the genetic
-    algorithm Differential Evolution*, 2006). Both follow a curved cloud, or one in several parts.
-
-    **Arguments:** `target`: the posterior; `cloud`: the points, and `weights`: (n,) of sum 1;
-    `reached`: number of times in the likelihood, which may be a fraction; `generator`: source of
-    random numbers.
-
-    **Returns:** n points of equal weight.
+    Moves alternate between draws from a mixture of normal distributions around the weighted points
+    and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of
+    the genetic algorithm Differential Evolution*, 2006). Both follow a curved cloud, or one in
+    several parts.
     """
     mixture = Mixture.around(cloud.points, weights)
     moved = cloud.taken(resampled(weights, generator))
@@ -468,7 +371,7 @@ def mutated(
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
         # `new` has only the points inside; they are spread over the n indices.
         others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
-        before, after = (0.5 * level_or_infinity(one.curves, reached) for one in (moved, others))
+        before, after = (0.5 * level(c.curves, reached) for c in (moved, others))
         log_ratios = log_ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < log_ratios)
         moved = moved.where(accepts, others)
@@ -479,20 +382,14 @@ def mutated(
 
 
 def fewest_for_covariance(p: int) -> int:
-    """Return the smallest number of points from which a covariance of p coordinates is estimated.
-
-    It is four times p + 1; the covariance of fewer than p + 1 points is singular.
-    """
+    """Return the smallest number of points from which a covariance of p coordinates is
+    estimated."""
     return 4 * (p + 1)
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Mixture of n normal distributions in p dimensions.
-
-    - `centres`: (n, p) means; `roots`: (n, p, p) lower Cholesky factors of the covariances.
-    - `weights`: (n,) of the distributions; their sum is 1.
-    """
+    """Mixture of normal distributions; `roots` are lower Cholesky factors of their covariances."""
 
     centres: Float[np.ndarray, "n p"]
     roots: Float[np.ndarray, "n p p"]
@@ -502,14 +399,11 @@ class Mixture:
     def around(
         points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"], wider: float = 1.0
     ) -> "Mixture":
-        """Return a mixture of n + 1 normal distributions that follows a cloud of n distinct points.
+        """Return a mixture that follows a cloud of n distinct points.
 
-        There is one around each point, with the covariance of the points near it and the weight of
-        the point, and a wide one around all points. Equal points count as one, whose weight is the
-        sum of theirs: as neighbours of each other they would have no covariance.
-
-        **Arguments:** `points`: (n, p); `weights`: (n,) of sum 1; `wider`: factor on all standard
-        deviations.
+        There is one distribution around each point, with the covariance of the points near it and
+        the weight of the point, and a wide one around all points. Equal points count as one: as
+        neighbours of each other they would have no covariance.
 
         **Raises:** `numpy.linalg.LinAlgError` if no more than p distinct points have a weight.
         """
@@ -536,21 +430,20 @@ class Mixture:
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
-        # A share of the whole covariance keeps that of nearly equal points from being singular.
-        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + 1e-4 * whole
+        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + NARROWEST * whole
         # The wide distribution reaches parts of the region from which all points have been lost.
         centres = np.concatenate([points, mean[None]])
         roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * whole[None]]))
         return Mixture(centres, wider * roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
     def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
-        """Return random points of the mixture, (number, p)."""
+        """Return random points of the mixture."""
         chosen = generator.choice(len(self.weights), number, p=self.weights)
         normal = generator.standard_normal((number, self.centres.shape[1]))
         return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
 
     def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
-        """Return the logarithms (m,) of the mixture's density at points (m, p)."""
+        """Return the logarithms of the mixture's density at points."""
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)
@@ -563,10 +456,10 @@ class Mixture:
         # the cloud, because differences of large vectors would have rounding errors.
         origin, rows = self.centres[-1], inverse.reshape(-1, points.shape[1])
         centres = np.einsum("nij,nj->ni", inverse, self.centres - origin)
-        found = []
+        densities = []
         # In parts, because the offsets of all points from all centres may take much memory.
         for part in np.split(points, range(TOGETHER, len(points), TOGETHER)):
             offsets = ((part - origin) @ rows.T).reshape(len(part), *centres.shape) - centres
             squares = np.einsum("mni,mni->mn", offsets, offsets)
-            found.append(logsumexp(heights - 0.5 * squares, axis=1))
-        return np.concatenate(found)
+            densities.append(logsumexp(heights - 0.5 * squares, axis=1))
+        return np.concatenate(densities)

@@ -1,13 +1,10 @@
 """Search for starts of a fit by runs without derivatives, over a growing part of the record.
 
 If predicted and measured impact peaks don't overlap, the derivatives of chi squared don't lead to
-the solution, and later impacts add many minima. Therefore the whole neighbourhood of a guess is
-screened by many points, which are coordinates of the parameters. The first round uses an early
-part of the record, so short that many points still fit it about equally well. The next round draws
-points among them and uses more of the record, and so on to the end of the record.
-
-The method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general
-Bayesian computation*, 2006), for a misfit that grows with the record.
+the solution, and later impacts add many minima. The first round therefore uses an early part of the
+record, so short that many points of a box around the guess still fit it about equally well. The
+method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general Bayesian
+computation*, 2006), for a misfit that grows with the record.
 """
 
 import math
@@ -22,25 +19,21 @@ from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..comparison import Comparison
 from ..levenberg_marquardt import Search, best_search
+from ..points import drawn_among, far_apart, filled, level, reached
 from ..starts import half_widths
-from .level_sets import drawn_among, far_apart, finite_level, reached
 
 LEVEL = 0.99
 """Points fit about as well as the best if their chi squared exceeds the smallest by at most the
 quantile of the chi squared distribution with p degrees of freedom at this level."""
 LOOSER = 1000.0
-"""Tolerance of the integration in screening runs, relative to that of the fit. With the default
-settings, the tolerance in screening runs is 1e-6, as in `simulate`. Screening only ranks points,
-and the fit from the best of them is accurate."""
+"""Tolerance of the integration in screening runs, relative to that of the fit. Screening only ranks
+points, and the fit from the best of them is accurate."""
 STILL_FITTING = 4
 """The next round runs over the part of the record that at least this many of the present points
 still fit. Hardly any new point would fit a longer part."""
 FIRST = 4
 """Number of points in the first round, which fills the whole box, relative to the number of new
 points in other rounds."""
-NEIGHBOURS = 2
-"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
-around it. A covariance of p parameters needs at least p + 1 points."""
 FIRST_SHARE = 1 / 8
 """Share of the record over which the first round runs: most points of the box fit only an early
 part. If this share is too short, the runs are repeated over more of the record."""
@@ -50,29 +43,25 @@ part. If this share is too short, the runs are repeated over more of the record.
 class Screening:
     """Starts of a fit, found by screening a box around the guess.
 
-    Every round runs a number of points, coordinates of the parameters, without derivatives. The
-    round uses the part of the record at whose end `keep` points still fit about as well as the
-    best, and keeps these points. The next round runs these again, with new points drawn among them.
-    Screening ends at the end of the record, or after `rounds` rounds.
+    Every round runs a number of points without derivatives. It uses the part of the record at whose
+    end `keep` points still fit about as well as the best, and keeps these points. The next round
+    runs these again, with new points drawn among them. Screening ends at the end of the record, or
+    after `rounds` rounds.
 
     **Arguments:**
 
     - `number`: number of new points in a round. The first round, which fills the box evenly, has
       four times as many. Use a larger number for more than three or four parameters.
-    - `spread`: half the width of the box, in the coordinates of the scales (on a `Log` scale, 1 is
-      a factor of e in both directions): one number, or a dictionary by name of the parameter, in
-      which missing parameters have width 0.
-    - `keep`: number of points that are kept in a round.
+    - `spread`: half the width of the box, as of `Starts`.
     - `finish`: number of starts among the points kept last: the best, and others far from it.
+    - `rounds`: maximum number of rounds. If runs were too short to choose among the points, the
+      same points run over more of the record, which counts as another round.
     - `smoothing`: number of consecutive sample times over which the residuals of each series are
       averaged, so that the misfit of a predicted and a measured peak depends on how far apart in
       time they are. A series without a sample at one of these times counts with zero there.
-    - `rounds`: maximum number of rounds. If runs were too short to choose among the points, the
-      same points run over more of the record, which counts as another round.
     - `passes`: maximum number of passes. A pass is a whole screening, followed by a fit from each
       of its starts. Another pass, with other random numbers, follows while noise doesn't explain
       the chi squared of the best fit.
-    - `seed`: seed of the random numbers.
 
     **Raises:** `ValueError` for a `number`, `keep`, `finish`, `rounds`, `smoothing` or `passes`
     that is not a positive integer, for a `spread` that is not finite and positive, and for a `keep`
@@ -113,19 +102,12 @@ class Screened:
     - `chi_squared`: (keep,) chi squared of these points, from the averaged residuals up to the last
       of `times`.
     - `starts`: (finish, p) the points from which to search.
-    - `times`: s, end of the part of the record that each round used.
-    - `runs`: number of runs.
+    - `times`: end of the part of the record that each round used.
     - `complete`: whether the last round reached the end of the record.
 
-    >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
-    >>> fit = cj.identify(
-    ...     scene,
-    ...     state,
-    ...     cj.Measurements({"x": data}),
-    ...     {"stiffness": stiffness},
-    ...     starts=cj.Screening(number=16, keep=8, finish=1, passes=1),
-    ...     progress=False,
-    ... )
+    >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
+    >>> options = {"starts": cj.Screening(number=16, keep=8, finish=1, passes=1), "progress": False}
+    >>> fit = cj.identify(scene, state, data, {"stiffness": stiffness}, **options)
     >>> fit.screened[0].starts.shape
     (1, 1)
     """
@@ -145,23 +127,19 @@ def screen(
     number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around a guess once, and return the points that fit best.
+    """Screen the box around the guess `centre` once, and return the points that fit best.
 
-    **Arguments:** `screening`: the user's options; `lanes`: the runs, and the samples with which
-    they are compared; `centre`: (p,) coordinates of the guess; `number`: number of the pass, from
-    0, which changes the random numbers; `progress`: whether to show a progress bar.
+    The `number` of the pass, from 0, changes the random numbers.
 
     **Raises:** `ValueError` for a name in the `spread` of `screening` that is no parameter.
     """
     from scipy.special import chdtri
-    from scipy.stats import qmc
 
     spread = half_widths(screening.spread, tuple(lanes.parameters))
     excess = float(chdtri(len(centre), 1.0 - LEVEL))
     generator = np.random.default_rng(screening.seed + number)
-    box = qmc.LatinHypercube(len(centre), rng=generator)
-    # The points of the first round fill the box from -1 to 1 times its half width.
-    points = centre + spread * (2.0 * box.random(FIRST * screening.number) - 1.0)
+    bounds = centre - spread, centre + spread
+    points = filled(*bounds, FIRST * screening.number, generator)
     ahead = max(int(FIRST_SHARE * lanes.count), 1)  # Number of times of the runs in this round.
     times, runs = [], 0
     bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
@@ -171,7 +149,7 @@ def screen(
             # Number of times over which enough points fit about as well as the best. It may be a
             # fraction, at which the points' chi squared is interpolated.
             count = reached(curves, screening.keep, excess)
-            misfits = finite_level(curves, count)
+            misfits = level(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
             times.append(lanes.time(count))
@@ -189,10 +167,7 @@ def screen(
             # Hardly any new point will fit more of the record than the best present ones. The
             # number of times that these fit is rounded up, and one more shows where their fit ends.
             ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
-            bounds = centre - spread, centre + spread
-            new = drawn_among(
-                kept, screening.number, NEIGHBOURS * (len(centre) + 1), bounds, generator
-            )
+            new = drawn_among(kept, screening.number, bounds, generator)
             points = np.concatenate([kept, new])
 
 
@@ -205,16 +180,8 @@ def search_screened(
 ) -> tuple[Screened, ...]:
     """Screen and search from the starts found, until noise explains the smallest chi squared.
 
-    There are at most `screening.passes` passes, each with other random numbers.
-
-    **Arguments:** `search_from`: function that searches from a start, coordinates (p,), with
-    derivatives; it must also store its result, because only the screenings are returned. The other
-    arguments are as in `screen`.
-
-    **Returns:** the result of each screening pass.
-
-    **Raises:** `ValueError` as `screen`, and the errors of `search_from`, such as a
-    `KeyboardInterrupt` by the user, which end the passes.
+    `search_from` searches from a start with derivatives. It must also store its result, because
+    only the screenings are returned; its errors, such as a `KeyboardInterrupt`, end the passes.
     """
     degrees_of_freedom = lanes.data.count - len(centre)
     searches: list[Search] = []

@@ -1,14 +1,9 @@
-"""Files of a store's Zarr arrays, one for each chunk of lanes and each array, with checksums.
-
-A store holds the results of a sweep on disk. A lane is one run of the sweep, and a chunk a group of
-lanes that are stored together.
+"""Files of a store's Zarr arrays, one for each chunk of lanes and each array.
 
 A file ends with a checksum of its content and of its path in the store. So a damaged file, or one
-that was moved to the place of another, is detected. Intact files can still be read.
-
-Files are encoded, written and read here, as Zarr would do it, because Zarr hands each file to
-several threads. Under the load of a sweep, that took 4 ms a file, and a chunk has a file for each
-variable.
+that was moved to the place of another, is detected. Files are encoded, written and read here, as
+Zarr would do it, because Zarr hands each file to several threads. Under the load of a sweep, that
+took 4 ms a file, and a chunk has a file for each variable.
 """
 
 import os
@@ -34,17 +29,14 @@ _LOCK = ".lock"
 
 
 def opened_group(path: Path) -> "zarr.Group":
-    """Open the Zarr group that has a store's arrays, to read its metadata.
-
-    **Arguments:** `path`: folder of the group, `by_lane` in the store.
-    """
+    """Open the Zarr group at a path, to read its metadata."""
     import zarr
 
     return zarr.open_group(path, mode="r", zarr_format=3, use_consolidated=True)
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Open the array with the given name in a group, to read its metadata."""
+    """Open an array of a group, to read its metadata."""
     import zarr
 
     array = group[name]
@@ -56,9 +48,8 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
 def locked(folder: Path) -> Iterator[None]:
     """Context in which this process holds the lock of a folder, so that it can change the store.
 
-    Before the context begins, wait until no other process holds the lock. The lock of a process
-    that dies is released. If the system has no locks, or the folder can't be written to, the
-    context begins at once and without a lock.
+    The lock of a process that dies is released. If the system has no locks, or the folder can't be
+    written to, the context begins at once and without a lock.
     """
     with ExitStack() as stack:
         # Windows has no such locks, a folder may be read only, and some file systems lack locks.
@@ -71,16 +62,12 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
-    """Return the path of the file with one chunk of an array.
-
-    **Arguments:** `path`: folder of the group; `chunk`: number of the chunk along the first
-    dimension.
-    """
+    """Return the path of the file with one chunk of an array."""
     return path / _key(array, chunk)
 
 
 def _key(array: "zarr.Array", chunk: int) -> str:
-    """Return the path of a chunk's file in the folder of the group."""
+    """The path of a chunk's file in the folder of the group."""
     indices = (chunk,) + (0,) * (array.ndim - 1)
     return f"{array.path}/{array.metadata.encode_chunk_key(indices)}"
 
@@ -102,25 +89,20 @@ def make_folder(folder: Path) -> None:
 
 
 def _codec(array: "zarr.Array") -> "Codec | None":
-    """Return what encodes the entries of an array of texts; ``None`` for numbers, which are stored
-    as they are in memory, in little-endian order."""
+    """What encodes the entries of an array of texts; ``None`` for numbers."""
     from numcodecs.vlen import VLenUTF8
 
     return None if array.dtype.kind in "biuf" else VLenUTF8()
 
 
 def _dtype(array: "zarr.Array") -> np.dtype:
-    """Return the dtype of an array's entries before they are encoded."""
     return np.dtype(object) if _codec(array) else array.dtype.newbyteorder("<")
 
 
 def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray) -> Path:
     """Write one chunk of an array, so that a reader finds either the earlier file or the new one.
 
-    **Arguments:** `path`: folder of the group; `values`: (n, ...) rows of the chunk; fewer than the
-    chunk has if it is the last one.
-
-    **Returns:** the path of the file.
+    The last chunk may have fewer rows than the others.
 
     **Raises:** `OSError`, for example if the disk is full; the earlier file is left then.
     """
@@ -146,13 +128,8 @@ def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray)
 
 
 def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
-    """Read one chunk of an array.
-
-    **Arguments:** `path`: folder of the group.
-
-    **Returns:** (n, ...), as many rows as the array has in the chunk; the fault, `MISSING` or
-    `DAMAGED`, if the file has one.
-    """
+    """Read the rows of one chunk of an array, or return the fault, `MISSING` or `DAMAGED`, of its
+    file."""
     from numcodecs.zstd import Zstd
 
     file, codec = chunk_file(path, array, chunk), _codec(array)
@@ -171,19 +148,14 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
 
 
 def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
-    """Write all entries of an array, (n, ...). `path`: folder of the group."""
+    """Write all entries of an array."""
     for chunk, first in enumerate(range(0, len(values), array.chunks[0])):
         write_chunk(path, array, chunk, values[first : first + array.chunks[0]])
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of a group as far as its files are intact.
-
-    **Arguments:** `path`: folder of the group; `array`: the opened array.
-
-    **Returns:** the values, and for each faulty file the fault, `MISSING` or `DAMAGED`, by number
-    of its chunk. The values of these chunks are the fill value.
-    """
+    """Read an array of a group, and return its values and the faults of its files by chunk, where
+    the values are the fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

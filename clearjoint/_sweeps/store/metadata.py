@@ -1,14 +1,4 @@
-"""Metadata and labels of a sweep's Zarr store, which are written before any result.
-
-They tell which sweep the store holds, and which lanes. A lane is one run of the sweep. Labels are
-the values of the axes and of other dimensions, the digests by which lanes are recognised, and the
-order of the lanes. In the arrays of the store's folder `by_lane`, each lane has a row. The number
-of the row may differ from that of the lane, because lanes that are added later get rows at the end.
-Beside this folder the store has a grid, a copy of the results along the axes for other programs.
-
-The result code of a lane is an integer that says how its run ended, or that it is pending, which
-means not yet computed.
-"""
+"""Metadata and labels of a sweep's Zarr store, which are written before any result."""
 
 import glob
 import json
@@ -41,9 +31,8 @@ ROOT = "zarr.json"
 def unfinished(path: Path) -> Iterator[Path]:
     """Yield a new path beside that of a store, for a store or grid that is being written.
 
-    Within the context the caller writes a folder at this path, and moves the complete folder, or
-    its files, to the final place. When the context ends, also by an error, whatever is left at the
-    new path is removed.
+    The caller writes a folder at this path, and moves it, or its files, to the final place. When
+    the context ends, also by an error, whatever is left at the new path is removed.
     """
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
@@ -61,7 +50,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
-"""How often, and with which time in between, s, an incomplete store is removed after an error."""
+"""How often, and with which time in between, an incomplete store is removed after an error."""
 
 
 def move(file: Path, to: Path) -> None:
@@ -100,8 +89,6 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     removed first, and a program that opens the grid before the new one is complete finds none. If
     they don't differ, files with other content are replaced one by one, with the result codes last,
     so that a lane whose code says that it is done has all its numbers.
-
-    **Arguments:** `path`: folder of the store; `results`: results along the axes of the sweep.
     """
     with unfinished(path) as new:
         write_dataset(new, results)
@@ -115,9 +102,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 def _move_all(new: Path, path: Path) -> None:
     """Move those files of a group whose content is new to another folder.
 
-    The file `ROOT` lists the arrays and is moved last: until then the group reads as before.
-    Result codes are moved after all other arrays, so that no lane counts as done before its numbers
-    exist.
+    The file `ROOT` lists the arrays and is moved last: until then the group reads as before. Result
+    codes are moved after all other arrays.
     """
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
@@ -130,8 +116,7 @@ def _same(file: Path, other: Path) -> bool:
 
 
 def remove_grid(path: Path) -> None:
-    """Remove the grid from the store at a path: the file `ROOT`, and every folder but `by_lane`,
-    which has the results by lane."""
+    """Remove the grid from the store at a path."""
     (path / ROOT).unlink(missing_ok=True)
     for entry in path.iterdir():
         if entry.name != BY_LANE and entry.is_dir():
@@ -150,17 +135,16 @@ ADDED = "sweep_added"
 """Name of the attribute that lists the variables added after the store was made. They may lack the
 files of lanes that were done before."""
 ABANDONED_AFTER = 3600.0
-"""Age, s, above which an incomplete store counts as left behind by a killed process and is removed.
+"""Age above which an incomplete store counts as left behind by a killed process and is removed.
 Writing one takes about a second."""
 
 
 class Contents(NamedTuple):
     """Contents of a store without the results.
 
-    - `layout`: axes, variables and settings of the sweep.
-    - `identity`: digests by which the sweep and its lanes are recognised.
-    - `order`: (lanes,) number of the lane in each row of the store.
-    - `added`: names of the variables that were added after the store was made.
+    `identity` has the digests by which the sweep and its lanes are recognised, `order` the number
+    of the lane in each row, and `added` the names of variables that were added after the store was
+    made.
     """
 
     layout: Layout
@@ -175,10 +159,6 @@ def create(path: Path, contents: Contents) -> None:
 
     The store is written under another name and then renamed, so that at any time it is either
     complete or absent.
-
-    **Arguments:** `contents`: contents of the new store.
-
-    **Raises:** `OSError` if the store can't be renamed although nothing exists at the path.
     """
     with unfinished(path) as store:
         _write(store / BY_LANE, contents)
@@ -191,13 +171,9 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes or variables to the store at a path, or give it other axes. Added lanes get rows
-    after the existing ones.
+    """Add lanes or variables to the store at a path, or give it other axes.
 
-    Existing chunks of results are not changed. The grid (the copy of the results along the axes),
-    whose labels are outdated, is removed.
-
-    **Arguments:** `contents`: contents of the extended store.
+    Existing chunks of results are not changed. The grid, whose labels are outdated, is removed.
     """
     with unfinished(path) as group:
         _write(group, contents)
@@ -206,10 +182,7 @@ def extend(path: Path, contents: Contents) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove incomplete stores and grids that killed processes have left beside a store's path.
-
-    Those younger than `ABANDONED_AFTER` are kept, since another process may still write them.
-    """
+    """Remove incomplete stores and grids that killed processes have left beside a store's path."""
     for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
         with suppress(FileNotFoundError):
             if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:
@@ -250,13 +223,7 @@ def contents_of(path: Path) -> Contents:
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
-    """Open a store, and return its group `by_lane` and the attributes of this group.
-
-    The attribute with the digest of the metadata is checked and left out.
-
-    **Raises:** `ValueError` if there is no store at the path, if its format has another version, or
-    if its metadata are damaged.
-    """
+    """Open a store, and return its group `by_lane` and the attributes of this group."""
     file = path / BY_LANE / ROOT
     try:
         # Older versions stored the lanes where the grid is now.
@@ -286,11 +253,7 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 
 def _write(path: Path, contents: Contents) -> None:
-    """Write the group `by_lane` of a new or extended store, without results.
-
-    **Arguments:** `path`: folder of the group, not that of the store; `contents`: contents of the
-    store.
-    """
+    """Write the group `by_lane` of a new or extended store, without results."""
     import zarr
 
     layout, identity, order, added = contents
@@ -361,17 +324,9 @@ def _write(path: Path, contents: Contents) -> None:
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Read an array of labels: values of an axis, labels of another dimension, digests of the
-    lanes, or their order.
+    """Read an array of labels. A store can't be opened without all its labels.
 
-    A store can't be opened without all its labels, so a missing or damaged file is an error here.
-
-    **Arguments:** `path`: folder of the group `by_lane`; `group`: this group, opened; `name`: name
-    of the array.
-
-    **Returns:** (n,).
-
-    **Raises:** `ValueError` that names the missing or damaged file.
+    **Raises:** `ValueError` that names a missing or damaged file.
     """
     array = opened(group, name)
     values, faults = read(path, array)

@@ -1,22 +1,15 @@
 """Fingerprints (digests of the traced code) of functions, and the digests by which a store
 recognises its sweep.
 
-A lane is one run of a sweep. A run is determined by its program and by the numbers from which it
-starts. A store therefore compares digests of both instead of source texts or names of functions. A
-sweep with further axes finds the stored lanes that start from the same numbers as some of its own.
+A run is determined by its program and by the numbers from which it starts. A store compares digests
+of both instead of source texts or names of functions. Programs are traced in the form in which the
+lanes run them.
 
-Programs are traced in the form in which the lanes run them: the numbers of scene and state are
-arguments of a program, and the numbers of solver, controller and outputs are constants in it.
-Exact zeros and ones in the scene's vectors and matrices are constants too, unless an axis can
-change the vector or matrix.
-
-A store compares fingerprints to detect that the code of a sweep has changed. The digest of a value
-combines the operation that computes the value, the operation's parameters and the digests of its
-operands. The digest of a constant is computed from its numbers and their type, and that of an
-argument from its place among the arguments and its type. The digest of a result therefore doesn't
-depend on names of variables and functions, on the order of independent operations, on unused
-operations, on `jax.jit` around parts of the function, or on the process. It does depend on the code
-of globals, helpers, base classes and properties, as far as this code is in the traced program.
+The digest of a value combines the operation that computes the value, the operation's parameters and
+the digests of its operands. It therefore doesn't depend on names, on the order of independent
+operations, on unused operations, on `jax.jit` around parts of the function, or on the process. It
+does depend on the code of globals, helpers, base classes and properties, as far as this code is in
+the traced program.
 """
 
 import dataclasses
@@ -61,16 +54,13 @@ from ..work import variable_name
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
-"""Names of primitives that print or call a Python function, but return nothing. Digests don't
-depend on them, since they change no result."""
+"""Names of primitives that print or call a Python function, but return nothing, and thus change no
+result."""
 
 
 class Fingerprints(NamedTuple):
-    """Digests and shapes of the entries of the dictionary that a function returns, by key.
-
-    - `digests`: digest of each entry; it changes if the code that computes the entry changes.
-    - `shapes`: each entry with `jax.ShapeDtypeStruct` in place of its arrays.
-    """
+    """Digests of the entries of the dictionary that a function returns, by key, and their shapes:
+    each entry with `jax.ShapeDtypeStruct` in place of its arrays."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
@@ -80,9 +70,6 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
     """Return the digests and shapes of the entries of the dictionary that a function returns.
 
     Digests depend on structure, shapes and types of the arguments, but not on their numbers.
-
-    **Arguments:** `function`: function of PyTrees that JAX can trace; `arguments`: example
-    arguments.
 
     **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
     """
@@ -103,19 +90,14 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Return the digests of a program's results.
-
-    **Arguments:** `jaxpr`: the program; `constants`, `inputs`: digests of its constants and inputs.
-
-    **Raises:** `ValueError` for a call of a Python function that JAX does not trace.
-    """
-    known = dict(zip(jaxpr.invars, inputs, strict=True))
-    known |= zip(jaxpr.constvars, constants, strict=True)
+    """Digests of a program's results, from those of its constants and inputs."""
+    digests = dict(zip(jaxpr.invars, inputs, strict=True))
+    digests |= zip(jaxpr.constvars, constants, strict=True)
 
     def of(atom: Var | Literal) -> str:
         if isinstance(atom, Literal):
             return _constant(np.asarray(atom.val, _shape(atom).dtype))
-        return known[atom]
+        return digests[atom]
 
     # An equation's digest combines those of its operands, so names and order have no effect.
     for line in jaxpr.eqns:
@@ -132,32 +114,25 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
         else:
             operation = digest(name, _setting(name, line.params), *operands)
             results = [digest(operation, str(k)) for k in range(len(line.outvars))]
-        known |= zip(line.outvars, results, strict=True)
+        digests |= zip(line.outvars, results, strict=True)
     return [of(atom) for atom in jaxpr.outvars]
 
 
 def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
-    """Return the digests of the results of a program that is a parameter of an operation, such as
-    the body of a loop.
-
-    **Arguments:** `inputs`: digests of the program's inputs.
-    """
+    """Digests of the results of a program that is a parameter of an operation, such as the body of
+    a loop."""
     if isinstance(program, ClosedJaxpr):
         return _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
     return _results(program, _numbered("constant", program.constvars), inputs)
 
 
 def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
-    """Return the digests of variables that are known only by their `kind` ("input" or "constant"),
-    position and type."""
+    """Digests of variables that are known only by their kind, position and type."""
     return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
 
 
 def _setting(operation: str, value: object) -> str:
-    """Return the digest of a parameter of an operation, or of a collection of its parameters.
-
-    **Arguments:** `operation`: name of the operation, for error messages; `value`: the parameter
-    or the collection.
+    """Digest of a parameter of an operation, or of a collection of its parameters.
 
     **Raises:** `ValueError` for a Python function, since a change of its code would not be noticed.
     """
@@ -222,8 +197,8 @@ class Identity(NamedTuple):
     """Digests that identify a sweep of n lanes.
 
     - `programs`: digests of the traced programs by name, from the function `programs`.
-    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; if
-      there is an output at given times, under its name, digests (n,) of its times in each lane.
+    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; under
+      the name of an output at given times, if there is one, digests (n,) of its times in each lane.
     """
 
     programs: Mapping[str, str]
@@ -241,16 +216,7 @@ def programs(
     variables of the outputs, each under the variable's name.
 
     Since each variable has its own digest, an output can be added to a store without making the
-    stored lanes invalid.
-
-    **Arguments:**
-
-    - `plan`: integration method and outputs of the sweep.
-    - `folded_scene`, `state`: scene and initial state of a lane. Numbers that are marked as
-      constants in the scene become part of the programs.
-    - `start_time`: s, start of all runs.
-    - `channels[name][key]`: quantities that the output `name` records, each as the variable
-      `variable_name(name, key)`.
+    stored lanes invalid. `channels[name][key]` are the quantities that the output `name` records.
 
     **Raises:** `ValueError` for a scene or an output that calls a Python function that JAX doesn't
     trace.
@@ -282,13 +248,9 @@ def programs(
 @dataclass(frozen=True)
 class _Traced:
     """Parts of a lane's computation (start, steps, outputs and tables of impacts) as functions that
-    JAX can trace. The fingerprints of their jaxprs identify the program of a stored sweep.
+    JAX can trace.
 
-    Their argument `numbers` has the numbers of the scene, and times are in s.
-
-    - `plan`, `channels`: as in `programs`.
-    - `structure`: the scene without its numbers, except for those components of vectors and
-      matrices that are marked as constants of the program, because they are exactly 0 or 1.
+    `numbers` are those of the scene, and `structure` is the scene without them.
     """
 
     plan: Plan
@@ -296,35 +258,31 @@ class _Traced:
     structure: ConstantFolded
 
     def scene(self, numbers: PyTree) -> Scene:
-        """Return the scene with these numbers."""
         return unpack(eqx.combine(numbers, self.structure))
 
     @property
     def run_plan(self) -> Plan:
-        """The plan without outputs."""
         return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
 
     @property
     def impacts_plan(self) -> Plan:
-        """The plan whose only outputs are the tables of impacts."""
         return replace(self.run_plan, impacts=self.plan.impacts)
 
     def begin(
         self, plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar
     ) -> Lane:
-        """Return the lane before its first step, which has the given length."""
+        """The lane before its first step, which has the given length."""
         request = _request(time + length, length)
         return begin_lane(plan, self.scene(numbers), state, time, request)
 
     def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return, under the key `RUN`, the lane after one step, and the outcome of a run that ends
-        before this step."""
+        """The lane after one step, and the outcome of a run that ends before this step."""
         plan, scene = self.run_plan, self.scene(numbers)
         after = step_lane(plan, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the impacts recorded after one step, by variable of the impact tables."""
+        """The impacts recorded after one step, by variable of the impact tables."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
@@ -335,13 +293,9 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """Return the instant of the snapshot `row`, from which quantities are computed. A snapshot
-        has the time, the variables and the entry speeds.
-
-        A quantity may evaluate the dense output at a fraction of the step. Here the values at this
-        fraction are replaced by the fraction times the snapshot `inside`, so that the fraction
-        appears in the traced program.
-        """
+        """The instant of the snapshot `row`. A quantity may evaluate the dense output at a fraction
+        of the step: here that is the fraction times the snapshot `inside`, so that it appears in
+        the program."""
         system = self.plan.scheme.system(self.scene(numbers))
 
         def at(fraction: Scalar) -> Instant:
@@ -350,7 +304,7 @@ class _Traced:
         return row.instant(system, at)
 
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """Return, by name, the values that the reductions accumulate, at the start of the run."""
+        """The values that the reductions accumulate, at the start of the run."""
         now = self.instant(numbers, row, row)
         starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
         return jax.tree.map(jnp.asarray, starts)
@@ -358,13 +312,8 @@ class _Traced:
     def outputs(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return, by variable of the sweep's results, all values that are computed for the variable
-        at the end of a step. A variable's digest is made from these values, so that it depends on
-        all of their code.
-
-        **Arguments:** `row`, `inside`: as in `instant`; `tallies`: the data that the reductions
-        carry, structured as the method `tallies` returns them.
-        """
+        """All values that are computed for each variable of the sweep's results at the end of a
+        step."""
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             start, tally = reduction.start(now), tallies[name]
@@ -384,8 +333,7 @@ class _Traced:
 
 
 def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
-    """Return the data with which the loop runs a lane to `end_time`, s, with a first step of the
-    length `first_step`, s, without times to save at and without rows to record."""
+    """A request without times to save at and without rows to record."""
     return LaneRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 
@@ -393,11 +341,8 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
     """Return the identity of a sweep, by which a store recognises it and its lanes.
 
     A lane starts from its scene, its initial state, its end time and the length of its first step.
-    A lane in `lanes.bad`, which is not run, is identified by its error message instead.
-
-    **Arguments:** `digests`: digests of the programs by name; `lanes`: scenes and initial states;
-    `tasks`: end time, length of the first step and times to save at of each lane; `saved`: name of
-    the output that is recorded at the times `tasks.save_at`, if these are not ``None``.
+    A lane in `lanes.bad`, which is not run, is identified by its error message instead. `saved` is
+    the name of the output that is recorded at the times `tasks.save_at`.
     """
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
@@ -410,8 +355,7 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
 
 
 def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
-    """Return a digest for each of n lanes, as int64 (n,), of the lane's rows in several arrays
-    (n, ...)."""
+    """Return a digest for each of n lanes, of the lane's rows in several arrays (n, ...)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
@@ -427,15 +371,14 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
 def matching_lanes(
     stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " s"]:
-    """Return for each stored digest the number of a wanted lane with the same digest, (s,).
+    """Return for each stored digest the number of a wanted lane with the same digest, or -1.
 
-    If several wanted lanes have the same digest, each is taken at most once. The number is -1 where
-    no lane with the digest is left.
+    If several wanted lanes have the same digest, each is taken at most once.
     """
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, wanted_digest in enumerate(wanted.tolist()):
         unmatched[wanted_digest].append(lane)
     return np.array(
-        [unmatched[one].popleft() if unmatched[one] else -1 for one in stored.tolist()], dtype=int
+        [unmatched[key].popleft() if unmatched[key] else -1 for key in stored.tolist()], dtype=int
     )

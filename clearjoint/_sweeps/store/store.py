@@ -1,20 +1,14 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
-A lane is one run of the sweep, and a chunk a group of lanes that are stored together. In the folder
-`by_lane`, each variable is an array whose first dimension is `lane` and whose chunks are those of
-the sweep, so writing a chunk changes no file of another chunk. The result codes of a chunk are
-written last. Without them its lanes count as pending (not yet computed), whatever else a killed
-process has written. Writing a chunk again is harmless, and two processes that write to the same
-store wait for each other if the system can lock files. The grid, a copy of the results along the
-axes, is stored for other programs (see `.metadata`).
+Each variable is an array whose chunks are those of the sweep, so writing a chunk changes no file of
+another chunk. The result codes of a chunk are written last. Without them its lanes count as
+pending, whatever else a killed process has written, and so do those of a chunk with a damaged,
+missing or exchanged file. Two processes that write to the same store wait for each other if the
+system can lock files.
 
-Every file has a checksum of its content and path. The lanes of a chunk with a damaged, missing or
-exchanged file count as pending too. A warning names the file, and the lanes are computed again.
-
-A store can be extended by lanes, in rows after the existing ones, and by variables. It recognises
-lanes by the numbers from which they start, and variables by the programs that compute them
-(`.program`). It has the axes of the sweep that opened it last. Apart from these changes and the
-results, a store doesn't change after its creation.
+A store can be extended by lanes and by variables. It recognises lanes by the numbers from which
+they start, and variables by the programs that compute them. It has the axes of the sweep that
+opened it last.
 """
 
 import errno
@@ -63,15 +57,9 @@ of lanes in a chunk; or an array of labels."""
 def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
-    Lanes, axes and variables that only the wanted sweep has are not differences, because the store
-    can be extended by them. Notes are texts for readers, such as the numbers that all lanes share.
-    Notes that differ are listed only beside other differences, which they may explain.
-
-    **Arguments:** `stored`: contents of the store; `wanted`: contents that a store of the wanted
-    sweep would have; `kept`: (rows of the store,) lane of the wanted sweep that each row holds, -1
-    if the wanted sweep lacks the row's lane.
-
-    **Returns:** the lines; an empty list if the store can take the wanted sweep.
+    What only the wanted sweep has is no difference, because the store can be extended. Notes that
+    differ are listed only beside other differences, which they may explain. `kept` is the lane of
+    the wanted sweep that each row of the store holds, or -1.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -85,20 +73,17 @@ def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[st
     lines += _programs(stored, wanted, without_run=bool(lines))
     lines += _save_times(stored, wanted, kept)
     notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
-    old, new = ({name: one.layout.notes[name] for name in notes} for one in (stored, wanted))
+    old, new = ({name: c.layout.notes[name] for name in notes} for c in (stored, wanted))
     return lines and [*lines, *_compared(old, new)]
 
 
 def _settings(layout: Layout) -> dict[str, Part]:
-    """Return the settings of a sweep, and the size of its chunks, by the names that messages
-    show."""
     settings: dict[str, Part] = {f"setting {name}": text for name, text in layout.settings.items()}
     return {"lanes in a chunk": layout.chunk, **settings}
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return the units, labels and variables of a layout, by the names that messages show. Those of
-    a store must be the same in a sweep that uses it; the sweep may have more of them."""
+    """Units, labels and variables of a layout, by the names that messages show."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -106,8 +91,7 @@ def _parts(layout: Layout) -> dict[str, Part]:
 
 
 def _outline(variable: Variable) -> str:
-    """Return the dtype, dimensions and attributes of a variable as text, such as "float64 (lane,
-    body 2), long_name ..., units m"."""
+    """A variable as text, such as "float64 (lane, body 2), long_name ..., units m"."""
     sizes = zip(variable.dims, variable.shape, strict=True)
     shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
     attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
@@ -115,7 +99,7 @@ def _outline(variable: Variable) -> str:
 
 
 def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
-    """Yield a line for each part that differs or that only one of the two sweeps has."""
+    """A line for each part that differs or that only one of the two sweeps has."""
     for name in {**stored, **wanted}:
         in_both = name in stored and name in wanted
         if not (in_both and np.array_equal(stored[name], wanted[name])):
@@ -123,8 +107,8 @@ def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterato
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """Return the end of a line, which says how the stored part differs from the wanted one.
-    ``None`` stands for a part that is absent."""
+    """How the stored part differs from the wanted one; ``None`` stands for a part that is
+    absent."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -143,9 +127,8 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
 
 
 def _shown(value: object, start: int = 0) -> str:
-    """Return a text that shows a value: at most `_SHOWN` characters from the character `start` on,
-    with "…" in place of omitted characters. An array is shown by its number of values, and ``None``
-    as "nothing"."""
+    """At most `_SHOWN` characters of a value from the character `start` on, with "…" in place of
+    omitted ones."""
     if value is None:
         return "nothing"
     text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
@@ -155,11 +138,8 @@ def _shown(value: object, start: int = 0) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for each axis with stored values that the wanted sweep lacks, and one line if
-    the wanted sweep lacks any stored lanes.
-
-    **Arguments:** `kept`: as in `differences`.
-    """
+    """A line for each axis with stored values that the wanted sweep lacks, and one for all stored
+    lanes that it lacks."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
@@ -180,11 +160,7 @@ def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """Yield a line for each traced program that both sweeps have, but with different digests.
-
-    **Arguments:** `without_run`: whether to leave out the program of the run, and thus to compare
-    only those of the variables.
-    """
+    """A line for each traced program that both sweeps have, but with different digests."""
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
         if program != new.get(name, program) and not (without_run and name == RUN):
@@ -193,10 +169,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
-    """Yield a line for each output whose times to save at differ in any lane that both sweeps have.
-
-    **Arguments:** `kept`: as in `differences`.
-    """
+    """A line for each output whose times to save at differ in any lane that both sweeps have."""
     old, new = stored.identity.lanes, wanted.identity.lanes
     # `kept` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
@@ -215,7 +188,7 @@ an array (n, ...) of these lanes, in the same order, for every variable by name.
 _NAMED = 5
 """Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
-"""Shortest time, s, between two writes of the grid during a sweep, and largest share of the sweep's
+"""Shortest time between two writes of the grid during a sweep, and largest share of the sweep's
 time that these writes may take. The grid is a copy of all results, so writing it often would be
 slow."""
 _FLUSHED_TOGETHER = 16
@@ -223,11 +196,7 @@ _FLUSHED_TOGETHER = 16
 
 
 class SweepMemory:
-    """Results of a sweep in memory, with the methods of a `SweepStore`; used for sweeps without a
-    path.
-
-    **Arguments:** `layout`: shapes and labels of the results.
-    """
+    """Results of a sweep in memory, with the methods of a `SweepStore`."""
 
     def __init__(self, layout: Layout):
         self.layout = layout
@@ -238,7 +207,7 @@ class SweepMemory:
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, parts: Parts) -> None:
-        """Keep the results of some lanes; the argument is that of `SweepStore.write`."""
+        """Keep the results of some lanes."""
         for lanes, results in parts.values():
             for name, values in results.items():
                 self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
@@ -247,16 +216,12 @@ class SweepMemory:
         """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes; pending lanes have the `result` -1."""
+        """Return the results of all lanes along the axes."""
         return dataset(self.layout, self._arrays)
 
 
 class SweepStore:
-    """Results of a sweep in a folder on disk. `SweepStore.open` opens or creates one.
-
-    **Arguments:** `path`: the folder; `contents`: layout and identity of the sweep, and the order
-    of the lanes in the store.
-    """
+    """Results of a sweep in a folder on disk. `SweepStore.open` opens or creates one."""
 
     def __init__(self, path: Path, contents: Contents):
         self.path, self._contents = path, contents
@@ -272,13 +237,8 @@ class SweepStore:
         A store with fewer lanes or variables than the requested sweep is extended, and one with the
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
 
-        **Arguments:** `layout`: axes, variables and settings of the requested sweep; `identity`:
-        digests of its programs and lanes.
-
-        **Raises:** `ValueError` if there is something other than a store at the path; if the store
-        is of another version, or its metadata are damaged; if the stored sweep has lanes or
-        variables that the requested sweep lacks; or if the two sweeps differ in another way that
-        `differences` lists, such as in a setting, a program, or the number of lanes in a chunk.
+        **Raises:** `ValueError` if there is something other than an intact store of this version at
+        the path, or if the stored sweep differs from the requested one as `differences` lists;
         `OSError` if the store can't be created or extended, for example without permission.
         """
         path = Path(path)
@@ -320,8 +280,7 @@ class SweepStore:
         """Write results of some lanes of one or more chunks to disk.
 
         When this method returns, the lanes count as done, even if the process is killed afterwards.
-        The grid is written too if its last writing is long enough ago (`GRID_PERIOD`,
-        `GRID_SHARE`).
+        The grid is written too if its last writing is long enough ago.
         """
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
@@ -353,15 +312,8 @@ class SweepStore:
         lanes: Sequence[int],
         results: LaneArrays,
     ) -> LaneArrays:
-        """Return all rows of a chunk: given results and, in the other rows, the stored ones.
-
-        If a file of the chunk is missing or damaged, the other rows are pending. If all stored rows
-        are pending, the chunk's file of result codes is deleted, so that its lanes count as pending
-        until the caller has written the new results.
-
-        **Arguments:** `arrays`: arrays of the store by name; `chunk`: number of the chunk; `lanes`,
-        `results`: as in `Parts`.
-        """
+        """Return all rows of a chunk: given results and, in the other rows, the stored ones, or
+        pending ones if a file of the chunk is missing or damaged."""
         # The last chunk may have fewer rows than the others.
         first, size = chunk * self.layout.chunk, self.layout.chunk
         count = min(size, arrays[RESULT].shape[0] - first)
@@ -381,8 +333,7 @@ class SweepStore:
         return whole
 
     def write_grid(self) -> None:
-        """Write what has changed of the grid, the results along the axes for other programs, if the
-        store can be written to."""
+        """Write what has changed of the grid, if the store can be written to."""
         # A store that can't be written to serves only sweeps whose lanes are all done: `missing`
         # raises an error for other sweeps.
         if not os.access(self.path, os.W_OK):
@@ -401,8 +352,8 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes; pending lanes have the `result` -1. A
-        warning names damaged files, whose lanes are pending."""
+        """Return the results of all lanes along the axes. A warning names damaged files, whose
+        lanes are pending."""
         return _labelled(self.path, self._contents)
 
 
@@ -411,11 +362,9 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
     Lanes that are not done have the `result` -1 (pending); their other results are NaN, or -1 for
     integers. Lanes with damaged files are pending too. `sweep`, called with the arguments of the
-    first call, computes them again. All results are read into memory.
-
-    ``xarray.open_zarr(path)`` opens the same results lazily. While a sweep is running, or after it
-    was killed, this may show lanes as pending that were done in the last minute, or in a longer
-    time if the results are large.
+    first call, computes them again. All results are read into memory. ``xarray.open_zarr(path)``
+    opens the same results lazily, without those of the last minute, or of a longer time if the
+    results are large.
 
     **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
     version or its metadata are damaged.
@@ -423,10 +372,9 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     **Warns:** `UserWarning` that names damaged files.
 
     >>> axis = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [100.0, 400.0])
+    >>> axes = {"stiffness": axis}
     >>> outputs = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
-    >>> _ = cj.sweep(
-    ...     scene, state, 0.5, {"stiffness": axis}, outputs, path="ball.zarr", progress=False
-    ... )
+    >>> _ = cj.sweep(scene, state, 0.5, axes, outputs, path="ball.zarr", progress=False)
     >>> np.round(cj.open_sweep("ball.zarr")["speed"].values, 4)
     array([1., 2.])
     """
@@ -439,11 +387,7 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
     The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
 
-    **Arguments:** `path`: path of the store, for the error message; `stored`: contents of the
-    store; `wanted`: contents that it should have, of which the `order` is not used.
-
-    **Raises:** `ValueError` that lists the differences, if there are any for which the store can't
-    take the wanted sweep.
+    **Raises:** `ValueError` that lists the `differences`.
     """
     # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
@@ -461,24 +405,19 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     return wanted._replace(order=order, added=added)
 
 
-def _same_axes(one: Layout, other: Layout) -> bool:
-    """Return whether two sweeps have axes of the same names in the same order, each with the same
-    values in the same order, and are both zipped or both not."""
-    if (one.zipped, len(one.axes)) != (other.zipped, len(other.axes)):
+def _same_axes(layout: Layout, other: Layout) -> bool:
+    """Whether two sweeps have axes of the same names and values in the same order, and are both
+    zipped or both not."""
+    if (layout.zipped, len(layout.axes)) != (other.zipped, len(other.axes)):
         return False
     return all(
         a.name == b.name and np.array_equal(a.values, b.values)
-        for a, b in zip(one.axes, other.axes, strict=True)
+        for a, b in zip(layout.axes, other.axes, strict=True)
     )
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Return the numbers of the pending lanes, those without results, by number of their chunk.
-
-    **Arguments:** `codes`: (rows,) result code of each row of the store, which is `PENDING` for a
-    pending lane; `order`: (rows,) number of the lane in each row; `chunk`: number of rows of a
-    chunk.
-    """
+    """Numbers of the pending lanes, by number of their chunk."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
@@ -486,18 +425,15 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
-    """Read the results of all lanes of a store, and return them as a dataset along the axes. Lanes
-    with damaged files are pending, and a warning names the files."""
     arrays = _arrays(path, opened_group(path / BY_LANE), contents)
     row_of = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """Read the variables of all lanes by name, (lanes, ...), in the order of the store's rows.
+    """Read the variables of all lanes by name, in the order of the store's rows.
 
-    Lanes of chunks that are not done, or that have damaged files, are pending. A warning names the
-    damaged files.
+    A warning names damaged files.
     """
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}

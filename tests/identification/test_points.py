@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from clearjoint._identification.screening.level_sets import (
+from clearjoint._identification.points import (
     drawn_among,
     far_apart,
-    finite_level,
+    level,
     reached,
 )
 
@@ -19,8 +19,8 @@ def test_the_reach_of_straight_curves_is_where_their_spread_is_the_excess():
     assert reached(curves, 3, 7.4) == pytest.approx(3.7)
     assert reached(curves, 5, 3.0) == pytest.approx(0.75)
     assert reached(curves, 1, 0.0) == 10.0 and reached(curves, 3, 21.0) == 10.0
-    np.testing.assert_allclose(finite_level(curves, 3.5), 3.5 * np.arange(5.0))
-    np.testing.assert_allclose(finite_level(curves, 10.0), 10.0 * np.arange(5.0))
+    np.testing.assert_allclose(level(curves, 3.5), 3.5 * np.arange(5.0))
+    np.testing.assert_allclose(level(curves, 10.0), 10.0 * np.arange(5.0))
 
 
 def test_distances_do_not_depend_on_units():
@@ -39,7 +39,7 @@ def test_new_points_follow_a_set_in_two_thin_pieces():
     needle = np.column_stack([along, 1e-3 * RANDOM.standard_normal(20)])
     both = np.concatenate([needle, needle + [0.0, 1.0]])
     bounds = np.array([-2.0, -2.0]), np.array([2.0, 2.0])
-    drawn = drawn_among(both, 500, 6, bounds, RANDOM)
+    drawn = drawn_among(both, 500, bounds, RANDOM)
     near = np.abs(drawn[:, 1] - np.round(drawn[:, 1]))
     assert near.max() < 0.02 and set(np.round(drawn[:, 1])) == {0.0, 1.0}
     assert 0.05 < drawn[:, 0].std() < 0.12
@@ -48,6 +48,6 @@ def test_new_points_follow_a_set_in_two_thin_pieces():
 def test_new_points_keep_inside_the_bounds():
     points = RANDOM.uniform(-1.0, 1.0, (40, 2)) * [1.0, 0.0]
     low, high = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
-    drawn = drawn_among(points, 300, 6, (low, high), RANDOM)
+    drawn = drawn_among(points, 300, (low, high), RANDOM)
     assert (drawn >= low).all() and (drawn <= high).all() and (drawn[:, 1] == 0.0).all()
     assert np.mean(np.abs(drawn[:, 0]) == 1.0) < 0.02

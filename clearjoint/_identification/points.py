@@ -1,0 +1,122 @@
+"""Points and their curves of chi squared, for screenings, explorations and posteriors.
+
+A curve of chi squared is cumulative over the record: column k is chi squared of all samples up to
+the k-th of the T sample times. The level set of several points contains each point whose chi
+squared exceeds the smallest by no more than a given excess. It shrinks as more of the record is
+used.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float, Int
+
+NEIGHBOURS = 2
+"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
+around it. A covariance of p parameters needs at least p + 1 points; more make it less random."""
+SPLIT = 1e-12
+"""Smallest variance of points along a principal axis, relative to the variances of the coordinates.
+Distances along an axis are divided by the square root of the variance."""
+
+
+def filled(
+    low: Float[np.ndarray, " p"],
+    high: Float[np.ndarray, " p"],
+    number: int,
+    generator: np.random.Generator,
+) -> Float[np.ndarray, "{number} p"]:
+    """Return points that fill a box evenly."""
+    from scipy.stats import qmc
+
+    return low + (high - low) * qmc.LatinHypercube(len(low), rng=generator).random(number)
+
+
+def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
+    """Return chi squared over the first `count` times.
+
+    If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
+    time. The result is infinite for a run that misses a sample at any of these times, also at the
+    last one that counts in part.
+    """
+    full = min(int(count), curves.shape[1] - 1)
+    part = count - full
+    if part == 0.0:
+        return curves[:, full]
+    with np.errstate(invalid="ignore"):  # Infinity less infinity, after a run has failed.
+        rise = part * (curves[:, full + 1] - curves[:, full])
+    return np.where(np.isinf(curves[:, full + 1]), np.inf, curves[:, full] + rise)
+
+
+def last_where(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """Return the last number at which a condition holds that holds at `low`, but not at `high`.
+
+    The interval is bisected until no number is between its ends: a step of a posterior may be as
+    short as 1e-30, because a prior of which a share of 1e-15 of the box's width is likely varies by
+    1e30 in its logarithm.
+    """
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def reached(curves: np.ndarray, keep: int, excess: float) -> float:
+    """Return the number of sample times up to which the level set has at least `keep` points.
+
+    The number may be a fraction, see `level`. Just beyond it, fewer than `keep` points fit about as
+    well as the best; it is T if this happens nowhere.
+    """
+
+    def gap(values: np.ndarray) -> np.ndarray:
+        return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
+
+    beyond = np.flatnonzero(gap(curves) > excess)
+    if not beyond.size:
+        return float(curves.shape[1] - 1)
+    first = float(beyond[0])
+    return last_where(lambda count: bool(gap(level(curves, count)) <= excess), first - 1.0, first)
+
+
+def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
+    """Return indices of at most `number` points that are far apart, beginning with the first.
+
+    The next point is always the one whose distance from the nearest point chosen before is largest.
+    """
+    distances = _principal_distances(points)
+    chosen = [0]
+    while len(chosen) < min(number, len(points)):
+        chosen.append(int(distances[chosen].min(axis=0).argmax()))
+    return np.array(chosen)
+
+
+def drawn_among(
+    points: Float[np.ndarray, "n p"],
+    number: int,
+    bounds: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
+    generator: np.random.Generator,
+) -> Float[np.ndarray, "new p"]:
+    """Draw new points in the region that two or more points fill.
+
+    Each is drawn from a normal distribution around one of the points, with the covariance of the
+    points nearest to it, so that new points follow a curved or disconnected region.
+    """
+    neighbours = min(NEIGHBOURS * (points.shape[1] + 1), len(points))
+    near = np.argsort(_principal_distances(points), axis=1)[:, :neighbours]
+    around = generator.integers(0, len(points), number)
+    cloud = points[near[around]]
+    offsets = cloud - cloud.mean(axis=1, keepdims=True)
+    # A sum of the neighbours' offsets with these weights has their covariance, without a matrix.
+    weights = generator.standard_normal((number, cloud.shape[1], 1)) / np.sqrt(neighbours - 1)
+    normal = points[around] + (weights * offsets).sum(axis=1)
+    low, high = bounds
+    # Reflected at the lower bound, then at the upper one; very distant points stay at a bound.
+    reflected = high - np.abs(high - (low + np.abs(normal - low)))
+    return np.clip(reflected, low, high)
+
+
+def _principal_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
+    """Distances between points, in standard deviations of all points along their principal axes."""
+    sizes = points.std(axis=0)
+    scaled = points / np.where(sizes > 0.0, sizes, 1.0)
+    variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))
+    principal = scaled @ axes / np.sqrt(np.maximum(variances, SPLIT))
+    return np.linalg.norm(principal[:, None] - principal, axis=2)
