@@ -1,9 +1,13 @@
 """Calls of one function for many elements, computed together by vectors of the processor.
 
-A program calls a function for each element of a kind, such as the contacts of thirty joints. Calls
-that do not depend on each other are joined, `CALLS_AT_ONCE` of them to one call of a function whose
-values are vectors with an element for each call. Its operations are those of the original function,
-so that the results have the same bits.
+A program calls a function for each element of a kind, such as the contacts of thirty joints. Up to
+`CALLS_AT_ONCE` calls that do not depend on each other become one call of a function whose values
+are vectors, with an element for each call. Its operations are those of the original function, so
+that the results have the same bits. For three contacts with the parameters p, q and r::
+
+    a = evaluate f(p)           v = build(p, q, r)
+    b = evaluate f(q)           w = evaluate f_of_vectors(v)
+    c = evaluate f(r)           a, b, c = element(w, 0), element(w, 1), element(w, 2)
 """
 
 from collections import defaultdict
@@ -15,21 +19,16 @@ CALLS_AT_ONCE = 8
 """Largest number of calls that are joined: the floats of a vector of 512 bits."""
 FEWEST = 3
 """Smallest number of calls that are joined. A call for vectors takes up to twice the time of a
-single one, and its arguments must be joined before and its results taken apart after."""
+single one, and its arguments must be joined before it and its results taken apart after it."""
 
 
 def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
-    """Join the calls in all blocks of a program.
-
-    **Arguments:** `fixed`: cells of memory that must stay where they are, because the caller of the
-    program writes or reads them.
-    """
+    """Join the calls in all blocks of a program. The cells `fixed`, which the caller of the program
+    writes or reads, stay where they are."""
     _Joining(program, set(fixed)).all()
 
 
 class _Joining:
-    """Joins the calls of a program."""
-
     def __init__(self, program: Operations, fixed: set[int]):
         self._program, self._fixed = program, fixed
         # Cells that have moved next to each other, by their former numbers.
@@ -38,7 +37,6 @@ class _Joining:
         self._loads: dict[Value, Operation] = {}
 
     def all(self) -> None:
-        """Join the calls in all blocks."""
         program = self._program
         functions = list(enumerate(program.functions))
         # Functions of vectors contain no calls that could be joined further.
@@ -51,7 +49,6 @@ class _Joining:
         self._move(program.block)
 
     def _inside(self, block: Block) -> None:
-        """Join calls between which no branch or loop stands, in a block and in those inside it."""
         new: Block = []
         sequence: list[Operation] = []
         for entry in block:
@@ -68,11 +65,11 @@ class _Joining:
         block[:] = [*new, *self._joined(sequence)]
 
     def _joined(self, sequence: list[Operation]) -> list[Operation]:
-        """Return a sequence of operations with its calls joined.
+        """Return a sequence of operations, without branches and loops, with its calls joined.
 
-        The level of an operation is the largest number of calls on a way that leads to it, from a
-        result of one to an argument of the next. Calls on the same level don't depend on each
-        other. The operations are executed in the order of their levels.
+        The level of an operation is the largest number of calls on any path of results and
+        arguments that leads to it. Calls on the same level do not depend on each other. The
+        operations are executed in the order of their levels.
         """
         program = self._program
         levels: dict[Value, int] = {}
@@ -133,11 +130,7 @@ class _Joining:
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
         """Move the cells from which values are read next to each other, and return the first one;
-        ``None`` if they are not all read from cells, or if the cells can't be moved.
-
-        A function receives values from outside, such as the parameters of elements, in cells. It
-        reads those of all calls at once if they are next to each other.
-        """
+        ``None`` if the values are not all read from cells that can be moved."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
@@ -156,8 +149,7 @@ class _Joining:
         place: int,
         vectors: dict[tuple[Value | None, Value], Value],
     ) -> Iterator[Operation]:
-        """Yield the operations that take the result of a call from the vector of the results of
-        all, which is read once."""
+        """Yield the operations that take the result of one call from the vector of all results."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         vector = vectors.get((call.out, number))
@@ -168,7 +160,6 @@ class _Joining:
         yield Operation(result.out, "element", (vector, program.constant("i", place)))
 
     def _move(self, block: Block) -> None:
-        """Let operations read and write the cells that have moved at their new places."""
         for entry in block:
             if isinstance(entry, Operation) and entry.name in ("load", "store"):
                 entry.number = self._moved.get(entry.number, entry.number)
@@ -177,7 +168,6 @@ class _Joining:
 
 
 def _parts(calls: list[Operation]) -> Iterator[list[Operation]]:
-    """Yield groups of up to `CALLS_AT_ONCE` calls, without the last ones if they are too few."""
     for start in range(0, len(calls), CALLS_AT_ONCE):
         if len(calls) - start >= FEWEST:
             yield calls[start : start + CALLS_AT_ONCE]

@@ -1,9 +1,8 @@
 """Memory of native programs, and the arrays and PyTrees that it holds.
 
-Memory is divided into cells. A cell holds a number of 8 bytes: a float64, or an integer or bool as
-an int64. If a program computes several runs at once, each run is a lane, and a cell holds one
-number for each lane. An array occupies consecutive cells, one for each element in row-major order.
-A PyTree occupies the cells of its arrays, one array after the other.
+Memory is divided into cells. A cell holds a number of 8 bytes for each lane: a float64, or an
+integer or bool as an int64. An array occupies consecutive cells, one for each element in row-major
+order, and a PyTree the cells of its arrays, one array after the other.
 """
 
 import math
@@ -19,11 +18,7 @@ from numpy.typing import ArrayLike
 
 
 class Region(NamedTuple):
-    """Cells that an array occupies in a program's memory.
-
-    - `cells`: range of the cells.
-    - `shape`, `dtype`: shape and dtype of the array.
-    """
+    """Cells that an array occupies in a program's memory."""
 
     cells: slice
     shape: tuple[int, ...]
@@ -31,8 +26,7 @@ class Region(NamedTuple):
 
     @staticmethod
     def of(array: "ShapedArray | jax.ShapeDtypeStruct | np.ndarray", start: int) -> "Region":
-        """Return the region that begins at the cell `start` and has the shape and dtype of `array`,
-        whose numbers are not used."""
+        """Return the region from the cell `start` on with the shape and dtype of `array`."""
         end = start + math.prod(array.shape)
         return Region(slice(start, end), tuple(array.shape), np.dtype(array.dtype))
 
@@ -48,14 +42,8 @@ class Region(NamedTuple):
 
 
 def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Return the array through which to read and write numbers of a dtype in memory.
-
-    For a dtype of floats it is `floats` itself, and for integers and bools a view of the same bits
-    as int64, with the same shape.
-
-    **Arguments:** `floats`: the memory, or a part of it, as an array of float64; `dtype`: dtype of
-    the numbers.
-    """
+    """Return memory as an array in which to read and write numbers of a dtype: for floats the
+    memory itself, for integers and bools a view of its bits as int64."""
     return floats if dtype.kind == "f" else floats.view(np.int64)
 
 
@@ -64,8 +52,6 @@ class Memory:
 
     - `floats`, `integers`: (cells, n), the same memory as float64 and as int64.
     - `address`: address of the first cell.
-
-    **Arguments:** `cells`: number of cells; `lanes`: the number n of lanes.
     """
 
     def __init__(self, cells: int, lanes: int = 1):
@@ -78,14 +64,12 @@ class Memory:
         self.address = self.floats.ctypes.data
 
     def write(self, region: Region, array: ArrayLike) -> None:
-        """Write an array, which must have the shape of the region, for all lanes."""
+        """Write an array for all lanes."""
         numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
 
     def read(self, region: Region) -> np.ndarray:
-        """Return the array of a region. The memory must have one lane only.
-
-        The array is a view of the memory, or a copy if the dtype has less than 64 bits.
-        """
+        """Return the array of a region in a memory of one lane, as a view if the dtype has 64
+        bits."""
         numbers = numbers_of(self.floats, region.dtype)[region.cells]
         return numbers.reshape(region.shape).astype(region.dtype, copy=False)
 
@@ -93,14 +77,11 @@ class Memory:
 class Cells:
     """Conversion of PyTrees to rows of numbers, with the layout of a program's memory, and back.
 
-    A row has the numbers of one PyTree, one array after the other, as float64. An integer or bool
-    is an int64, whose bits are stored in the place of a float64. All PyTrees have the structure,
-    shapes, dtypes and static leaves of an example. Native functions that are called many times take
-    and return such rows.
+    A row has the numbers of one PyTree as float64; integers and bools are int64 numbers whose bits
+    stand in the place of a float64. All PyTrees have the structure, shapes, dtypes and static
+    leaves of `example`. Native functions that are called many times take and return such rows.
 
     - `size`: number of cells of a PyTree.
-
-    **Arguments:** `example`: PyTree of arrays and static values.
     """
 
     def __init__(self, example: PyTree):
@@ -113,16 +94,13 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with each element of its arrays replaced by the index of the element's
-        cell. The indices tell where a part of the PyTree is in a row."""
+        """Return the example with each element of its arrays replaced by the element's index in a
+        row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
-        """Return the numbers of n PyTrees, (n, size).
-
-        **Arguments:** `trees`: the n PyTrees as one, whose arrays have a leading axis of length n.
-        Without arrays, n counts as 0.
-        """
+        """Return the numbers of the n PyTrees `trees`, which are one PyTree whose arrays have a
+        leading axis of length n. Without arrays, n counts as 0."""
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
         floats = np.zeros((len(leaves[0]) if leaves else 0, self.size))
         for leaf, region in zip(leaves, self._regions, strict=True):
@@ -131,10 +109,7 @@ class Cells:
         return floats
 
     def trees(self, rows: Float[np.ndarray, "n {self.size}"]) -> PyTree:
-        """Return n PyTrees from their numbers, (n, size), as one PyTree.
-
-        Its arrays have a leading axis of length n.
-        """
+        """Return n PyTrees as one, whose arrays have a leading axis of length n."""
         floats = np.ascontiguousarray(rows)
         return self._tree(
             [

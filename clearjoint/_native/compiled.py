@@ -1,9 +1,4 @@
-"""Functions that are compiled to native code on CPUs, and by XLA elsewhere.
-
-Native code is machine code that LLVM compiles without XLA. It is made from a jaxpr by a rule for
-each JAX primitive. Some primitives, or some uses of them, have no rule; XLA compiles functions that
-contain these.
-"""
+"""Functions that are compiled to native code on CPUs, and by XLA elsewhere."""
 
 import os
 import warnings
@@ -32,11 +27,7 @@ _reported: set[str] = set()
 
 
 class NativeFallbackWarning(UserWarning):
-    """Warning that XLA compiles a program, because `clearjoint._native` has no rule for a primitive
-    or for the way in which it is used, or because LLVM rejects the program.
-
-    Results are correct, but compiling takes longer.
-    """
+    """Warning that XLA compiles a program, which takes longer; results are correct."""
 
 
 class Native(Generic[Arguments, Result]):
@@ -47,15 +38,16 @@ class Native(Generic[Arguments, Result]):
     - on accelerators;
     - inside of JAX's transformations, such as `jax.jit` and `jax.grad`;
     - for calls with keyword arguments;
-    - if native code cannot be made, for instance if a primitive has no rule;
+    - if native code cannot be made, for instance if a primitive has no rule; then also in later
+      calls with arguments of this structure, shapes, dtypes and static leaves;
     - if the environment variable `CLEARJOINT_NATIVE` is 0.
 
     Arrays in results of native code are NumPy arrays.
 
     - `native`: the function in native code.
 
-    **Arguments:** `function`: function of PyTrees; `warns`: whether a `NativeFallbackWarning` is
-    issued if native code cannot be made; `few_runs`: as in `NativeFunction`.
+    **Arguments:** `warns`: whether a `NativeFallbackWarning` is issued if native code cannot be
+    made; `few_runs`: as in `NativeFunction`.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -69,11 +61,6 @@ class Native(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result.
-
-        If native code cannot be made for the structure, shapes, dtypes and static leaves of the
-        arguments, XLA computes this call and all later ones with such arguments.
-        """
         if options or is_tracing() or not is_native():
             return self._compiled(*arguments, **options)
         flat = FlatArguments.of(arguments)
@@ -87,27 +74,24 @@ class Native(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs of this function, which XLA or LLVM has compiled or which
-        were loaded from disk."""
+        """Return the number of programs of this function that were compiled or loaded from disk."""
         return self._compiled.programs() + self.native.count()
 
 
 def is_native() -> bool:
-    """Return whether programs are compiled to native code: on CPUs, unless the environment variable
-    `CLEARJOINT_NATIVE` is 0."""
+    """Return whether programs are compiled to native code: on CPUs, unless `CLEARJOINT_NATIVE` is
+    0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 
 def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) -> Result:
     """Return the results of a function for the first of n rows, stacked in arrays (n, ...).
 
-    If `is_native()` is true, a loop computes one row after another: native code consists of scalar
-    operations, and would contain all operations of a mapped function once for each row. Otherwise
-    `jax.vmap` computes all rows at once.
+    In native code a loop computes one row after another, because a mapped function would be written
+    out once for each row. Elsewhere `jax.vmap` computes all rows at once.
 
-    **Arguments:** `function`: takes one row of each of the PyTrees `rows`, as PyTrees of arrays
-    (...). `count`: number of rows to compute; the results of the others have no meaning. `rows`:
-    PyTrees of arrays (n, ...), whose index along the first axis is the row.
+    **Arguments:** `count`: number of rows to compute; the results of the others have no meaning.
+    `rows`: PyTrees of arrays (n, ...), of which `function` takes one row each.
     """
     if not is_native():
         return jax.vmap(function)(*rows)
@@ -131,8 +115,7 @@ def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) 
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:
-    """Issue a `NativeFallbackWarning` with the text of `error` as reason, unless this process has
-    issued one with the same reason."""
+    """Issue a `NativeFallbackWarning`, unless this process has issued one with the same reason."""
     reason = str(error)
     if reason not in _reported:
         _reported.add(reason)

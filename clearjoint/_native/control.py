@@ -1,17 +1,8 @@
 """Rules of the primitives for branches and loops.
 
-A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
-arguments. It adds operations to the program and returns the equation's results. Each argument and
-each result is an `Array`: a scalar value, a vector of tangents, which are derivatives by parameters
-(`Packed`), a NumPy array of values, or an array in memory (`InMemory`). An array in memory may be
-overwritten only if it is `owned`. A value is an integer that names a number, or a vector of
-tangents, in the program. The kind of a value is "b" for a bool or "i" for an int64, among others;
-the suffix "p" stands for a vector of tangents.
-
-A program may compute several runs, called lanes, at once. A condition is then a vector. A branch is
-executed if its condition holds in any lane, and a loop goes on as long as its condition holds in
-any lane. Each lane then selects its results, and writes to memory only where its own condition
-holds.
+In a program of several lanes a condition is a vector. A branch is executed if its condition holds
+in any lane, and a loop goes on as long as its condition holds in any lane. Each lane then selects
+its results, and writes to memory only where its own condition holds.
 """
 
 import math
@@ -43,15 +34,11 @@ from .operations import Symbol, Value
 
 
 def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
-    """Add a branch (`jax.lax.cond`), and return its results.
+    """Add a branch (`jax.lax.cond`).
 
     The condition is a bool, or the index of a branch. If it is known while the program is built,
     only the chosen branch is added. If not, and both branches are short and return no large array,
-    both are always executed and the results selected. In all other cases the program jumps.
-
-    **Raises:** `UnsupportedPrimitiveError` for more than two branches, unless the index is known;
-    and for branches that return large arrays in different cells of memory, if the program has
-    several lanes.
+    both are executed and the results selected. In all other cases the program jumps.
     """
     branches = equation.params["branches"]
     ops, condition = lower.ops, scalar(condition, "a branch whose condition is an array")
@@ -85,11 +72,7 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
 
 def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Array]) -> list[Array]:
-    """Return arrays that equal `yes` in lanes in which the condition holds, and `no` in the others.
-
-    **Raises:** `UnsupportedPrimitiveError` for arrays in different cells of memory, which would
-    have to be copied in each lane.
-    """
+    """Return arrays that equal `yes` in lanes in which the condition holds, else `no`."""
     if _moved(yes, no):
         raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
     ops, selected = lower.ops, []
@@ -102,7 +85,6 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
 
 
 def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, InMemory]]:
-    """Return the pairs of corresponding arrays that are both in memory, but in different cells."""
     return [
         (a, b)
         for a, b in zip(new, old, strict=True)
@@ -118,16 +100,8 @@ def _if_any(
     size: int,
     in_memory: bool,
 ) -> list[Array]:
-    """Add a branch for the lanes in which its condition holds, and return its results.
-
-    A short branch that returns no large array is always executed, and does not overwrite its
-    arguments. Any other branch is executed if the condition holds in at least one lane, and writes
-    to memory only in the lanes in which it holds. If it holds in no lane, the results are zero, and
-    the caller does not select them.
-
-    **Arguments:** `size`: number of equations of the branch; `in_memory`: whether it returns large
-    arrays.
-    """
+    """Add a branch for the lanes in which its condition holds. Its results in other lanes are not
+    used."""
     # A jump would cost more than a short branch. Since the short branch is executed in all lanes,
     # it must not overwrite its arguments, which lanes that need the other branch still use.
     if size <= LONGEST_CHOICE and not in_memory:
@@ -147,8 +121,8 @@ def _if_any(
 
 
 class _DifferentArraysError(Exception):
-    """Raised if two branches give different arrays in memory, and those of the branch that is added
-    first must not be overwritten."""
+    """Raised if two branches give different arrays in memory, of which the first must not be
+    written."""
 
 
 def _branch(
@@ -158,13 +132,9 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
-    """Add a branch in a program of one lane, and return its results."""
+    """Add a branch in a program of one lane."""
 
     def added(copies: bool) -> list[Array]:
-        """Add the branch, and return its results.
-
-        **Arguments:** `copies`: whether `yes` copies the arrays that must not be overwritten.
-        """
         first_results: list[Array] = []
 
         def compute(branch: core.ClosedJaxpr) -> list[Value]:
@@ -209,11 +179,6 @@ def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
 
 
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
-    """Add a loop (`jax.lax.while_loop`), and return its results.
-
-    **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes, and
-    for a condition that is an array, as `jax.vmap` makes it.
-    """
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
     outside = parameters["cond_nconsts"]
@@ -291,12 +256,7 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add operations that copy arrays in memory to the cells where later operations read them.
-
-    **Arguments:** `results`: the arrays to copy. Those that are not in memory, or are already in
-    their place, are left out. `places`: for each result, the array whose cells it is copied to: a
-    carry of a loop, or a result of the other branch.
-    """
+    """Add copies of those results that are in memory to the cells of the arrays `places`."""
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
     taken = [old for old in places if isinstance(old, InMemory)]
@@ -309,11 +269,8 @@ def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array])
 
 
 def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
-    """Add a loop over rows of arrays (`jax.lax.scan`), and return its results.
-
-    The rows are read from memory and the outputs are written there, both at an index that the loop
-    counts. The results are the last carries, then the arrays of outputs.
-    """
+    """Add a loop over rows of arrays in memory (`jax.lax.scan`), at an index that the loop
+    counts."""
     # JAX's arguments are constants, first carries and inputs; its results are carries and outputs.
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:
@@ -334,7 +291,6 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
     end = ops.constant("i", length - 1)
 
     def first_of_row(memory: InMemory, row: Value) -> Value:
-        """Return the row-major index of the first element of a row of an array."""
         return (Symbol(ops, row) * math.prod(memory.shape[1:])).value
 
     # The first carry of the loop is the number of the iteration.

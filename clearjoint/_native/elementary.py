@@ -1,21 +1,14 @@
-"""Elementary functions as arithmetic operations of a program that becomes machine code.
+"""Elementary functions as arithmetic operations, which apply to scalars and to vectors alike.
 
-The operations apply to scalars and to vectors alike, whereas the C library would be called for each
-element of a vector. The elements belong to lanes (runs that the program computes at once) or are
-tangents (derivatives by parameters). The operations are the same for vectors of any length, so that
-the bits of a result do not depend on the length.
+The C library would be called for each element of a vector. The operations are the same for vectors
+of any length, so that the bits of a result do not depend on the length.
 
 Sines and cosines are computed by a reduction of the angle with fused multiply-adds (Cody and Waite)
 and by the polynomials of Sun's fdlibm; exponentials, logarithms, powers and hyperbolic tangents by
-sums of two doubles (Dekker) and Taylor's polynomials of a reduced argument. The errors, measured
-with mpmath in the tests, are below one unit in the last place: at most 0.95 for `expm1`, 0.8 for
-sines, cosines and `tanh`, and 0.7 for the others. For infinities, NaN and arguments outside of the
-ranges given below, all of these functions but `tanh` call the C library.
-
-A number with about twice the precision of a double is represented as the sum of two doubles, a high
-and a low part.
-The functions here take and return values of a program (`Symbol`), not numbers: an operator such as
-``a + b`` adds an operation to the program, which is executed when the program runs.
+sums of two doubles, a high and a low part (Dekker), and Taylor's polynomials of a reduced argument.
+The errors, measured with mpmath in the tests, are below one unit in the last place: at most 0.95
+for `expm1`, 0.8 for sines, cosines and `tanh`, and 0.7 for the others. For infinities, NaN and
+arguments outside of the ranges given below, all of these functions but `tanh` call the C library.
 """
 
 import math
@@ -71,18 +64,12 @@ _COSINE = (
 
 
 def _fma(a: Symbol, b: Symbol | float, c: Symbol | float) -> Symbol:
-    """Return a b + c, rounded once."""
     return a.emit("fma", b, c)
 
 
 def _polynomial(x: Symbol, coefficients: Sequence[float]) -> Symbol:
-    """Return the value of a polynomial at x.
-
-    Estrin's scheme joins neighbouring terms in pairs, then the pairs, and so on. Unlike in Horner's
-    scheme, most of the operations do not depend on each other.
-
-    **Arguments:** `coefficients`: by rising powers, at least one.
-    """
+    """Return a polynomial at x by Estrin's scheme, in which most operations do not depend on each
+    other."""
     terms = [x.like(coefficient) for coefficient in coefficients]
     while len(terms) > 1:
         rest = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
@@ -93,14 +80,13 @@ def _polynomial(x: Symbol, coefficients: Sequence[float]) -> Symbol:
 
 
 def _product(a: Symbol, b: Symbol | float) -> tuple[Symbol, Symbol]:
-    """Return the exact product a b as the sum of a high part, the rounded product, and a low part,
-    its rounding error."""
+    """Return the exact product a b as the sum of its rounded value and the rounding error."""
     high = a * b
     return high, _fma(a, b, -high)
 
 
 def _sum(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
-    """Return the exact sum a + b as the sum of a high and a low part (Knuth)."""
+    """Return the exact sum a + b as the sum of its rounded value and the rounding error (Knuth)."""
     high = a + b
     moved = high - a
     low = a - (high - moved)
@@ -108,20 +94,15 @@ def _sum(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _bits(a: Symbol) -> Symbol:
-    """Return the bits of a float as an integer."""
     return a.emit("float_bits", letter="i")
 
 
 def _of_bits(bits: Symbol) -> Symbol:
-    """Return the float with the given bits."""
     return bits.emit("float_of_bits", letter="f")
 
 
 def _scaled(a: Symbol, n: Symbol) -> Symbol:
-    """Return a 2**n; both a and the result must be normal numbers.
-
-    Only the last 12 bits of the integer `n` count.
-    """
+    """Return a 2**n; both a and the result must be normal. Only the last 12 bits of n count."""
     return _of_bits(_bits(a) + n.emit("shift_left", 52))
 
 
@@ -130,15 +111,11 @@ def _within(least: float, a: Symbol, largest: float) -> Symbol:
 
 
 def _has_bit(a: Symbol, bit: int) -> Symbol:
-    """Return whether a bit of an integer is set, from the bit's value `bit`: 1, 2, 4, ..."""
     return (a & bit).compare("ne", 0)
 
 
 def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
-    """Return sine and cosine of angle - n pi/2, and an integer whose last bits are those of n.
-
-    n is the integer nearest to angle/(pi/2). The angle, in rad, must not exceed `LARGEST_ANGLE`.
-    """
+    """Return sine and cosine of angle - n pi/2, and an integer with the last bits of n."""
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = _fma(angle, 2.0 / math.pi, _ROUNDING)
     minus = -(shifted - _ROUNDING)
@@ -169,13 +146,8 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
-    """Return `usual`, or the result of the C library where the arguments are out of range.
-
-    The library is called only if the arguments of any lane or tangent are out of range.
-
-    **Arguments:** `name`: name of the function; `fits`: whether the arguments are in range;
-    `usual`: the result for arguments in range; `arguments`: the function's arguments.
-    """
+    """Return `usual`, or the result of the C library, called only if arguments of any lane do not
+    fit."""
     ops, beyond = usual.ops, ~fits
     first, *others = arguments
 
@@ -190,7 +162,6 @@ def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) ->
 
 
 def _sine(angle: Symbol, name: str = "sin") -> Symbol:
-    """Return the sine of an angle in rad, or with `name` "cos" the cosine."""
     # The sine of an angle that is known already needs no operation in the program.
     known = angle.ops.number(angle.value)
     if known is not None:
@@ -308,8 +279,7 @@ def _logarithm(x: Symbol) -> Symbol:
 
 
 def _log1p(x: Symbol) -> Symbol:
-    """Return log(1 + x) as log(u) + rest/u, where u is the rounded sum 1 + x, and `rest` its
-    rounding error."""
+    """Return log(1 + x) as log(u) + rest/u, where u is 1 + x rounded, with the error `rest`."""
     u, rest = _sum(x.like(1.0), x)
     high, low = _logarithm_of(u)
     usual = _keeping_zero(x, high + (low + rest / u))
@@ -317,13 +287,11 @@ def _log1p(x: Symbol) -> Symbol:
 
 
 def _keeping_zero(x: Symbol, result: Symbol) -> Symbol:
-    """Return the result, or x itself where x is zero, so that -0.0 keeps its sign."""
     return x.compare("eq", 0.0).select(x, result)
 
 
 def power(base: Symbol, exponent: Symbol) -> Symbol:
-    """Return the float `base` raised to the float `exponent`, as exp(exponent log(base)), with
-    twice the usual precision inside of the exponential."""
+    """Return exp(exponent log(base)), with twice the usual precision inside of the exponential."""
     high, low = _logarithm_of(base)
     product, rest = _product(exponent, high)
     usual = _exponential_from(product, _fma(exponent, low, rest))

@@ -1,11 +1,7 @@
 """Rules by which JAX's primitives that work element by element become operations of a program.
 
-A rule takes the arguments of a primitive as values of the program (`Symbol`), adds the operations
-that compute the result, and returns the result. The same rules serve scalars and vectors of
-tangents (derivatives by parameters). An operator such as ``a + b`` adds an operation to the
-program, and so does `Symbol.emit`, whose first argument is the operation's name. The letter of a
-value stands for its dtype: "f" for float64, "i" for int64 and uint32, "w" for int32, "b" for bool.
-A value's kind is this letter, with the suffix "p" for a vector of tangents.
+A rule takes the arguments of a primitive as `Symbol`s and returns the result as one; the operators
+of symbols add operations to the program. The same rules serve scalars and vectors of tangents.
 """
 
 import math
@@ -21,8 +17,7 @@ from .llvm_text import LIBRARY
 from .operations import KINDS, Operations, Symbol, Value
 
 Rule = Callable[..., Symbol]
-"""Function of a primitive's arguments, and of its parameter in `PARAMETERS` if there is one, that
-adds operations to the program and returns the result."""
+"""Function of a primitive's arguments, and of its parameter in `PARAMETERS` if there is one."""
 PARAMETERS = {
     "mul": "out_dtype",
     "integer_pow": "y",
@@ -36,11 +31,8 @@ IDENTITIES = ("copy", "copy_p", "stop_gradient", "optimization_barrier")
 
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
-    """Apply the rule of the primitive `name` to values, and return the value of the result.
-
-    **Arguments:** `ops`: operations of the program, to which the rule adds its own; `values`: the
-    primitive's arguments; `parameter`: its parameter named in `PARAMETERS`, if there is one.
-    """
+    """Apply the rule of the primitive `name` to values, with its parameter named in
+    `PARAMETERS`."""
     arguments: list[object] = [Symbol(ops, value) for value in values]
     if parameter is not None:
         arguments.append(parameter)
@@ -48,14 +40,10 @@ def apply(ops: Operations, name: str, *values: Value, parameter: object = None) 
 
 
 def _direct(name: str) -> Rule:
-    """Return the rule that adds the operation `name`, whose result has the kind of its first
-    argument."""
     return lambda a, *others: a.emit(name, *others)
 
 
 def _compare(name: str) -> Rule:
-    """Return the rule of the comparison `name`: "lt", "le", "gt", "ge", "eq" or "ne"."""
-
     def rule(a: Symbol, b: Symbol) -> Symbol:
         if a.letter == "b":
             # Equality of bools is a logical operation; to be ordered, they become integers.
@@ -68,8 +56,8 @@ def _compare(name: str) -> Rule:
 
 
 def _compare_totally(name: str) -> Rule:
-    """Return the rule of "lt", "le" or "eq" in a total order, in which NaN follows all numbers and
-    equals NaN. JAX uses this order for sorting."""
+    """Return the rule of a comparison for sorting, in which NaN follows all numbers and equals
+    NaN."""
 
     def rule(a: Symbol, b: Symbol) -> Symbol:
         if a.letter != "f":
@@ -102,34 +90,28 @@ def _extreme(name: str) -> Rule:
 
 
 def _is_number(a: Symbol) -> bool:
-    """Return whether a value is a float that is known before the program runs and is not NaN, or a
-    vector that repeats such a float."""
+    """Return whether a float, or each element of a vector, is known before the program runs, and
+    not NaN."""
     known = a.ops.repeated_number(a.value)
     return isinstance(known, float) and not math.isnan(known)
 
 
 def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike | None = None) -> Symbol:
-    """Return the product; with `dtype`, both factors are converted to it first."""
     return a * b if dtype is None else _convert(a, dtype) * _convert(b, dtype)
 
 
 def _divide(a: Symbol, b: Symbol) -> Symbol:
-    """Return the quotient. That of integers is rounded towards zero; as in XLA it is -1 for the
-    divisor 0."""
+    """Return the quotient. That of integers is rounded towards zero; by 0 it is -1, as in XLA."""
     return a / b if a.letter == "f" else _whole_division("divide_whole", a, b, a.like(-1), -a)
 
 
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers a and b, or a given result if b is 0 or -1.
+    """Return the quotient or remainder of integers.
 
-    LLVM leaves divisions by zero undefined, and that of the least integer by -1, whose quotient is
-    out of range. For the divisors 0 and -1 the operation therefore divides by one, and its result
-    is not used.
-
-    **Arguments:** `name`: the operation, "divide_whole" or "remainder_whole"; `by_zero`,
-    `by_minus_one`: results for the divisors 0 and -1.
+    LLVM leaves divisions by zero and of the least integer by -1 undefined. For these divisors the
+    operation divides by one, and its result is not used.
     """
     is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
     quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))
@@ -147,7 +129,6 @@ def _sign(a: Symbol) -> Symbol:
 
 
 def _integer_power(a: Symbol, exponent: int) -> Symbol:
-    """Return an integer power, by repeated squaring."""
     if exponent < 0:
         return a.like(1) / _integer_power(a, -exponent)
     result: Symbol | None = None
@@ -169,27 +150,18 @@ def _logistic(a: Symbol) -> Symbol:
 
 
 def _one_minus_square(a: Symbol) -> Symbol:
-    """Return 1 - a^2 as (1 + a)(1 - a), which is accurate if the square is close to one.
-
-    This is a primitive from JAX 0.11 on, for instance in derivatives of tanh.
-    """
+    """Return (1 + a)(1 - a), a primitive from JAX 0.11 on, as in derivatives of tanh."""
     one = a.like(1)
     return (one + a) * (one - a)
 
 
 def _logarithm_of_base_two(a: Symbol) -> Symbol:
-    """Return the logarithm to base two, like XLA as log(a) times 1 / log(2).
-
-    This is a primitive from JAX 0.11 on.
-    """
+    """Return log(a) times 1/log(2) as XLA does; a primitive from JAX 0.11 on."""
     return ELEMENTARY["log"](a) * (1 / math.log(2))
 
 
 def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
-    """Return the value of a polynomial by Horner's rule; the constant coefficient is first.
-
-    This is a primitive from JAX 0.12 on.
-    """
+    """Return a polynomial by Horner's rule, constant first; a primitive from JAX 0.12 on."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient
@@ -197,16 +169,15 @@ def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
 
 
 def _remainder(a: Symbol, b: Symbol) -> Symbol:
-    """Return the remainder a - b q, where q is the quotient a/b rounded towards zero. For integers
-    and the divisor 0 it is `a`, as in XLA."""
+    """Return the remainder of the quotient rounded towards zero; that of integers by 0 is `a`."""
     if a.letter == "f":
         return a.emit("fmod", b)
     return _whole_division("remainder_whole", a, b, a, a.like(0))
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Return one of the cases, by its index: a bool (false for the first of two cases) or an
-    integer. A negative integer selects the first case, one that is too large the last."""
+    """Return one of the cases, by a bool or an integer; an index out of range counts as the
+    nearest."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]
@@ -216,14 +187,10 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the dtype with the given letter: "f" (float64), "i" (int64), "w" (int32)
-    or "b" (bool).
+    """Convert a value to the dtype with the given letter.
 
-    - A float becomes an integer without its fraction. A float beyond the integer's range becomes
-      the nearest integer of the range, and NaN becomes zero.
-    - An integer becomes the nearest float.
-    - An int64 becomes an int32 that keeps the lower 32 bits. An int32 keeps its value.
-    - A number becomes a bool that is true unless the number is zero. A bool becomes 1 or 0.
+    A float becomes an integer without its fraction, or the nearest integer of the range; NaN
+    becomes zero. An int64 becomes an int32 that keeps the lower 32 bits.
     """
     old = a.letter
     if old == letter:
@@ -241,11 +208,8 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
 
 def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
-    """Convert a value to a dtype.
-
-    uint32 is computed in int64. An integer beyond the range of uint32 keeps its higher bits here;
-    `Lowering` cuts them off.
-    """
+    """Convert a value to a dtype. An integer beyond the range of uint32, which is computed in
+    int64, keeps its higher bits here; `Lowering` cuts them off."""
     if a.letter == "f" and np.dtype(dtype) == np.uint32:
         # A float beyond the range of uint32 becomes the nearest integer of that range.
         a = _clamp(a.like(0), a, a.like((1 << 32) - 1))

@@ -45,8 +45,7 @@ from .machine_code import (
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
-"""Functions that lower the primitives that do not work element by element, by the primitives'
-names."""
+"""Rules of the primitives that do not work element by element, by the primitives' names."""
 LARGE = 256
 """Number of elements from which on an argument is written to memory by a call of NumPy of its own.
 Smaller arguments are joined and written together: for few numbers, a call takes longer than the
@@ -62,14 +61,13 @@ class NativeProgram:
     """A closed jaxpr as machine code, to be called with arrays.
 
     - `code`: the machine code.
-    - `inputs`: cells of memory (`Region`) for each argument; ``None`` for an argument that the
-      program does not use.
+    - `inputs`: cells of memory for each argument; ``None`` for an argument that the program does
+      not use.
     - `outputs`: cells of memory for each result.
 
-    **Arguments:** `closed`: the jaxpr; `tangents`: number of tangents (derivatives of a variable by
-    parameters), 0 for none; by default it is found by `tangents_of`. Arrays whose only axis has
-    this length are computed as vectors of the processor. `stopwatch`: measures the stages of
-    compilation. `optimisation`: LLVM's level of optimisation.
+    **Arguments:** `tangents`: number of tangents, 0 for none; by default that of `tangents_of`.
+    Arrays whose only axis has this length are computed as vectors of the processor. `stopwatch`:
+    measures the stages of compilation. `optimisation`: LLVM's level of optimisation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -128,8 +126,7 @@ class NativeProgram:
         """Return new memory that contains the program's constants and its arguments.
 
         **Arguments:** `leaves`: an array for each argument of the jaxpr, also for unused ones;
-        `floats`: the numbers of all small arrays of floats among them (`FlatArguments.floats`), if
-        they are known already.
+        `floats`: their `FlatArguments.floats`, if known already.
         """
         memory = self.code.memory()
         joined = floats, None
@@ -147,11 +144,7 @@ class NativeProgram:
     def __call__(
         self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None
     ) -> list[np.ndarray]:
-        """Return the results of the jaxpr.
-
-        **Arguments:** `leaves`: an array for each argument of the jaxpr, with its shape and dtype;
-        `floats`: as in `memory`.
-        """
+        """Return the results of the jaxpr, for arguments as in `memory`."""
         # The results may be views of the memory, so each call has its own.
         memory = self.memory(leaves, floats)
         self.code.run(memory)
@@ -159,12 +152,8 @@ class NativeProgram:
 
 
 class _Reading:
-    """Reads arrays of a program's memory, those of few floats and of equal shape at once.
-
-    A separate read of an array takes a microsecond, and results have hundreds of them.
-
-    **Arguments:** `regions`: those of the arrays.
-    """
+    """Reads small arrays of floats of equal shape together, because a separate read takes a
+    microsecond, and results have hundreds of arrays."""
 
     def __init__(self, regions: Sequence[Region]):
         by_shape: dict[tuple[int, ...], list[int]] = {}
@@ -179,7 +168,6 @@ class _Reading:
         self._places = np.argsort([*order, *others]).tolist() if regions else []
 
     def __call__(self, memory: Memory) -> list[np.ndarray]:
-        """Return the arrays in the order of their regions."""
         block, start = memory.floats[self._cells, 0], 0
         arrays: list[np.ndarray] = []
         for shape, count in self._groups:
@@ -202,17 +190,13 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 class BoundFunction:
     """A native function with some of its arguments fixed, for many calls.
 
-    It takes and returns rows of numbers, one row for each call. A row of arguments has the numbers
-    of the varied arrays, and a row of results those of the returned arrays, one array after the
-    other. Only one thread may call it at a time, because all calls use the same memory.
+    It takes and returns rows of numbers as in `Cells`, one row for each call. Only one thread may
+    call it at a time, because all calls use the same memory.
 
     - `results`: converts rows of results to PyTrees.
 
-    **Arguments:** `function`: the native function; `flat`: all of its arguments; `varied`: indices
-    in `flat.arrays` of the arrays that differ between calls. Their numbers come from the rows; all
-    other arrays and leaves keep their values in `flat`.
-
-    **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
+    **Arguments:** `flat`: all arguments of the function; `varied`: indices in `flat.arrays` of the
+    arrays that differ between calls.
     """
 
     def __init__(self, function: "NativeFunction", flat: "FlatArguments", varied: Sequence[int]):
@@ -239,12 +223,7 @@ class BoundFunction:
         self._out = _indices(region.cells for region in outputs)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Call the function n times, and return the numbers of its results, (n, results.size).
-
-        **Arguments:** `rows`: (n, m) float64, for each call the m numbers of its varied arguments,
-        one array after the other. Integers and bools are int64 numbers whose bits are stored in the
-        place of a float64, in the results too.
-        """
+        """Call the function for n rows of arguments, and return n rows of results."""
         results, numbers = np.empty((len(rows), len(self._out))), self._memory.floats[:, 0]
         for row, result in zip(rows[:, self._source], results, strict=True):
             numbers[self._target] = row
@@ -263,12 +242,9 @@ def evaluated(
     Operations on known numbers are computed while a jaxpr is lowered, so lowering alone gives the
     result. JAX itself would compile a program for each kind of operation, which takes 20 ms.
 
-    **Arguments:** `function`: function of arrays that returns a number; `calls`: the arguments of
-    each call, with the same shapes and dtypes in all calls; at least one call.
-
-    **Returns:** the result of each call; ``None`` if any of them cannot be computed in this way:
-    if the function has loops, large arrays, unsupported dtypes, primitives without a rule, or
-    functions such as `exp` that are not computed while a jaxpr is lowered.
+    **Returns:** the result of each of the calls, which must have arguments of the same shapes and
+    dtypes; ``None`` if any of them cannot be computed in this way, for instance with loops or
+    `exp`.
     """
     # Shapes and dtypes are those of all calls, so one jaxpr serves them all.
     closed = jax.make_jaxpr(function)(*calls[0])
@@ -288,12 +264,8 @@ def evaluated(
 
 
 class _Key:
-    """Key of flattened arguments: structure, shapes and types of the arrays, and all other leaves
-    with their types.
-
-    The hash is computed once, and equal keys are mostly the same object: for thirty joints,
-    comparing two keys part by part takes as long as flattening.
-    """
+    """Key of flattened arguments, with a hash computed once. Equal keys are mostly the same object:
+    for thirty joints, comparing two keys part by part takes as long as flattening."""
 
     __slots__ = ("_hash", "others", "parts")
 
@@ -310,7 +282,6 @@ class _Key:
 
     @staticmethod
     def of(parts: tuple[Hashable, ...]) -> "_Key":
-        """Return the key of these parts, the same object as before if it is among the recent."""
         key = _KEYS.get(parts)
         if key is None:
             key = _Key(parts, hash(parts))
@@ -325,13 +296,11 @@ _KEYS: RecentPrograms[_Key] = RecentPrograms()
 class FlatArguments:
     """Arguments of a function, flattened.
 
-    - `arguments`: the arguments as given.
     - `parts`: one object of this class for each argument; none if this is such a part.
-    - `leaves`: their leaves, as `jax.tree.flatten` returns them.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
     - `traced`: whether JAX traces any of them.
-    - `key`: structure, shapes and types of the arrays, and all other leaves with their types.
-      Arguments with equal keys need the same program.
+    - `key`: equal for arguments that need the same program: structure, shapes and types of the
+      arrays, and all other leaves with their types.
     - `all_floats`: whether all leaves are 64-bit NumPy arrays of floats.
     """
 
@@ -355,7 +324,7 @@ class FlatArguments:
 
     @staticmethod
     def joined(parts: "tuple[FlatArguments, ...]") -> "FlatArguments":
-        """Return several arguments that are flattened already as those of one call."""
+        """Return several flattened arguments as those of one call."""
         leaves, arrays, arguments, keys = [], [], [], []
         traced, all_floats = False, True
         for part in parts:
@@ -370,8 +339,7 @@ class FlatArguments:
 
     @cached_property
     def structure(self) -> PyTree:
-        """The structure of the arguments, as `jax.tree.flatten` returns it. Only programs that are
-        compiled need it."""
+        """The structure of the arguments. Only programs that are compiled need it."""
         return jax.tree.structure(self.arguments)
 
     @property
@@ -392,8 +360,7 @@ class FlatArguments:
 
     @property
     def numbers(self) -> bytes:
-        """The numbers of all arrays, as bytes. Arguments with equal keys and equal numbers are
-        equal, in the sense that NaN equals NaN, and that -0.0 differs from 0.0."""
+        """The numbers of all arrays, as bytes: NaN equals NaN, and -0.0 differs from 0.0."""
         if self.parts:
             return b"".join([part.numbers for part in self.parts])
         others = [np.asarray(self.arrays[k]).tobytes() for k in self._others]
@@ -446,15 +413,13 @@ same identity."""
 
 
 def keep_flattened(argument: Argument) -> Argument:
-    """Keep the flattened form of an argument of many calls, which must be small, and return the
-    argument."""
+    """Keep the flattened form of an argument of many calls, which must be small."""
     _KEPT.add(id(argument), _newly_flattened(argument))
     return argument
 
 
 def folded(tree: FlatArguments) -> ConstantFolded:
-    """Return `fold_constants` of a single argument that is flattened already, without flattening it
-    again here or when the result becomes an argument."""
+    """Return `fold_constants` of a flattened argument, without flattening it again."""
     made = fold_constants(*tree.arguments, flattened=(tree.leaves, tree.tree_structure))
     vars(made)["flattened"] = _folded(tree, made)
     return made
@@ -501,11 +466,11 @@ class NativeFunction:
     """A function of PyTrees that is compiled to machine code when it is first called.
 
     As with `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a
-    further program. Arrays in results are NumPy's. A call raises `UnsupportedPrimitiveError` if no
-    machine code can be made, as described for `NativeProgram`.
+    further program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError` as
+    `NativeProgram` does.
 
-    **Arguments:** `function`: function of PyTrees that JAX can trace; `few_runs`: whether the
-    function runs so rarely and briefly that fast compiling counts more than fast machine code.
+    **Arguments:** `few_runs`: whether the function runs so rarely and briefly that fast compiling
+    counts more than fast machine code.
     """
 
     def __init__(self, function: Callable[..., PyTree], few_runs: bool = False):
@@ -519,7 +484,6 @@ class NativeFunction:
         return self._count
 
     def __call__(self, *arguments: PyTree) -> PyTree:
-        """Return the function's result."""
         return self.run(FlatArguments.of(arguments))
 
     def run(self, flat: FlatArguments) -> PyTree:
@@ -532,8 +496,8 @@ class NativeFunction:
         array.
 
         **Arguments:** `arguments`: those of one call; `columns`: for each leaf of the arguments its
-        n values, (n, ...), or ``None`` if it is the same in all calls. At least one array must
-        have a column, whose length is n; columns of leaves that are no arrays are not used.
+        n values, (n, ...), or ``None`` if it is the same in all calls. At least one array must have
+        a column; columns of leaves that are no arrays are not used.
         """
         flat = FlatArguments.of(arguments)
         pairs = [pair for pair in zip(flat.leaves, columns, strict=True) if eqx.is_array(pair[0])]
@@ -544,22 +508,14 @@ class NativeFunction:
         return bound.results.trees(bound(Cells(examples).rows(values)))
 
     def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
-        """Return this function with its first argument fixed, for calls with varied values of the
-        others.
-
-        **Arguments:** `shared`: the first argument; `examples`: PyTrees with the structure, shapes,
-        dtypes and static leaves of the other arguments. The numbers in their arrays are not used.
-        """
+        """Return this function with its first argument fixed. Of the numbers in `examples`, which
+        stand for the other arguments, none is used."""
         flat, fixed = FlatArguments.of((shared, *examples)), len(FlatArguments.of((shared,)).arrays)
         return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
 
     def program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
-        """Return the program for flattened arguments, and the structure of its result.
-
-        The program is loaded from disk or made if this is the first call with such arguments.
-
-        **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
-        """
+        """Return the program for flattened arguments, loaded or made, and the structure of its
+        result."""
         program = self._programs.recent(flat.key)
         if program is None:
             # Calls may come from several threads, but each program is compiled once.
@@ -584,17 +540,15 @@ class NativeFunction:
         return flat.key in self._programs
 
     def load(self, flat: FlatArguments) -> None:
-        """Load the program for flattened arguments from disk, if it is saved there."""
+        """Load the program for flattened arguments, if it is saved on disk."""
         program = load(self._function, flat.arguments, self._optimisation)
         if program is not None:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
-        """Trace the function, and compile the program for flattened arguments."""
         result: list[PyTree] = []
 
         def of_arrays(arrays: list[PyTree]) -> list[PyTree]:
-            """Return the arrays in the function's result, and keep its other parts in `result`."""
             remaining = iter(arrays)
             leaves = [next(remaining) if eqx.is_array(leaf) else leaf for leaf in flat.leaves]
             outs = self._traced(*jax.tree.unflatten(flat.structure, leaves))
@@ -609,10 +563,8 @@ class NativeFunction:
 
 
 class Result:
-    """The structure and static leaves of a function's result.
-
-    **Arguments:** `tree`: the result with `_ARRAY` in place of its arrays.
-    """
+    """The structure and static leaves of a function's result, with `_ARRAY` in place of its
+    arrays."""
 
     def __init__(self, tree: PyTree):
         self._tree = tree
@@ -623,7 +575,6 @@ class Result:
         return Result, (self._tree,)
 
     def __call__(self, arrays: Sequence[np.ndarray]) -> PyTree:
-        """Return the result with the given arrays."""
         remaining = iter(arrays)
         leaves = [next(remaining) if leaf is _ARRAY else leaf for leaf in self._leaves]
         return jax.tree.unflatten(self._structure, leaves)

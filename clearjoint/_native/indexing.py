@@ -1,16 +1,8 @@
 """Rules of the primitives that read or write elements at computed indices.
 
-A rule takes the `Lowering`, which converts a jaxpr to a program of elementary operations, an
-equation of the jaxpr and the equation's arguments. It adds operations to the program and returns
-the equation's results. A value is an integer that names a number in the program. Its kind is "f"
-for a float64, "i" for an int64 or "b" for a bool, among others. Arguments and results are `Array`s:
-a scalar value, a vector of tangents, which are derivatives by parameters (`Packed`), a NumPy array
-of values, or an array in memory (`InMemory`), which may be overwritten only if it is `owned`.
-
 A block is a rectangular part of an array. It is given by the row-major index of its first element,
 which the program computes, and by the offsets of all its elements from there, which are known while
-the program is built. An array or a block is large if it has more than `LARGEST_UNROLLED` elements,
-otherwise small.
+the program is built.
 """
 
 import math
@@ -38,15 +30,11 @@ from .operations import Symbol, Value
 
 
 def _strides(shape: Sequence[int]) -> list[int]:
-    """Return for each axis the difference of the row-major indices of neighbours along the axis."""
     return [math.prod(shape[k + 1 :]) for k in range(len(shape))]
 
 
 def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
-    """Return the offsets of the elements of a block in row-major order.
-
-    **Arguments:** `sizes`, `strides`: along each axis, the block's size and the array's stride.
-    """
+    """Return the offsets of the elements of a block from its first one, in row-major order."""
     indices = np.indices(tuple(sizes)).reshape(len(sizes), math.prod(sizes))
     return np.array(strides, int) @ indices
 
@@ -54,13 +42,8 @@ def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
 def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
-    """Return the starts of a block after it is moved inside of the array.
-
-    The second result is a bool: whether the block was inside already.
-
-    **Arguments:** for each of some axes, `starts`: index at which the block starts; `lengths`:
-    length of the array; `sizes`: length of the block.
-    """
+    """Return the starts of a block of the given sizes, moved into the array, and whether it was
+    inside."""
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
@@ -72,12 +55,8 @@ def _moved_inside(
 
 
 def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int]) -> Symbol:
-    """Return the row-major index of an element from its indices along some axes.
-
-    The indices along all other axes count as zero.
-
-    **Arguments:** `indices`, `strides`: the element's index and the array's stride along each axis.
-    """
+    """Return the row-major index of an element from its indices along some axes, zero along
+    others."""
     total = Symbol(lower.ops, lower.ops.constant("i", 0))
     for index, stride in zip(indices, strides, strict=True):
         total += index * stride
@@ -87,16 +66,8 @@ def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[in
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return a block of the array `memory` as an array of the given shape.
-
-    The caller must ensure that the whole block is inside of `memory`.
-
-    **Arguments:** `first`: row-major index of the block's first element; `offsets`: (n,) offsets of
-    its elements from there.
-
-    **Raises:** `UnsupportedPrimitiveError` for a large block whose elements are not consecutive in
-    memory.
-    """
+    """Return a block of the array `memory`, which must be wholly inside, as an array of the given
+    shape."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -120,12 +91,8 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the row-major index of a slice's first element, and the offsets of its elements from
-    there.
-
-    **Arguments:** `shape`: of the array; `sizes`, `starts`: along each axis, the slice's size and
-    the index at which it starts. As in JAX, a slice that extends beyond the array is moved inside.
-    """
+    """Return the row-major index of a slice's first element, after it is moved inside, and the
+    offsets."""
     values = [lower.values(start)[0] for start in starts]
     inside, _ = _moved_inside(lower, values, shape, sizes)
     strides = _strides(shape)
@@ -135,11 +102,6 @@ def _block_of_slice(
 def _dynamic_slice(
     lower: Lowering, equation: Equation, array: Array, *starts: Array
 ) -> list[Array]:
-    """Return the block of an array that begins at `starts` (see `jax.lax.dynamic_slice`).
-
-    **Raises:** `UnsupportedPrimitiveError` for a large block whose elements are not consecutive in
-    memory, unless its indices are known.
-    """
     shape = tuple(aval_of(equation.invars[0]).shape)
     sizes = tuple(equation.params["slice_sizes"])
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
@@ -152,15 +114,8 @@ def _dynamic_slice(
 def _dynamic_update_slice(
     lower: Lowering, equation: Equation, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
-    """Return an array in which the block that begins at `starts` is replaced by `update`.
-
-    If the array is small and the indices are known, its values are replaced without an operation.
-    In all other cases the update is written to memory, over the array itself if nothing else reads
-    that array, else over a copy.
-
-    **Raises:** `UnsupportedPrimitiveError` for a large `update` whose elements are not consecutive
-    in the array.
-    """
+    """Return an array in which the block that begins at `starts` is replaced by `update`: without
+    operations if the array is small and the indices known, otherwise in memory."""
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
     # `known` is None if only the run determines the index.
@@ -189,9 +144,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     """Return one block of the array for each row of indices (see `jax.lax.gather`).
 
     In the mode "fill", all elements of a block that does not lie wholly inside of the array become
-    the fill value (see `_fill_value`). In all other modes, the block is moved inside.
-
-    **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions.
+    the fill value. In all other modes, the block is moved inside.
     """
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
@@ -210,10 +163,6 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     fills = "FILL" in str(parameters["mode"])
 
     def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
-        """Return the elements of the block with the given starts along `axes`.
-
-        **Arguments:** `read`: returns a block's elements from the row-major index of the first one.
-        """
         lengths, extents = ([given[axis] for axis in axes] for given in (shape, sizes))
         inside, fits = _moved_inside(lower, starts, lengths, extents)
         values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
@@ -273,12 +222,7 @@ def _table(lower: Lowering, numbers: np.ndarray) -> InMemory:
 def _block_reader(
     lower: Lowering, array: Array, shape: tuple[int, ...], offsets: np.ndarray
 ) -> Callable[[Value], list[Value]]:
-    """Return a function that returns the elements of a block, given the row-major index of its
-    first element.
-
-    **Arguments:** `shape`: shape of the array; `offsets`: (n,) offsets of the block's elements from
-    the first one.
-    """
+    """Return a function that reads the elements of a block from the index of its first one."""
     memory = array if isinstance(array, InMemory) else None
     small = None if memory is not None else lower.values(array)
 
@@ -296,13 +240,7 @@ def _block_reader(
 
 
 def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
-    """Return the value for elements outside of an array (see `jax.lax.gather`).
-
-    It is `given`, or by default NaN for floats, ``True`` for bools, the least number for signed
-    integers and the largest one for unsigned integers.
-
-    **Arguments:** `given`: the value if the user has set one, else ``None``; `dtype`: of the array.
-    """
+    """Return the value for elements outside of an array, by default that of `jax.lax.gather`."""
     if given is not None:
         return np.asarray(given, dtype).item()
     if dtype.kind == "f":
@@ -320,18 +258,13 @@ def _scatter(
     updates: Array,
     name: str,
 ) -> list[Array]:
-    """Return an array in which updates replace elements, or are combined with them
-    (see `jax.lax.scatter`).
+    """Return an array in which updates replace elements, or are combined with them (see
+    `jax.lax.scatter`).
 
-    If the program computes the index of an update of a small array, any element may be the one to
-    change, so for each element the program selects its old or its new value. A window is the part
-    of the array that the updates for one row of indices change. If a window does not lie wholly
-    inside of the array, all its updates are dropped; in the mode "clip" it is moved inside instead.
+    A window is the part of the array that the updates for one row of indices change. If it does not
+    lie wholly inside of the array, its updates are dropped; in the mode "clip" it is moved inside.
 
-    **Arguments:** `name`: primitive that combines an element and an update, such as "add"; "" for
-    the primitive "scatter", which has none.
-
-    **Raises:** `UnsupportedPrimitiveError` for arrays with batching dimensions.
+    **Arguments:** `name`: primitive that combines an element and an update; "" for "scatter".
     """
     shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
     numbers, depth = equation.params["dimension_numbers"], index_shape[-1]
@@ -389,10 +322,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function of an element and an update whose result replaces the element.
-
-    **Arguments:** `name`: see `_scatter`.
-    """
+    """Return the function of an element and an update whose result replaces the element."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

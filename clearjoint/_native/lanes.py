@@ -3,8 +3,7 @@
 A lane is one of several runs that differ only in numbers, as in a sweep. The memory of a group of
 lanes has a column for each lane. A loop in machine code returns to its host, the Python code that
 called it, as soon as a lane needs the host, for instance to empty a buffer of results. The next
-call continues all lanes from their states in memory. The arithmetic of a lane does not depend on
-other columns.
+call continues all lanes. The arithmetic of a lane does not depend on other columns.
 """
 
 import abc
@@ -16,6 +15,7 @@ import numpy as np
 from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._compilation.xla import program_of
 from .cells import Memory, Region, numbers_of
@@ -35,9 +35,6 @@ interrupt and show progress."""
 class AbstractLaneLoop(abc.ABC):
     """A loop that advances the states of a group of lanes.
 
-    The memory of the group has one column for each lane. A row is called a cell, and an array
-    occupies consecutive cells, which are its region.
-
     - `width`: number of lanes.
     - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
       cases one array after the other.
@@ -55,28 +52,18 @@ class AbstractLaneLoop(abc.ABC):
 
     @abc.abstractmethod
     def columns(self, shared: PyTree) -> Memory:
-        """Return memory for a group of lanes, with no column occupied.
-
-        **Arguments:** `shared`: data of all lanes, a PyTree of arrays.
-        """
+        """Return memory for a group of lanes with the data `shared`, with no column occupied."""
 
     @abc.abstractmethod
     def run(self, columns: Memory) -> int:
-        """Advance all lanes by the same number of steps.
+        """Advance all lanes by the same number of steps, and return this number.
 
         The loop returns when lanes need their host, or after a largest number of steps. The
         subclass decides on this number, and on how many lanes must need the host.
-
-        **Returns:** the number of steps of each lane.
         """
 
     def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Put a lane into the column `lane`.
-
-        **Arguments:** `own`, `state`: (cells,) float64, numbers of the lane's constant data and of
-        its state. Integers and bools are int64 numbers whose bits stand in the place of a float64,
-        as `Cells.rows` returns them.
-        """
+        """Put a lane into a column, with rows of numbers as `Cells.rows` returns them."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
         columns.integers[self.occupied, lane] = 1
@@ -86,11 +73,8 @@ class AbstractLaneLoop(abc.ABC):
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
-        """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
-
-        Integers and bools are int64. The arrays are views of the memory, which the next `run`
-        changes.
-        """
+        """Return the status of all columns by name, (lanes,) each, as views that the next `run`
+        changes."""
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()
@@ -104,15 +88,14 @@ class LaneLoop(AbstractLaneLoop):
 
     **Arguments:**
 
-    - `step`: function of `shared`, `own` and `state` that returns the state after a step.
-    - `status`: function of the same arguments that returns scalars by name. Among them is "moves",
-      whether the lane can take a step without its host.
+    - `step`: returns the state after a step.
+    - `status`: returns scalars by name. Among them is "moves", whether the lane can take a step
+      without its host.
     - `shared`: data of all lanes.
     - `own`, `state`: constant data and state of one lane. Of the arrays in `shared`, `own` and
       `state`, only shapes and dtypes are used; all other leaves become part of the program.
 
-    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule for
-    machine code, for an unsupported dtype such as float32, and if LLVM rejects the program.
+    **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
     """
 
     width = WIDTH
@@ -180,22 +163,17 @@ class LaneLoop(AbstractLaneLoop):
             slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0) for part in parts[1:]
         )
 
+    @override
     def columns(self, shared: PyTree) -> Memory:
-        """Return memory for a group of lanes, with no column occupied.
-
-        **Arguments:** `shared`: data of all lanes, a PyTree of arrays.
-        """
         columns = self.code.memory()
         leaves = jax.tree.leaves(eqx.filter(shared, eqx.is_array))
         for leaf, region in zip(leaves, self._shared, strict=True):
             columns.write(region, leaf)
         return columns
 
+    @override
     def run(self, columns: Memory) -> int:
-        """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps.
-
-        **Returns:** the number of steps, which is the same for all lanes.
-        """
+        """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps."""
         columns.integers[self._limit] = LONGEST_RUN
         return self.code.run(columns)
 
@@ -206,14 +184,8 @@ def _traced(
     arrays: tuple[PyTree, PyTree, PyTree],
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
-    """Return the names of the scalars that `status` returns, and the jaxprs of `step` and `status`.
-
-    Both jaxprs take the leaves of `arrays`. That of `step` returns the arrays of the new state, and
-    that of `status` the scalars in the order of the returned names. Equations that the results
-    don't need are removed.
-
-    **Arguments:** `arrays`, `static`: the functions' arguments, divided by `eqx.partition`.
-    """
+    """Return the names of the scalars of `status`, and the jaxprs of `step` and `status`, both as
+    functions of the leaves of `arrays`."""
     leaves, structure = jax.tree.flatten(arrays)
     names: list[str] = []
 

@@ -1,10 +1,6 @@
 """Rules of the primitives of linear algebra, by loops over arrays in memory.
 
-A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
-arguments. It adds operations to the program and returns the equation's results. Matrices are the
-last two axes of an array; all axes before them number the matrices. An array has one of several
-forms (`Array`); here all arrays are in memory (`InMemory`), and results of at most
-`LARGEST_UNROLLED` elements are read from there.
+Matrices are the last two axes of an array; all axes before them number the matrices.
 """
 
 import math
@@ -26,7 +22,6 @@ from .lowering import (
 from .operations import Symbol, Value
 
 Term = Callable[[Symbol], Symbol]
-"""Function that adds the operations of one term of a sum, as a function of the term's index."""
 
 
 def _index(lower: Lowering, number: int) -> Symbol:
@@ -34,8 +29,6 @@ def _index(lower: Lowering, number: int) -> Symbol:
 
 
 def _counted(lower: Lowering, begin: Symbol, end: Symbol, visit: Callable[[Symbol], None]) -> None:
-    """Add a loop over the indices from `begin` to `end` - 1, whose body `visit` adds."""
-
     def body(k: Symbol, _: list[Symbol]) -> list[Symbol]:
         visit(k)
         return []
@@ -71,7 +64,6 @@ def _carried(
 
 
 def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term) -> Symbol:
-    """Return `first` plus the terms with the indices from `begin` to `end` - 1."""
     (total,) = _carried(lower, begin, end, [first], lambda k, carry: [carry[0] + term(k)])
     return total
 
@@ -92,15 +84,13 @@ def _returned(lower: Lowering, memory: InMemory) -> list[Array]:
 
 
 def _table(lower: Lowering, numbers: np.ndarray) -> InMemory:
-    """Return known integers as an array in memory."""
     table = lower.new_array((numbers.size,), "i")
     lower.constants[table.start] = numbers.ravel()
     return table
 
 
 def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[Array]:
-    """Return the products of two arrays with elements, summed along some axes
-    (`jax.lax.dot_general`)."""
+    """Return the products of two arrays, summed along some axes (`jax.lax.dot_general`)."""
     contracted, batches = equation.params["dimension_numbers"]
     out = aval_of(equation.outvars[0])
     memories, starts, steps = [], [], []
@@ -155,8 +145,6 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
         top = (number - i) * n
 
         def rest(j: Symbol) -> Symbol:
-            """Return a_ij minus the sum of l_ik l_jk over k < j."""
-
             def term(k: Symbol) -> Symbol:
                 a, b = (_read(lower, factor, top + row * n + k) for row in (i, j))
                 return -(a * b)

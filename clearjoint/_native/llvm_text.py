@@ -1,14 +1,8 @@
 """Text of a program in LLVM's intermediate language.
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
-multiply-add. This module decides for which products this is done. If LLVM decided, the choice
-would depend on the number of lanes (runs that the program computes at once), so that the last bits
-of a lane's results could depend on that number.
-
-A program consists of blocks, which are lists of entries: operations, and branches and loops, which
-contain blocks themselves (see `.operations`). A value is the result of an operation, a branch or a
-loop, or a constant, and is named by an integer. Its kind is "f" (float64), "i" (int64), "w" (int32)
-or "b" (bool). With the suffix "p" it is a vector of tangents, which are derivatives by parameters.
+multiply-add. This module decides for which products this is done. If LLVM decided, the choice would
+depend on the number of lanes, and so would the last bits of a lane's results.
 
 The text is written here and not by `llvmlite.ir`, whose objects for instructions took three times
 as long, a tenth of a first answer.
@@ -79,14 +73,13 @@ machine code is the same."""
 def llvm_text(program: Operations, result: Value | None = None, is_optimised: bool = True) -> str:
     """Return a program as the text of an LLVM module with one public function, "program".
 
-    In C, the function would be declared as ``int64_t program(double *memory)``. It executes the
-    program on memory at an address that is a multiple of 64. A cell of the memory has 8 bytes for
-    each lane, which hold a float or a 64-bit integer.
+    In C, the function would be declared as ``int64_t program(double *memory)``. The address of the
+    memory is a multiple of 64. A cell has 8 bytes for each lane.
 
     **Arguments:** `program`: the program, which is changed: results of branches that nothing uses
-    are removed; `result`: a value of kind "i" whose number in the first lane the function returns.
-    By default the function returns 0. `is_optimised`: whether LLVM optimises the text, so that a
-    long program must be divided.
+    are removed; `result`: a value of kind "i" whose number in the first lane the function returns,
+    instead of 0; `is_optimised`: whether LLVM optimises the text, so that a long program must be
+    divided.
     """
     return _Writer(program).module(result, is_optimised)
 
@@ -118,7 +111,6 @@ class _Writer:
         self._products: dict[Value, tuple[Value, ...]] = {}
 
     def module(self, result: Value | None, is_optimised: bool) -> str:
-        """Return the text of the module; the arguments are those of `llvm_text`."""
         if result is not None:
             self._uses[result] += 1
         # The last block is the program itself.
@@ -184,7 +176,6 @@ class _Writer:
         is_pure: bool = False,
         is_program: bool = False,
     ) -> None:
-        """Begin a function, to which the following instructions are added."""
         self._returned[number] = returned
         self._values.update((value, f"%a{k}") for k, value in enumerate(parameters))
         # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
@@ -208,24 +199,16 @@ class _Writer:
         return [self._program.signatures[function][1][k] for k in needed]
 
     def _mark(self, block: Block) -> bool:
-        """Count the uses of values in a block, from its end backwards, and find needed entries.
-
-        **Returns:** whether the block has an effect other than the values that it computes.
-        """
+        """Count the uses of values in a block, from its end backwards, and return whether it has an
+        effect other than its values."""
         # A list, since `any` alone would stop at the first effect and leave entries unmarked.
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Count the uses of values in an entry, and record in `_live` whether the entry is needed.
-
-        The entries after it must have been marked already. Results of a branch that nothing uses
-        are removed from the branch.
-
-        **Returns:** whether the entry is needed and may have an effect other than the values that
-        it computes. An operation has such an effect if it has no result. Every needed branch or
-        loop is taken to have one, even if it only computes values.
-        """
+        """Count the uses of values in an entry, and record in `_live` whether it is needed. Later
+        entries must have been marked already. An entry that is needed has an effect unless it is an
+        operation with a result."""
         uses = self._uses
         if isinstance(entry, Operation):
             if entry.out is not None and not uses[entry.out]:
@@ -259,8 +242,6 @@ class _Writer:
     def _fuse(self, block: Block) -> None:
         """Find products whose only use is in a sum or difference of the same block.
 
-        The products are recorded in `_products`, and the sums in `_fused`.
-
         If both terms of a sum are such products, only the first one is fused with the sum. A
         product whose sum is in an inner block is not fused, since a loop would compute it again in
         each iteration.
@@ -285,8 +266,7 @@ class _Writer:
                         break
 
     def _remove_unwritten(self, block: Block) -> None:
-        """Remove entries that are not needed, and fused products, which are written together with
-        their sums, from a block and the blocks inside of it."""
+        """Remove entries not needed, and fused products, which are written with their sums."""
         block[:] = [
             entry
             for entry in block
@@ -307,7 +287,6 @@ class _Writer:
         return word
 
     def _label(self) -> str:
-        """Return a new label for a block."""
         self._number += 1
         return f"b{self._number}"
 
@@ -316,11 +295,6 @@ class _Writer:
         self._block = label
 
     def _type(self, kind: str) -> Form:
-        """Return LLVM's type of a kind of values.
-
-        It is a vector for a kind with a suffix, otherwise a scalar, or a vector of lanes if the
-        program has several.
-        """
         form = self._types.get(kind)
         if form is None:
             count = self._program.cells_of(kind) if kind[1:] else self._width
@@ -334,12 +308,9 @@ class _Writer:
         return self._type(self._program.kinds[value])
 
     def _typed(self, value: Value) -> str:
-        """Return LLVM's type of a value, and the value."""
         return f"{self._type_of(value)} {self._value(value)}"
 
     def _value(self, value: Value) -> Word:
-        """Return LLVM's value for a value of the program, in the function that is being written: a
-        constant, or the result of an instruction."""
         word = self._values.get(value)
         if word is None:
             form, number = self._type_of(value), self._program.constants[value]
@@ -347,7 +318,6 @@ class _Writer:
         return word
 
     def _write(self, block: Block) -> None:
-        """Write the entries of a block."""
         straight: list[Operation] = []
         for entry in block:
             if isinstance(entry, Operation):
@@ -362,7 +332,6 @@ class _Writer:
         self._write_operations(self._by_need(straight))
 
     def _write_operations(self, operations: list[Operation]) -> None:
-        """Write operations between which no branch or loop stands."""
         for k, operation in enumerate(operations, 1):
             if k % LONGEST_BLOCK == 0:
                 following = self._label()
@@ -376,11 +345,11 @@ class _Writer:
         """Return operations in a new order, in which most come right before the first use of their
         result.
 
-        Loads, stores, calls, and operations whose results no other given operation uses keep their
-        order; only the remaining operations are moved. If an operation needs the results of several
-        others, the one at the end of the longest chain of dependent operations comes first. LLVM
-        roughly keeps the order in which operations are written. In the new order fewer values
-        occupy registers, and a single run takes 0.93 of the time.
+        LLVM roughly keeps the order in which operations are written. In the new order fewer values
+        occupy registers, and a single run takes 0.93 of the time. Loads, stores, calls, and
+        operations whose results no other given operation uses keep their order. If an operation
+        needs the results of several others, the one at the end of the longest chain of dependent
+        operations comes first.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -412,22 +381,15 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> tuple[Value, ...]:
-        """Return the values that an operation uses, with the factors of a fused product in place
-        of the product."""
+        """Return the values that an operation uses, with the factors in place of a fused
+        product."""
         if self._products.keys().isdisjoint(entry.arguments):
             return entry.arguments
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
         return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result.
-
-        The operations "store" and "call" have no result: their `out` is ``None``, and what is
-        returned for them must not be used.
-
-        **Raises:** `NotImplementedError` for the name of an operation that this module cannot
-        write, which would be an error of this package.
-        """
+        """Write an operation and return its result; ``None`` for those without one."""
         name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)
@@ -492,7 +454,6 @@ class _Writer:
         raise NotImplementedError(name)
 
     def _fused_sum(self, entry: Operation, form: Form) -> Word:
-        """Write a sum or difference, one of whose terms is a product, as a fused multiply-add."""
         a, b = entry.arguments
         product, other = (a, b) if a in self._products else (b, a)
         words = [self._value(value) for value in (*self._products[product], other)]
@@ -503,21 +464,13 @@ class _Writer:
         return self._intrinsic("fma", form, words)
 
     def _intrinsic(self, name: str, form: Form, words: Iterable[Word]) -> Word:
-        """Call one of LLVM's functions whose arguments and result have the type `form`.
-
-        **Arguments:** `name`: name without the prefix "llvm." and the suffix for the type; `words`:
-        the arguments.
-        """
+        """Call the function "llvm.`name`", whose arguments and result have the type `form`."""
         return self._call(f"llvm.{name}.{_mangled(form)}", form, [(form, word) for word in words])
 
     def _call(
         self, name: str, form: Form, given: Sequence[tuple[Form, Word]], attributes: str = ""
     ) -> Word:
-        """Call a function from outside of the module, and declare it if this is its first use.
-
-        **Arguments:** `form`: type of the result; `given`: types and values of the arguments;
-        `attributes`: those of the function.
-        """
+        """Call a function from outside of the module, and declare it if this is its first use."""
         if name not in self._declared:
             types = ", ".join(each for each, _ in given)
             self._declared[name] = f"declare {form} @{name}({types}){attributes}"
@@ -525,7 +478,6 @@ class _Writer:
         return self._add(f"call {form} @{name}({arguments})")
 
     def _library(self, name: str, form: Form, words: list[Word]) -> Word:
-        """Call a function of the C library for each lane or tangent."""
         base, count = _parts(form)
 
         def call(words: Iterable[Word]) -> Word:
@@ -540,7 +492,6 @@ class _Writer:
         )
 
     def _vector(self, form: Form, elements: Iterable[Word]) -> Word:
-        """Return a vector of the type `form` with the given elements."""
         (base, _), vector = _parts(form), "undef"
         for k, element in enumerate(elements):
             vector = self._add(f"insertelement {form} {vector}, {base} {element}, i32 {k}")
@@ -550,26 +501,21 @@ class _Writer:
         return self._add(f"extractelement {form} {vector}, i32 {k}")
 
     def _splat(self, form: Form, element: Word) -> Word:
-        """Return a vector whose elements are all equal to a given one."""
         base, count = _parts(form)
         first = self._add(f"insertelement {form} undef, {base} {element}, i32 0")
         mask = f"<{count} x i32> zeroinitializer"
         return self._add(f"shufflevector {form} {first}, {form} undef, {mask}")
 
     def _holds_in_any(self, condition: Value) -> Word:
-        """Return a scalar condition that is true if the given one holds in any lane or for any
-        tangent."""
+        """Return whether a condition holds in any lane or for any tangent, as a scalar."""
         form, word = self._type_of(condition), self._value(condition)
         if _parts(form)[1] == 0:
             return word
         return self._call(f"llvm.vector.reduce.or.{_mangled(form)}", "i1", [(form, word)])
 
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
-        """Return the address of a lane's number in the cell `start`, or in `start` + `index`.
-
-        The numbers of all lanes in a cell are consecutive, so the address for lane 0, the default,
-        is also that of the whole cell.
-        """
+        """Return the address of a lane's number in the cell `start`, or in `start` + `index`; for
+        lane 0 it is also that of the whole cell."""
         offset: Word = str(start * self._width + lane)
         if index is not None:
             word = self._value(index)
@@ -580,15 +526,10 @@ class _Writer:
         return self._add(f"getelementptr inbounds double, ptr %memory, i64 {offset}")
 
     def _is_one_cell(self, index: Value | None) -> bool:
-        """Return whether all lanes are known to read or write the same cell.
-
-        **Arguments:** `index`: index of the cell; ``None`` if the number of the cell is known.
-        """
         return index is None or self._program.is_uniform(index)
 
     def _load(self, entry: Operation) -> Word:
-        """Write the instructions that read a cell, and return the content. If the lanes may have
-        different indices, and so read different cells, the cells are read lane by lane."""
+        """Read a cell. If the lanes may have different indices, the cells are read lane by lane."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
         cell = self._type(_CELL[kind[0]] + kind[1:])
@@ -610,8 +551,6 @@ class _Writer:
         return content
 
     def _store(self, entry: Operation) -> None:
-        """Write the instructions that store a value in a cell. If the lanes may have different
-        indices, and so write to different cells, the numbers are stored lane by lane."""
         value, index = (*entry.arguments, None)[:2]
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)
@@ -632,15 +571,9 @@ class _Writer:
 
     def _write_branch(self, entry: Branch) -> None:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
-        else to the block `no`.
+        else to `no`.
 
-        With several lanes or tangents, the block `yes` is thus executed also for those in which the
-        condition does not hold. This method adds no instructions for them: the program contains
-        operations "select", in `yes` or after the branch, which give them their results, and `yes`
-        writes to memory only where the condition holds (see `.operations.Branch`).
-
-        Both blocks continue after the branch. There, a phi instruction gives each result the value
-        from the block that was executed.
+        Operations "select" give the other lanes their results (see `.operations.Branch`).
         """
         yes, no, end = self._label(), self._label(), self._label()
         condition = self._holds_in_any(entry.condition)
@@ -657,14 +590,11 @@ class _Writer:
             self._values[out] = self._add(self._phi(values, ends))
 
     def _write_loop(self, entry: Loop) -> None:
-        """Write a loop, which consists of a head and a body.
+        """Write a loop: a head, which computes the condition, and a body, which jumps back to the
+        head.
 
-        The head computes the condition. If it holds in any lane, the program jumps to the body,
-        which ends with a jump back to the head; otherwise it jumps to the end. Phi instructions in
-        the head set the carries: to their first values when the program comes from before the loop,
-        and to the values `following` when it comes from the body. This method adds no instructions
-        for lanes that have finished before others: the body itself contains the operations "select"
-        by which such lanes keep their values (see `control.loop`).
+        Phi instructions in the head set the carries. Operations "select" in the body let finished
+        lanes keep their values (see `control.loop`).
         """
         before, head, body, end = self._block, self._label(), self._label(), self._label()
         self._lines.append(f"br label %{head}")
@@ -687,8 +617,6 @@ class _Writer:
         self._begin_block(end)
 
     def _phi(self, values: Sequence[Value], labels: Sequence[str]) -> str:
-        """Return the instruction whose result is one of the values, by the block from which the
-        program comes."""
         pairs = zip(values, labels, strict=True)
         incoming = ", ".join(f"[{self._value(value)}, %{label}]" for value, label in pairs)
         return f"phi {self._type_of(values[0])} {incoming}"
@@ -703,7 +631,6 @@ def _parts(form: Form) -> tuple[Form, int]:
 
 
 def _constant(form: Form, number: Number) -> Word:
-    """Return a number as a value of a type; a vector has it in all of its elements."""
     base, count = _parts(form)
     # Floats are written by their bits.
     word = f"0x{struct.pack('>d', number).hex()}" if base == "double" else str(int(number))
@@ -711,8 +638,7 @@ def _constant(form: Form, number: Number) -> Word:
 
 
 def _mangled(form: Form) -> str:
-    """Return the type as LLVM writes it at the end of the names of overloaded intrinsics, such as
-    "v4f64" in "llvm.sqrt.v4f64"."""
+    """Return the type as in names of intrinsics, such as "v4f64" in "llvm.sqrt.v4f64"."""
     base, count = _parts(form)
     name = "f64" if base == "double" else base
     return f"v{count}{name}" if count else name

@@ -1,9 +1,7 @@
 """Lower jaxprs to operations on scalars.
 
-A value is the result of one such operation (see `.operations`). Memory consists of numbered cells,
-one for each element of an array. The equations of inner jaxprs are added in the place of their
-calls. Only large jaxprs that are called repeatedly become functions of machine code. An array has
-one of four forms (`Array`):
+The equations of inner jaxprs are added in the place of their calls. Only large jaxprs that are
+called repeatedly become functions of machine code. An array has one of four forms (`Array`):
 
 - a scalar is one value of the program;
 - a small array is a NumPy array of values, one for each element, so that slices and concatenations
@@ -56,7 +54,6 @@ MOST_ELEMENTARY = 32
 """Number of elementary functions, such as sines, of a program whose operations are added at their
 places. A sine has some 50 operations; in a program with more of them, further ones are calls."""
 Atom = core.Var | core.Literal
-"""A variable or a number in a jaxpr."""
 Equation = core.JaxprEqn
 # Kinds by dtype: finding the name of a dtype takes 20 times as long as this look-up.
 _KINDS = {np.dtype(name): kind for name, kind in KINDS.items()}
@@ -65,13 +62,7 @@ _UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
 
 class UnsupportedPrimitiveError(NotImplementedError):
     """Raised for a primitive, or a use of one, for which there is no rule, for arrays of an
-    unsupported type, and for a program that LLVM rejects.
-
-    - `location`: source line at which the primitive is called; "" if it is not known.
-
-    **Arguments:** `what`: what is not supported, such as "sort" or "gather of batches"; `location`:
-    see above.
-    """
+    unsupported type, and for a program that LLVM rejects."""
 
     def __init__(self, what: str, location: str = ""):
         super().__init__(f"{what}, in {location}" if location else what)
@@ -80,23 +71,15 @@ class UnsupportedPrimitiveError(NotImplementedError):
 
 @dataclass(frozen=True)
 class Packed:
-    """An array with one element for each tangent, as one vector.
-
-    - `value`: the vector.
-    """
+    """An array with one element for each tangent, as one vector."""
 
     value: Value
 
 
 @dataclass(frozen=True)
 class InMemory:
-    """An array in memory.
-
-    - `start`: first cell, in which its first element is.
-    - `shape`: shape of the array.
-    - `kind`: kind of its elements: "f" (float64), "i" (int64, uint32), "w" (int32) or "b" (bool).
-    - `owned`: whether its cells may be overwritten, because nothing else reads them.
-    """
+    """An array in memory from the cell `start` on, which may be overwritten if it is `owned`,
+    because nothing else reads its cells."""
 
     start: int
     shape: tuple[int, ...]
@@ -116,17 +99,13 @@ class InMemory:
 Array = Value | Packed | np.ndarray | InMemory
 """A scalar, a vector of tangents, a NumPy array of values, or an array in memory."""
 EquationRule = Callable[..., Sequence[Array]]
-"""Function of a `Lowering`, an equation and the equation's arguments that adds the equation to the
-program and returns its results."""
+"""Function of a `Lowering`, an equation of a jaxpr and the equation's arguments that adds
+operations to the program and returns the equation's results. It raises `UnsupportedPrimitiveError`
+for a use of the primitive that it does not support."""
 
 
 def scalar(array: Array, what: str = "an array in the place of a number") -> Value:
-    """Return an array of shape () as a value.
-
-    **Arguments:** `what`: what is not supported if the array has another shape.
-
-    **Raises:** `UnsupportedPrimitiveError` for another shape.
-    """
+    """Return an array of shape () as a value. For other shapes, `what` is the text of the error."""
     if not isinstance(array, int):
         raise UnsupportedPrimitiveError(what)
     return array
@@ -138,21 +117,14 @@ def borrowed(array: Array) -> Array:
 
 
 def aval_of(atom: Atom) -> ShapedArray:
-    """Return the shape and dtype of a variable or a number in a jaxpr.
-
-    **Raises:** `UnsupportedPrimitiveError` for a variable that is no array.
-    """
+    """Return the shape and dtype of a variable or a number in a jaxpr."""
     if not isinstance(atom.aval, ShapedArray):
         raise UnsupportedPrimitiveError(f"values of type {type(atom.aval).__name__}")
     return atom.aval
 
 
 def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
-    """Return the kind of the elements of an array: "f" (float64), "i" (int64, uint32), "w" (int32)
-    or "b" (bool).
-
-    **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`, such as float32.
-    """
+    """Return the kind of the elements of an array."""
     kind = _KINDS.get(array.dtype)
     if kind is None:
         raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
@@ -160,8 +132,7 @@ def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
 
 
 def element_indices(aval: ShapedArray) -> np.ndarray:
-    """Return an array of the shape of `aval` that has in each place the row-major index of that
-    place."""
+    """Return the row-major indices of the elements of an array, in its shape."""
     return np.arange(aval.size).reshape(aval.shape)
 
 
@@ -221,12 +192,8 @@ def tangents_of(jaxpr: core.Jaxpr) -> int:
 
 @dataclass
 class RepeatedCall:
-    """Several equations that call the same jaxpr.
-
-    - `shared`: for each argument, whether it is the same variable or number in all calls.
-    - `function`: function of machine code for the jaxpr; ``None`` until it is added to the program,
-      at the first call.
-    """
+    """Several equations that call the same jaxpr. Of each argument, `shared` tells whether it is
+    the same in all calls. The first call sets `function`."""
 
     shared: list[bool]
     function: "Function | None" = None
@@ -236,9 +203,8 @@ class RepeatedCall:
 class Function:
     """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
 
-    - `number`: number of the function, for `Operations.call`.
     - `parameters`: for each value that differs between calls, the first cell to which the caller
-      writes it. (A vector of tangents occupies several cells.)
+      writes it.
     - `places`: the arrays that differ between calls. Those in memory have the cells to which the
       caller copies its arrays.
     - `results`: arrays that the function returns, with the values as they are named inside of it.
@@ -257,7 +223,6 @@ class Function:
 class PureFunction:
     """A function of machine code for a jaxpr, of values that are passed as arguments.
 
-    - `number`: number of the function, for `Operations.called`.
     - `results`: arrays that the function returns, with the values as they are named inside of it.
     - `computed`: the values in `results` that the function computes. The others are constants.
     """
@@ -268,15 +233,8 @@ class PureFunction:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Return those equations of `jaxpr` that call an inner jaxpr for which a function of machine
-    code may be made.
-
-    The inner jaxpr has at least `SMALLEST_FUNCTION` equations and is called at least `FEWEST_CALLS`
-    times.
-
-    **Returns:** a `RepeatedCall` for the `id` of each of these equations. Equations that call the
-    same inner jaxpr share one.
-    """
+    """Return the equations that call a large inner jaxpr repeatedly, by their `id`. Those that call
+    the same one share one `RepeatedCall`."""
     # Calls of the same jaxpr share one object for it.
     groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
@@ -308,9 +266,8 @@ class Lowering:
     - `ops`: operations of the program.
     - `constants`: arrays that must be in memory before the program starts, by their first cells.
 
-    **Arguments:** `ops`: operations of the program; `rules`: rules of the primitives that do not
-    work element by element, by the primitives' names. (The rules of the others are in
-    `.elementwise`.)
+    **Arguments:** `rules`: rules of the primitives that do not work element by element, by the
+    primitives' names. The rules of the others are in `.elementwise`.
     """
 
     def __init__(self, ops: Operations, rules: Mapping[str, EquationRule]):
@@ -326,24 +283,17 @@ class Lowering:
     # Forms of arrays.
 
     def region(self, aval: ShapedArray) -> Region:
-        """Reserve the cells of an array of the given shape and dtype."""
+        """Reserve the cells of an array."""
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
-        """Return the argument of the program that is in a region.
-
-        A small array is read from there. A larger one stays there and may be overwritten.
-
-        **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
-        """
+        """Return the argument of the program that is in a region. If it stays in memory, it may be
+        overwritten."""
         memory = InMemory(region.start, region.shape, kind_of(region), owned=True)
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def constant(self, array: ArrayLike) -> Array:
-        """Return known numbers as an array of the program.
-
-        **Raises:** `UnsupportedPrimitiveError` for a dtype that is not in `KINDS`.
-        """
+        """Return known numbers as an array of the program."""
         array = np.asarray(array)
         kind = kind_of(array)
         if array.size > LARGEST_UNROLLED:
@@ -354,8 +304,8 @@ class Lowering:
         return self.array(values, array.shape)
 
     def array(self, values: Sequence[Value], shape: tuple[int, ...]) -> Array:
-        """Return the array with the given shape and elements, in row-major order, in the form for
-        this shape: a scalar, a vector of tangents, or an array of values."""
+        """Return the array with the given elements, in row-major order, in the form for its
+        shape."""
         if shape == ():
             return values[0]
         if self.is_packed(shape):
@@ -363,12 +313,12 @@ class Lowering:
         return np.array(values, dtype=np.int64).reshape(shape)
 
     def is_known(self, memory: InMemory) -> bool:
-        """Return whether an array in memory consists of numbers known while the program is built,
-        which are the same in all lanes."""
+        """Return whether the numbers of an array in memory are known, and so the same in all
+        lanes."""
         return memory.start in self.constants
 
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
-        """Reserve cells for an array and return the array, whose elements are not defined yet."""
+        """Reserve cells for an array whose elements are not defined yet."""
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
@@ -396,15 +346,13 @@ class Lowering:
         return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
 
     def read(self, memory: InMemory) -> Array:
-        """Add the reads of a small array in memory, and return it in the form for its shape."""
+        """Add the reads of a small array in memory."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Add the writes of an array to the cells from `start`, or `start` + `index`, on.
-
-        An array in memory must not overlap with these cells, since it is copied one element after
-        the other.
-        """
+        """Add the writes of an array to the cells from `start`, or `start` + `index`, on. They must
+        not overlap with those of an array in memory, which is copied one element after the
+        other."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -418,7 +366,7 @@ class Lowering:
         ops.repeat(array.size, visit)
 
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """Return an array of the given shape in memory; write it to new cells if necessary."""
+        """Return an array in memory; write it to new cells if necessary."""
         if isinstance(array, InMemory):
             return array
         values = self.values(array)
@@ -428,10 +376,7 @@ class Lowering:
         return memory
 
     def stored(self, array: Array, aval: ShapedArray) -> Region:
-        """Return the region of memory that has an array; write the array there if necessary.
-
-        **Arguments:** `aval`: shape and dtype of the array.
-        """
+        """Return the region of memory that has an array; write it there if necessary."""
         if isinstance(array, InMemory):
             return Region.of(aval, array.start)
         region = self.region(aval)
@@ -439,7 +384,7 @@ class Lowering:
         return region
 
     def copied(self, memory: InMemory) -> InMemory:
-        """Copy an array in memory to new cells, and return the copy."""
+        """Copy an array in memory to new cells."""
         copy = self.new_array(memory.shape, memory.kind)
         self.write(memory, copy.start)
         return copy
@@ -456,10 +401,8 @@ class Lowering:
         return flat
 
     def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-        """Return arrays with the given values and the forms of `like`: the inverse of `flatten`.
-
-        `flatten` leaves out arrays in memory, so the arrays in memory of `like` are returned.
-        """
+        """Return arrays with the given values and the forms of `like`, whose arrays in memory are
+        kept."""
         remaining = iter(values)
         arrays: list[Array] = []
         for array in like:
@@ -475,10 +418,8 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the elements of an array at known row-major indices, in the shape of `indices`.
-
-        If the array is in memory, the result may share its cells.
-        """
+        """Return the elements of an array at known row-major indices, in the shape of `indices`. If
+        the array is in memory, the result may share its cells."""
         shape, flat, ops = indices.shape, indices.ravel(), self.ops
         if isinstance(array, InMemory) and is_contiguous(flat):
             part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
@@ -513,10 +454,9 @@ class Lowering:
     ) -> InMemory:
         """Add a loop that applies a function to the elements of arrays, and return its results.
 
-        **Arguments:** `rule`: adds the operations for one element of each argument, and returns
-        the result; `kind`, `shape`: those of the array of results; `arguments`: arrays of that
-        shape, and scalars, which are the same for all elements; `by_vectors`: whether the function
-        also takes vectors, so that a program with tangents computes several elements at once.
+        **Arguments:** `rule`: adds the operations for one element of each argument; `arguments`:
+        arrays of the given shape, and scalars; `by_vectors`: whether the function also takes
+        vectors, so that a program with tangents computes several elements at once.
         """
         ops = self.ops
         out = self.new_array(shape, kind)
@@ -546,12 +486,8 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop for each result of a jaxpr, which computes an element of the result from those
-        of the arguments.
-
-        **Arguments:** `closed`: made by `elementwise`, or by JAX's derivatives from such a jaxpr;
-        `arguments`: arrays of the shapes of its results, and scalars.
-        """
+        """Add a loop for each result of a jaxpr that was made by `elementwise`, or by JAX's
+        derivatives of one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The derivatives of a linear function do not need its values, which have another shape.
@@ -572,8 +508,7 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
-        """Add the equations of a jaxpr for one element of each argument, or a vector of them, and
-        return that of the result."""
+        """Add the equations of a jaxpr for one element of each argument, or a vector of them."""
         known: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:
@@ -591,13 +526,8 @@ class Lowering:
     def inline(
         self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
-        """Add the equations of a jaxpr to the program and return its results.
-
-        Owned arrays in memory among the arguments may be overwritten.
-
-        **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule,
-        and for an unsupported dtype.
-        """
+        """Add the equations of a jaxpr to the program and return its results. Owned arrays in
+        memory among the arguments may be overwritten."""
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
         constants = [self.constant(const) for const in closed.consts]
@@ -617,7 +547,6 @@ class Lowering:
         return [self._atom(atom, known) for atom in opened.outvars]
 
     def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
-        """Return the array of a variable, or of a number in a jaxpr."""
         if not isinstance(atom, core.Literal):
             return known[atom]
         if np.ndim(atom.val) == 0:
@@ -633,16 +562,11 @@ class Lowering:
         last_reads: dict[Atom, int],
         number: int,
     ) -> None:
-        """Add an equation to the program and its results to `known`.
+        """Add an equation to the program and its results to `known`, the arrays of the variables so
+        far.
 
         Arrays in memory that something else may read later are marked as not owned: arguments that
         are read again, and results that share cells with these or with each other.
-
-        **Arguments:** `known`: arrays of the variables of the jaxpr so far; `last_reads`: number of
-        the last equation that reads each variable; `number`: number of this equation.
-
-        **Raises:** `UnsupportedPrimitiveError` with the source line of the equation, if there is no
-        rule for its primitive or for this use of it, or if a dtype is not supported.
         """
         arguments: list[Array] = []
         kept: dict[Atom, InMemory] = {}
@@ -681,11 +605,6 @@ class Lowering:
             known[variable] = out
 
     def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
-        """Add an equation to the program by the rule of its primitive, and return its results.
-
-        **Raises:** `UnsupportedPrimitiveError` if there is no such rule, or if the rule does not
-        support this use of the primitive.
-        """
         name = equation.primitive.name
         if name in IDENTITIES:
             return arguments
@@ -766,11 +685,7 @@ class Lowering:
 
     def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
         """Add a call of the function for a jaxpr that many places call, and at the first call the
-        function itself.
-
-        All arguments are passed, so that every block can call the function. If one of them is in
-        memory, the equations of the jaxpr are added instead.
-        """
+        function. All arguments are passed, so that every block can call it."""
         ops = self.ops
         if any(isinstance(array, InMemory) for array in arguments):
             return self.inline(closed, arguments)
@@ -791,12 +706,8 @@ class Lowering:
     def _shared_function(
         self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
     ) -> PureFunction:
-        """Add a function that every block can call.
-
-        **Arguments:** `add`: adds the function's operations, and returns its results for its
-        arguments; `like`: arrays of the forms of the arguments; `kinds`: kinds of the values in
-        them.
-        """
+        """Add a function that every block can call. `add` adds its operations; `like` are arrays of
+        the forms of its arguments, whose values have the given kinds."""
 
         def build(results: list[Array], computed: list[Value], given: list[Value]) -> list[Value]:
             results[:] = add(self.unflatten(given, like))
@@ -814,21 +725,14 @@ class Lowering:
         return replace(function, number=number)
 
     def _called(self, function: PureFunction, values: list[Value]) -> list[Value]:
-        """Add a call of a function that every block can call, and return the values of its
-        results.
-
-        **Arguments:** `values`: values of the function's arguments.
-        """
         computed = self.ops.called(function.number, values)
         found = dict(zip(function.computed, computed, strict=True))
         return [found.get(value, value) for value in self.flatten(function.results)]
 
     def _elementary(self, name: str, argument: Value) -> Value:
-        """Add an elementary function of a float, and return its result.
-
-        After `MOST_ELEMENTARY` of them, calls of functions are added. Sine and cosine have most of
-        their operations in common, so one function returns both.
-        """
+        """Add an elementary function of a float; after `MOST_ELEMENTARY` of them, a call of a
+        function. One function returns both sine and cosine, which have most of their operations in
+        common."""
         ops = self.ops
         if ops.number(argument) is not None:
             return apply(ops, name, argument)
@@ -851,12 +755,8 @@ class Lowering:
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
     ) -> Callable[..., Value]:
-        """Return the function that applies the primitive `name`, which works element by element, to
-        values.
-
-        **Arguments:** `aval`: has the dtype of the result; `parameter`: for a primitive whose rule
-        takes a parameter as last argument, this parameter, such as the exponent of "integer_pow".
-        """
+        """Return the function that applies the elementwise primitive `name`, with a result as
+        `aval`."""
 
         if name in ELEMENTARY:
             return partial(self._elementary, name)
@@ -871,7 +771,6 @@ class Lowering:
         return rule
 
     def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
-        """Add an equation that works element by element, and return its result."""
         aval, name = aval_of(equation.outvars[0]), equation.primitive.name
         kind, shape = kind_of(aval), tuple(aval.shape)
         parameter = equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
@@ -895,10 +794,7 @@ class Lowering:
         return self.array([rule(*row) for row in zip(*rows, strict=True)], shape)
 
     def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
-        """Return the array in `shape`, with axes of length one repeated; a scalar is unchanged.
-
-        **Arguments:** `aval`: has the shape of `array`.
-        """
+        """Return an array of the shape of `aval` in `shape`, with axes of length one repeated."""
         if isinstance(array, int) or tuple(aval.shape) == shape:
             return array
         return self.take(array, np.broadcast_to(element_indices(aval), shape))

@@ -1,12 +1,10 @@
 """Machine code of native programs, and the files that save it for other processes.
 
 LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
-in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text and the
-processor. A process that reads it need not compile, but must trace the function and make the text
-to find the file. A file with a whole program also has the layout of the program's arguments and
-results. Its name is a digest of the function, of the structure, shapes, dtypes and static values of
-the arguments, of versions and settings, and of the processor, so that a process that reads it need
-not trace the function or make the text either.
+in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text. A file
+with a whole program also has the layout of arguments and results, and is named by a digest of the
+function, the form of the arguments, versions and settings, so that a process that reads it neither
+traces the function nor makes the text.
 """
 
 import ctypes
@@ -75,18 +73,16 @@ _NOT_DESCRIBED = (
     TypeError,
     ValueError,
 )
-"""Errors of values for which there is no key."""
 MOST_PROGRAMS = 256
 """Largest number of programs that `RecentPrograms` holds."""
 
 
 class RecentPrograms(OrderedDict[Hashable, Program]):
-    """Programs of a process by their keys, at most `MOST_PROGRAMS`.
+    """Programs of a process by their keys, at most `MOST_PROGRAMS`. Threads may use it at once.
 
-    A program occupies about 1 MB and four of the mappings of memory of which a process may have
-    65 530. Beyond the limit, the least recently used program is removed. Its machine code is freed
-    when the last call of it has ended, because a call holds the program. Threads may use the object
-    at once.
+    A program occupies about 1 MB and four of the mappings of memory of which a process may have 65
+    530. Beyond the limit, the least recently used program is removed. Its machine code is freed
+    when the last call of it has ended, because a call holds the program.
     """
 
     def recent(self, key: Hashable) -> Program | None:
@@ -108,10 +104,7 @@ class RecentPrograms(OrderedDict[Hashable, Program]):
 
 
 class Stopwatch:
-    """Measures the processor time that this thread spends in each stage of making a program.
-
-    - `seconds`: time of each stage, s, by its name.
-    """
+    """Measures the processor time, s, that this thread spends in each stage of making a program."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
@@ -131,13 +124,11 @@ class Code:
     when it is first run.
 
     - `text`: the program in LLVM's language; empty after unpickling.
-    - `seconds`: processor time, s, of each stage: "writing", "compiling", and those that
-      `stopwatch` has recorded before, such as "tracing" and "lowering".
+    - `seconds`: processor time, s, of each stage.
 
-    **Arguments:** `lowering`: lowering of the whole program; `stopwatch`: measures the stages;
-    `result`: value of the program, an int64, that `run` returns; ``None`` if `run` is to return 0.
-    If the program computes several runs (lanes) at once, `run` returns the value of the first lane.
-    `optimisation`: LLVM's level of optimisation, `FOR_LOOPS` or `FOR_FEW_RUNS`.
+    **Arguments:** `result`: value of the program, an int64, that `run` returns, in a program of
+    several lanes that of the first one; `optimisation`: LLVM's level, `FOR_LOOPS` or
+    `FOR_FEW_RUNS`.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -164,20 +155,15 @@ class Code:
         return state
 
     def memory(self) -> Memory:
-        """Return new memory for the program, with its constants and with zeros in all other cells.
-
-        The caller writes the arguments to it before `run`, and reads the results from it after.
-        """
+        """Return new memory for the program, with its constants and with zeros in all other
+        cells."""
         memory = Memory(self._cells, self._lanes)
         for start, array in self._constants.items():
             memory.write(Region.of(array, start), array)
         return memory
 
     def run(self, memory: Memory) -> int:
-        """Execute the program, and return the number of `result`.
-
-        **Arguments:** `memory`: memory that the method `memory` has returned, with the arguments.
-        """
+        """Execute the program, and return the number of `result`, or 0 without one."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         return function(memory.address)
 
@@ -213,10 +199,6 @@ _target_machine = functools.cache(_new_target_machine)
 
 
 def _saved_object_file(text: str, optimisation: int) -> bytes:
-    """Return the object file of a program's text from disk, or compile and save it.
-
-    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
-    """
     parts = text, str(optimisation), *_target()
     key = digest(*parts, digits=LONG)
     store = _store()
@@ -231,10 +213,6 @@ def _saved_object_file(text: str, optimisation: int) -> bytes:
 
 
 def _object_file(text: str, optimisation: int) -> bytes:
-    """Compile a program's text to an object file for the processor of this machine.
-
-    **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the text.
-    """
     machine = _target_machine(optimisation)
     try:
         module = llvm.parse_assembly(text)
@@ -257,16 +235,11 @@ def _object_file(text: str, optimisation: int) -> bytes:
 
 
 def _target() -> tuple[str, ...]:
-    """Return the version of llvmlite, which contains LLVM, and name and features of the processor.
-
-    They are part of all keys, because saved machine code is valid for these only.
-    """
     features = llvm.get_host_cpu_features().flatten()
     return llvmlite.__version__, llvm.get_host_cpu_name(), features
 
 
 def _store() -> ProgramStore | None:
-    """Return the store of programs in JAX's compilation cache; ``None`` if that is not in use."""
     folder = cache_in_use()
     return None if folder is None else ProgramStore(folder / "native")
 
@@ -279,21 +252,14 @@ def load_or_make(
 ) -> Program:
     """Load the program of a function from disk, or make and save it.
 
-    A loaded program needs neither tracing nor lowering. The program is made and not saved
+    The program is made and not saved
 
-    - unless `keep_programs`, in `..compilation.program_store`, has switched saving on;
+    - unless `keep_programs` in `.._compilation.program_store` has switched saving on;
     - if JAX's compilation cache is not in use;
     - if the package's code has changed since its import;
-    - if the function or its arguments contain classes or functions that belong neither to this
-      package nor to one of a known version, since a change of their code would not be noticed;
-    - if they contain other values that `digest_of` refuses;
+    - if the function or its arguments contain classes or functions of which neither the source nor
+      the version is known, or other values that `digest_of` refuses;
     - if the program cannot be pickled or written.
-
-    **Arguments:** `function`, `arguments`: function of PyTrees, and arguments with the structure,
-    shapes, dtypes and static values for which the program is valid; `make`: makes the program, at
-    LLVM's level `optimisation`.
-
-    **Raises:** what `make` raises.
     """
     kept = load(function, arguments, optimisation)
     if kept is not None:
@@ -311,10 +277,8 @@ def load_or_make(
 def load(
     function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int = FOR_LOOPS
 ) -> object:
-    """Load the program that `load_or_make` has saved for the same function and arguments.
-
-    **Returns:** the program; ``None`` if there is none, or if it cannot be read.
-    """
+    """Load the program that `load_or_make` has saved for the same function and arguments; ``None``
+    if there is none, or if it cannot be read."""
     place = _place(function, arguments, optimisation)
     if place is None:
         return None
@@ -328,7 +292,6 @@ def load(
 def _place(
     function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int
 ) -> tuple[ProgramStore, str] | None:
-    """Return the store and the key of a program; ``None`` if it cannot or shall not be saved."""
     store = _store() if keeps_programs() else None
     if store is None:
         return None
@@ -339,15 +302,8 @@ def _place(
 
 
 def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int) -> str:
-    """Return the key of a function's program for the given arguments.
-
-    It is a text that is the same in all processes. It depends on the shapes and dtypes of arrays in
-    the arguments, but not on their numbers.
-
-    **Raises:** `NotPlainError` if function or arguments contain classes or functions that belong
-    neither to this package nor to one of a known version, or other values that `digest_of` refuses;
-    `ChangedCodeError` if the package's own code has changed since its import.
-    """
+    """Return the key of a function's program, a text that is the same in all processes. It depends
+    on the shapes and dtypes of arrays in the arguments, but not on their numbers."""
     shapes = jax.tree.map(_form, arguments)
     settings = {
         name: repr(value)
@@ -359,7 +315,6 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimis
 
 
 def _form(leaf: PyTree) -> PyTree:
-    """Return shape, dtype and weakness of the type of an array, or any other leaf itself."""
     if not eqx.is_array(leaf):
         return leaf
     return jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, weak_type=is_weak(leaf))

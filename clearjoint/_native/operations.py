@@ -5,10 +5,7 @@ A value is named by an integer and computed once (static single assignment). Its
 vector of tangents: derivatives of one variable by several parameters. With the suffix ``v`` it is
 that of a vector with an element for each of several calls, which are computed together. A program
 may compute several runs, called lanes, at once; each value is then a vector with a number for each
-lane. A block is a
-list of entries: pure operations, reads and writes of memory, calls of functions, and branches and
-loops, which contain blocks. Memory consists of numbered cells, each of which holds one number for
-each lane. A vector of tangents occupies consecutive cells.
+lane.
 """
 
 import bisect
@@ -43,7 +40,7 @@ class Operation:
       from memory and writes its results there.
 
     A vector of tangents is read from, or written to, the given cell and the following ones. For
-    "store" and "call", `out` is ``None``. An operation contains no blocks, so `blocks` is empty.
+    "store" and "call", `out` is ``None``.
     """
 
     out: Value | None
@@ -88,10 +85,9 @@ class Loop:
     """Execute the block `head`, which computes `condition`; while it holds, execute `body` and then
     `head` again.
 
-    The values `carries` start as `first`. Each execution of the body computes `following`, which
-    are the carries in the next iteration. With several lanes, the body is executed for all lanes as
-    long as the condition holds in any lane. The body must then leave the carries of lanes in which
-    the condition does not hold unchanged.
+    The values `carries` start as `first`; each execution of the body computes the next ones as
+    `following`. With several lanes, the body is executed for all lanes as long as the condition
+    holds in any lane, and must leave the carries of the other lanes unchanged.
     """
 
     carries: list[Value]
@@ -118,7 +114,6 @@ Block = list[Entry]
 
 
 def _divided(a: float, b: float) -> float:
-    """Return a/b as the processor computes it: infinite or NaN, without an error, if b is zero."""
     with np.errstate(all="ignore"):
         return float(np.float64(a) / np.float64(b))
 
@@ -144,11 +139,11 @@ _RANGE = {"i": 1 << 63, "w": 1 << 31}
 class Operations:
     """Builds the blocks of a program.
 
-    A pure operation is not added if its result can be computed from known numbers, if its result
-    is one of its operands (x times 1), or if the same operation on the same arguments has been
-    added already in this block or in one that contains it. Where a simpler operation has the same
-    result, as the negation for x times -1, the simpler one is added instead. Loads, stores and
-    calls are always added.
+    A pure operation is not added if its result can be computed from known numbers, if its result is
+    one of its operands (x times 1), or if the same operation on the same arguments has been added
+    already in this block or in one that contains it. Where a simpler operation has the same result,
+    as the negation for x times -1, the simpler one is added instead. Loads, stores and calls are
+    always added.
 
     - `kinds`: kind of each value.
     - `constants`: numbers of the values that are known.
@@ -158,15 +153,14 @@ class Operations:
     - `signatures`: for pure functions, by their numbers, the values of arguments and results.
     - `of_vectors`: for pure functions of numbers, by their numbers, the numbers of functions that
       compute several calls of them at once (see `.alike_calls`).
-    - `packed_length`: number of tangents, which is the length of the arrays that are kept
-      ("packed") as vectors of tangents; 0 for none.
-    - `packed`: number of elements of such a vector, and so of the cells that it occupies: the
-      smallest power of two that is not below `packed_length`, since the processor's vectors have
-      such lengths. The additional elements repeat the last tangent. 0 without tangents.
+    - `packed_length`: number of tangents, 0 for none.
+    - `packed`: number of elements of a vector of tangents, and so of its cells: the smallest power
+      of two that is not below `packed_length`, since the processor's vectors have such lengths. The
+      additional elements repeat the last tangent.
 
-    **Arguments:** `width`: number of lanes; `tangents`: number of tangents in a vector of tangents,
-    0 for none; `calls_at_once`: number of calls that functions `of_vectors` compute, 1 for no such
-    functions. A program of several lanes can have neither.
+    **Arguments:** `width`: number of lanes; `calls_at_once`: number of calls that functions
+    `of_vectors` compute, 1 for no such functions. A program of several lanes can have neither
+    tangents nor these.
     """
 
     def __init__(self, width: int = 1, tangents: int = 0, calls_at_once: int = 1):
@@ -204,11 +198,8 @@ class Operations:
         self._mask: Value | None = None
 
     def new(self, kind: str, depth: int | None = None) -> Value:
-        """Return a new value of a kind.
-
-        **Arguments:** `depth`: number of functions around the value, by default all that are being
-        built.
-        """
+        """Return a new value of a kind, inside of `depth` functions, by default all that are being
+        built."""
         depth = len(self._outside) if depth is None else depth
         self.kinds.append(kind)
         value = len(self.kinds) - 1
@@ -217,7 +208,7 @@ class Operations:
         return value
 
     def constant(self, kind: str, number: Number) -> Value:
-        """Return the value of a kind that is a known number in all lanes."""
+        """Return the value that is a known number in all lanes."""
         if kind == "f":
             number = float(number)
             # By its bits, since 0.0 == -0.0 and NaN != NaN.
@@ -240,19 +231,13 @@ class Operations:
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Declare that a value is the same in all lanes.
-
-        This is for values for which it does not follow from the operations that compute them, such
-        as the counter of a loop.
-        """
+        """Declare that a value is the same in all lanes, where this does not follow, as for a
+        counter."""
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
-        """Add the pure operation `name`, unless it is redundant (see the class), and return its
-        result.
-
-        **Arguments:** `kind`: kind of the result; `arguments`: at least one value.
-        """
+        """Add the pure operation `name` unless it is redundant (see the class), and return its
+        result."""
         simpler = self._simplified(name, kind, arguments)
         if simpler is not None:
             return simpler
@@ -337,20 +322,15 @@ class Operations:
         return None
 
     def repeated_number(self, value: Value) -> Number | None:
-        """Return the known number of a value, or the one that all elements of a vector have.
-
-        **Returns:** the number; ``None`` if only the run determines it, and for a vector whose
-        elements are not all the same value.
-        """
+        """Return the known number of a value, or of all elements of a vector; ``None`` if not
+        known."""
         # A vector with equal elements is made from one value by the operation "splat".
         element = self._operand_of("splat", value)
         return self.constants.get(value if element is None else element)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each element of a vector, is known to be `number`.
-
-        0.0 and -0.0 are different numbers here.
-        """
+        """Return whether a float, or each element of a vector, is known to be `number`. Zeros of
+        different signs are different numbers here."""
         known = self.repeated_number(value)
         return (
             isinstance(known, float)
@@ -359,11 +339,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation that computed a value; ``None`` unless this
-        operation is `name`.
-
-        **Arguments:** `name`: an operation with one argument.
-        """
+        """Return the argument of the operation `name` that computed a value; ``None`` for another
+        one."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -395,11 +372,8 @@ class Operations:
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Within the context, add entries to `block`.
-
-        Values that these entries compute are not reused after the context, because the program may
-        get there without having executed the block.
-        """
+        """Within the context, add entries to `block`. Their values are not reused after it, because
+        the program may get there without having executed the block."""
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -422,11 +396,8 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of the cell `start` + `index`, or `start` without an index.
-
-        **Returns:** the number in the cell, as a value of the given kind; for a vector of tangents,
-        the numbers in this cell and the following ones.
-        """
+        """Add the read of the cell `start` + `index`, or `start` without an index. A vector is read
+        from this cell and the following ones."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
@@ -434,9 +405,7 @@ class Operations:
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
         """Add the write of a value to the cell `start` + `index`, or `start` without an index.
-
-        Within the context `masked`, only lanes in which its condition holds write.
-        """
+        Within `masked`, only lanes in which its condition holds write."""
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
@@ -461,11 +430,8 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the cell and the arguments with which an operation addresses `start` + `index`.
-
-        The only argument is the index. There is none if the index is ``None``, or if it is known
-        and thus added to the cell.
-        """
+        """Return the cell and the arguments with which an operation addresses `start` + `index`. A
+        known index is added to the cell."""
         known = None if index is None else self.constants.get(index)
         if known is None:
             return start, () if index is None else (index,)
@@ -474,15 +440,11 @@ class Operations:
     # Functions.
 
     def function(self, build: Callable[[], None]) -> int:
-        """Add a function to the program. The current block, and blocks inside it, can call it.
+        """Add a function that the current block, and blocks inside it, can call, and return its
+        number.
 
         Values from outside that the function uses are written to memory in the current block, and
-        the function reads them there.
-
-        **Arguments:** `build`: adds the entries of the function. They write in all lanes, even if
-        the function is added inside a `masked` context, whose condition does not apply in it.
-
-        **Returns:** the number of the function.
+        the function reads them there. It writes in all lanes, even inside a `masked` context.
         """
         inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
@@ -503,15 +465,13 @@ class Operations:
     def pure_function(
         self, kinds: list[str], build: Callable[[list[Value]], list[Value]], width: int = 0
     ) -> int:
-        """Add a function of values to the program, which `called` calls in any block.
+        """Add a function of values to the program, which `called` calls in any block, and return
+        its number.
 
         **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function,
         for the values of its arguments, and returns the values of its results. It must use no other
         values from outside than constants. What it writes to memory must not be read outside.
-        `width`: number of elements of its values, as if these were lanes; by default that of the
-        functions around it.
-
-        **Returns:** the number of the function.
+        `width`: number of lanes of its values, by default that of the functions around it.
         """
         # Nothing from outside is reused in the function, and nothing is moved out of it.
         outside, scopes, known = self._outside, self._scopes, self._known
@@ -537,10 +497,8 @@ class Operations:
         self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
     ) -> None:
         """Add the function `of_vectors` that computes several calls of a pure function at once.
-
-        Nothing is added to a program of several lanes, nor for functions that use memory or vectors
-        of tangents. The arguments are those of `pure_function`.
-        """
+        There is none in a program of several lanes, nor for functions that use memory or vectors of
+        tangents."""
         if (
             self.calls_at_once == 1
             or self.width > 1
@@ -589,11 +547,8 @@ class Operations:
         ]
 
     def once(self, key: tuple, add: Callable[[], list[Value]]) -> list[Value]:
-        """Add entries unless the same ones have been added already in this block or in one that
-        contains it, and return their values.
-
-        **Arguments:** `key`: tells what the entries compute; `add`: adds them.
-        """
+        """Add entries unless this block, or one that contains it, has them already, and return
+        their values. The entries are identified by `key`."""
         known = [self._known[key, 0]] if (key, 0) in self._known else []
         while known and (key, len(known)) in self._known:
             known.append(self._known[key, len(known)])
@@ -614,13 +569,8 @@ class Operations:
         self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
-        """Add the write of a value to a cell from which a function or its caller reads it.
-
-        All lanes write, also within `masked`, because a function computes in all lanes. A vector of
-        tangents is written to this cell and the following ones.
-
-        **Returns:** the cell, which is a new one unless given.
-        """
+        """Add the write of a value to a cell, by default a new one, from which a function or its
+        caller reads it, and return the cell. All lanes write, also within `masked`."""
         if cell is None:
             cell = self.allocate_for(self.kinds[value])
         self.block.append(Operation(None, "store", (value,), cell))
@@ -640,13 +590,8 @@ class Operations:
         yes: Callable[[], list[Value]],
         no: Callable[[], list[Value]],
     ) -> list[Value]:
-        """Add a branch and return its values.
-
-        **Arguments:** `condition`: a bool, see `Branch` for several lanes; `yes`: adds the entries
-        of the block that is executed if the condition holds, and returns the block's values; `no`:
-        the same for the block that is executed if it does not hold. Both return the same number of
-        values, of the same kinds.
-        """
+        """Add a branch and return its values. `yes` and `no` add the entries of a block, and return
+        values of the same kinds."""
         blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
             with self.inside(block):
@@ -661,12 +606,9 @@ class Operations:
         holds: Callable[[list[Value]], Value],
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop and return its carries after the last iteration.
-
-        **Arguments:** `first`: carries before the first iteration; `holds`: adds the condition for
-        a further iteration, a bool, as a function of the carries (see `Loop` for several lanes);
-        `body`: adds the loop's body, as a function of the carries, and returns the next carries.
-        """
+        """Add a loop and return its carries after the last iteration. `holds` adds the condition
+        for a further iteration, and `body` the loop's body, as functions of the carries; `body`
+        returns the next ones."""
         # The condition is computed in its own block, which is executed once more than the body.
         carries = [self.new(self.kinds[value]) for value in first]
         head, inner = [], []
@@ -678,10 +620,7 @@ class Operations:
         return carries
 
     def repeat(self, count: int, visit: Callable[[Value], None]) -> None:
-        """Add a loop over the indices 0 to `count` - 1.
-
-        **Arguments:** `visit`: adds the loop's body, as a function of the index.
-        """
+        """Add a loop over the indices 0 to `count` - 1, whose body `visit` adds for an index."""
 
         def holds(carries: list[Value]) -> Value:
             # All lanes have the same index, so they can read and write a cell at once.
@@ -699,8 +638,6 @@ class Operations:
 def _operator(
     float_name: str, name: str, bool_name: str = ""
 ) -> "Callable[[Symbol, Symbol | Number], Symbol]":
-    """Return a method that adds the operation `float_name` for floats, `name` for integers, and
-    `bool_name` for bools, or `name` if `bool_name` is empty."""
     names = {"f": float_name, "b": bool_name or name}
     return lambda a, b: a.emit(names.get(a.letter, name), b)
 
@@ -709,14 +646,9 @@ class Symbol:
     """A value of a program, for formulas: Python's operators add operations to the program.
 
     The kind of the first operand decides which operation an operator adds: `+` is "fadd" for floats
-    and "add" for integers. Sum, difference and product of bools are "or", "xor" and "and". Only
-    floats can be divided by `/`. The second operand may be a number, which stands for a value of
-    the first operand's kind.
-
-    - `kind`: kind of the value.
-    - `letter`: first letter of the kind, which a vector of tangents shares with its elements.
-
-    **Arguments:** `ops`: operations of the program; `value`: the value.
+    and "add" for integers. Sum, difference and product of bools are "or", "xor" and "and". The
+    second operand may be a number. `letter` is the first letter of the kind, which a vector of
+    tangents shares with its elements.
     """
 
     __slots__ = ("kind", "letter", "ops", "value")
@@ -733,10 +665,8 @@ class Symbol:
         return Symbol(self.ops, constant)
 
     def emit(self, name: str, *others: "Symbol | Number", letter: str = "") -> "Symbol":
-        """Add an operation on this value and others, and return its result.
-
-        **Arguments:** `letter`: first letter of the result's kind, by default that of this value.
-        """
+        """Add an operation whose result has a kind with the given first letter, by default that of
+        this value."""
         kind = letter + self.kind[1:] if letter else self.kind
         values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
         return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))
@@ -754,10 +684,8 @@ class Symbol:
         return self.emit("not")
 
     def compare(self, name: str, other: "Symbol | Number") -> "Symbol":
-        """Return the bool that results from comparing this value with another one.
-
-        **Arguments:** `name`: "lt", "le", "gt", "ge", "eq" or "ne".
-        """
+        """Return the comparison "lt", "le", "gt", "ge", "eq" or "ne" of this value and another
+        one."""
         return self.emit(("f" if self.letter == "f" else "i") + name, other, letter="b")
 
     def select(self, yes: "Symbol", no: "Symbol") -> "Symbol":

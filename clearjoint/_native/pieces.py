@@ -22,8 +22,6 @@ LENGTH = 250
 
 @dataclass
 class _Pieces:
-    """The place of pieces in a block: their range of numbers."""
-
     numbers: range
 
 
@@ -32,10 +30,10 @@ class Division:
 
     - `pieces`: operations of the pieces, by their numbers.
 
-    **Arguments:** `program`: gets cells of memory for values that pass between pieces; `ordered`:
-    returns operations in the order in which they shall be executed; `needed`: returns the values
-    that an operation uses; `first`: number of the first piece, by which operations "call" name it;
-    `written`: cells that the function, and those that it calls, may write to.
+    **Arguments:** `ordered`: returns operations in the order in which they shall be executed;
+    `needed`: returns the values that an operation uses; `first`: number of the first piece, by
+    which operations "call" name it; `written`: cells that the function and those it calls may write
+    to.
     """
 
     def __init__(
@@ -57,10 +55,8 @@ class Division:
         self._unchanged: dict[Value, int] = {}
 
     def divide(self, block: Block, results: Iterable[Value] = ()) -> None:
-        """Replace the long sequences of a block, and of the blocks inside of it, by calls.
-
-        **Arguments:** `results`: values that are used after the block.
-        """
+        """Replace the long sequences of a block by calls. The values `results` are used after the
+        block."""
         self._cut(block)
         if not self.pieces:
             return
@@ -80,7 +76,6 @@ class Division:
         self._call(block)
 
     def _cut(self, block: Block) -> None:
-        """Put `_Pieces` in the places of long sequences, and find the users of all values."""
         new, sequence = [], []
 
         def end() -> None:
@@ -169,10 +164,8 @@ def cells_of(program: Operations, value: Value, start: int) -> range:
 
 
 def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:
-    """Return the cells to which the operations of a block may write.
-
-    **Arguments:** `by_functions`: those to which the functions write that the block may call.
-    """
+    """Return the cells to which the operations of a block may write. `by_functions` has the cells
+    to which the functions write that the block may call."""
     cells = set[int]()
     for entry in block:
         for inner in entry.blocks:
@@ -193,7 +186,7 @@ def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[
 
 def _parts(operations: list[Operation]) -> Iterator[list[Operation]]:
     """Yield parts of a list of operations, of about `LENGTH`. The results of a call of a function
-    of values are read right after it: they can't pass to another part together."""
+    of values are read right after it: they cannot pass to another part together."""
     results: dict[Value, list[Operation]] = {}
     for operation in operations:
         if operation.name == "result":

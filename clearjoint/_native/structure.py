@@ -1,13 +1,5 @@
 """Rules of the primitives that rearrange or combine elements, such as slices and sums.
 
-A rule takes the `Lowering`, which builds the program, an equation of a jaxpr and the equation's
-arguments. It adds operations to the program and returns the equation's results. A value is an
-integer that names a number in the program. Its kind is "f" for a float64, "i" for an int64 or "b"
-for a bool, among others. Arguments and results are `Array`s: a scalar value, a vector of tangents,
-which are derivatives by parameters (`Packed`), a NumPy array of values, or an array in memory
-(`InMemory`). An array in memory is called large: it has more than `LARGEST_UNROLLED` elements and
-is processed by loops.
-
 A rule that rearranges elements applies the corresponding NumPy operation to an array with the
 row-major index of each element: the result has in each position the index of the element that is
 moved there.
@@ -40,29 +32,22 @@ from .lowering import (
 from .operations import Symbol, Value
 
 Rearrange = Callable[[np.ndarray, dict], Sequence[np.ndarray]]
-"""Function that receives the indices of an array's elements, in the shape of the array, and an
-equation's parameters. It returns an array for each result, with the indices of its elements."""
+"""Function of the indices of an array's elements and an equation's parameters, whose result are the
+indices of the elements of each array of the result."""
 Join = Callable[[list[np.ndarray], dict], np.ndarray]
-"""Function that receives the indices of the elements of several arrays and an equation's
-parameters, and returns the indices of the result's elements. Indices are counted through all
-arrays: the first one of an array follows the last one of the array before."""
+"""Function of the indices of the elements of several arrays, counted through all of them, and an
+equation's parameters, whose result are the indices of the result's elements."""
 Combine = Callable[[Value, Value], Value]
-"""Function that adds an operation on two values and returns its result."""
 
 
 def _rearranged(
     lower: Lowering, equation: Equation, array: Array, rearrange: Rearrange
 ) -> list[Array]:
-    """Return arrays with the elements of an array in other positions.
-
-    **Arguments:** `rearrange`: gives the indices of the elements of each returned array.
-    """
     indices = element_indices(aval_of(equation.invars[0]))
     return [lower.take(array, part) for part in rearrange(indices, equation.params)]
 
 
 def _reshape(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
-    """Return the array with the same elements in another shape."""
     shape = tuple(aval_of(equation.outvars[0]).shape)
     order = equation.params["dimensions"] if equation.primitive.name == "reshape" else None
     if order is not None:
@@ -86,7 +71,6 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
 
 
 def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
-    """Return the array repeated along new axes and along axes of length one."""
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
@@ -101,10 +85,6 @@ def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list
 
 
 def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
-    """Return one array with the elements of several arrays.
-
-    **Arguments:** `join`: gives the order of the elements, which are numbered through all arrays.
-    """
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
     rows = zip(avals, starts, strict=False)
@@ -129,7 +109,6 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
 
 
 def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.ndarray) -> None:
-    """Add a loop that copies the elements of a large array to known places of another one."""
     table = lower.constant(places)
     assert isinstance(table, InMemory)
 
@@ -142,13 +121,8 @@ def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.nd
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
-    """Return the array with the scalar `padding` around and between its elements.
-
-    For each axis, the parameter `padding_config` gives the numbers of paddings before, after and
-    between the elements. The first two may be negative, which removes elements.
-
-    **Raises:** `UnsupportedPrimitiveError` for a large result.
-    """
+    """Return the array with the scalar `padding` before, after and between its elements. The first
+    two numbers may be negative, which removes elements."""
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     if out.size > LARGEST_UNROLLED:
         raise UnsupportedPrimitiveError("pad of large arrays")
@@ -172,10 +146,6 @@ def _iota(lower: Lowering, equation: Equation) -> list[Array]:
 
 
 def _nonempty(equation: Equation) -> ShapedArray:
-    """Return shape and dtype of an equation's first argument.
-
-    **Raises:** `UnsupportedPrimitiveError` if this argument has no elements.
-    """
     aval = aval_of(equation.invars[0])
     if not aval.size:
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of no elements")
@@ -183,13 +153,7 @@ def _nonempty(equation: Equation) -> ShapedArray:
 
 
 def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the array in which the elements along some axes are combined into one.
-
-    **Arguments:** `name`: primitive that combines two elements.
-
-    **Raises:** `UnsupportedPrimitiveError` for an array without elements, and for a large array
-    unless its elements are combined along all axes.
-    """
+    """Return the array in which the primitive `name` combines elements along some axes."""
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
     out = aval_of(equation.outvars[0])
     combine = lower.operation(name, out)
@@ -210,7 +174,6 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
 
 
 def _by_halves(combine: Combine, row: list[Value]) -> Value:
-    """Combine the values of a row by a binary tree."""
     if len(row) == 1:
         return row[0]
     middle = len(row) // 2
@@ -220,13 +183,8 @@ def _by_halves(combine: Combine, row: list[Value]) -> Value:
 def _cumulate_memory(
     lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
 ) -> list[Value]:
-    """Add a loop that combines all elements of an array in memory, from the first to the last.
-
-    **Arguments:** `out`: array to which the intermediate result after each element is written;
-    ``None`` if only the total is needed.
-
-    **Returns:** the carries of the loop: its index, and the total.
-    """
+    """Add a loop that combines all elements of an array in memory, from the first to the last, and
+    return its index and the total. The intermediate results are written to `out`."""
     ops = lower.ops
     first = ops.load(array.kind, array.start)
     if out is not None:
@@ -251,13 +209,8 @@ def _cumulate_memory(
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the array of intermediate results of combining the elements along an axis, such as
-    cumulative sums.
-
-    **Arguments:** `name`: primitive that combines two elements.
-
-    **Raises:** `UnsupportedPrimitiveError` for a large array of several axes or in reverse order.
-    """
+    """Return the intermediate results of combining elements along an axis, such as cumulative
+    sums."""
     aval = aval_of(equation.invars[0])
     combine = lower.operation(name, aval)
     axis, reverse = equation.params["axis"], equation.params["reverse"]
@@ -280,13 +233,8 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the indices of the largest or smallest elements along an axis; of equal elements, the
-    first index. If there are NaNs, the index is that of the first NaN.
-
-    **Arguments:** `compare`: "gt" for the largest elements, "lt" for the smallest.
-
-    **Raises:** `UnsupportedPrimitiveError` for arrays that are large or have no elements.
-    """
+    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
+    elements, the first index. If there are NaNs, the index is that of the first NaN."""
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
@@ -307,10 +255,7 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
-    """Return the products of two arrays, summed along some axes (`jax.lax.dot_general`).
-
-    **Raises:** `UnsupportedPrimitiveError` for an array without elements.
-    """
+    """Return the products of two arrays, summed along some axes (`jax.lax.dot_general`)."""
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if not all(aval_of(atom).size for atom in equation.invars):
         raise UnsupportedPrimitiveError("dot_general of no elements")
@@ -319,8 +264,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements of argument `number` as nested lists, in the shape (batch, rows,
-        summed elements), for the axes `batch` and the summed axes `along`."""
+        """Return the elements of an argument as lists in the shape (batch, rows, summed
+        elements)."""
         shape = aval_of(equation.invars[number]).shape
         # `preferred_element_type` may be wider than the arguments, which are converted first.
         given = (Symbol(lower.ops, value) for value in lower.values(array))
