@@ -25,30 +25,34 @@ single one, and its arguments must be joined before it and its results taken apa
 def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
     """Join the calls in all blocks of a program. The cells `fixed`, which the caller of the program
     writes or reads, stay where they are."""
-    _Joining(program, set(fixed)).all()
+    _Joining(program, set(fixed)).join_all()
 
 
 class _Joining:
+    """Joins the calls of one program, block by block."""
+
     def __init__(self, program: Operations, fixed: set[int]):
         self._program, self._fixed = program, fixed
-        # Cells that have moved next to each other, by their former numbers.
+        # New numbers of cells that have moved next to each other, by their former numbers.
         self._moved: dict[int, int] = {}
-        # Loads of the function whose blocks are read, by their results.
+        # Loads of single cells in the function whose blocks are read, by their results.
         self._loads: dict[Value, Operation] = {}
 
-    def all(self) -> None:
+    def join_all(self) -> None:
         program = self._program
         functions = list(enumerate(program.functions))
         # Functions of vectors contain no calls that could be joined further.
         blocks = [block for k, block in functions if program.width_of(k) == 1] + [program.block]
         for block in blocks:
             self._loads = {}
-            self._inside(block)
+            self._join_block(block)
+        # Any block may read or write the cells that have moved.
         for _, block in functions:
-            self._move(block)
-        self._move(program.block)
+            self._use_moved_cells(block)
+        self._use_moved_cells(program.block)
 
-    def _inside(self, block: Block) -> None:
+    def _join_block(self, block: Block) -> None:
+        """Join calls between which no branch or loop stands, in a block and in those inside it."""
         new: Block = []
         sequence: list[Operation] = []
         for entry in block:
@@ -60,7 +64,7 @@ class _Joining:
             new += self._joined(sequence)
             sequence = []
             for inner in entry.blocks:
-                self._inside(inner)
+                self._join_block(inner)
             new.append(entry)
         block[:] = [*new, *self._joined(sequence)]
 
@@ -75,7 +79,8 @@ class _Joining:
         levels: dict[Value, int] = {}
         by_level: dict[int, list[Operation]] = defaultdict(list)
         calls: dict[tuple[int, int], list[Operation]] = defaultdict(list)
-        # Levels of the latest access of memory, and of the latest write, which keep their order.
+        # Levels of the latest access of memory and of the latest write. A read stays after the
+        # writes before it, and a write after all accesses before it.
         accessed = written = 0
         for operation in sequence:
             name = operation.name
@@ -93,26 +98,28 @@ class _Joining:
             by_level[level].append(operation)
             if operation.out is not None:
                 levels[operation.out] = level
-        if all(len(together) < FEWEST for together in calls.values()):
+        if all(len(alike) < FEWEST for alike in calls.values()):
             return sequence
         # Calls that are joined, by their results: the call for all, and the place in its vectors.
         places: dict[Value | None, tuple[Operation, int]] = {}
+        # Vectors of results that have been read, by the call for all and the number of the result.
         vectors: dict[tuple[Value | None, Value], Value] = {}
         new: list[Operation] = []
         for level in sorted(by_level):
-            for (at, function), together in calls.items():
-                for part in _parts(together) if at == level else ():
-                    *arguments, call = self._together(program.of_vectors[function], part)
+            # The joined calls come first on their level, since their arguments have lower levels.
+            for (level_of_calls, function), alike in calls.items():
+                for group in _groups(alike) if level_of_calls == level else ():
+                    *arguments, call = self._call_of_vectors(program.of_vectors[function], group)
                     new += [*arguments, call]
-                    places |= {each.out: (call, place) for place, each in enumerate(part)}
+                    places |= {single.out: (call, place) for place, single in enumerate(group)}
             for operation in by_level[level]:
                 if operation.name == "result" and operation.arguments[0] in places:
-                    new += self._taken_apart(operation, *places[operation.arguments[0]], vectors)
+                    new += self._element_for(operation, *places[operation.arguments[0]], vectors)
                 elif operation.out not in places:
                     new.append(operation)
         return new
 
-    def _together(self, function: int, calls: list[Operation]) -> Iterator[Operation]:
+    def _call_of_vectors(self, function: int, calls: list[Operation]) -> Iterator[Operation]:
         """Yield the operations that join the arguments of calls, and the call of the function of
         vectors with the number `function`."""
         program = self._program
@@ -135,6 +142,7 @@ class _Joining:
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
         cells = [self._loads[value].number for value in values]
+        # A cell of an array, or one that is used twice or has moved already, cannot move.
         free = set(cells) - self._fixed - self._moved.keys()
         if len(free) < len(cells) or any(len(program.allocated_with(cell)) > 1 for cell in cells):
             return None
@@ -142,7 +150,7 @@ class _Joining:
         self._moved |= {cell: start + place for place, cell in enumerate(cells)}
         return start
 
-    def _taken_apart(
+    def _element_for(
         self,
         result: Operation,
         call: Operation,
@@ -159,15 +167,16 @@ class _Joining:
             yield Operation(vector, "result", (call.out, call.arguments[0], number))
         yield Operation(result.out, "element", (vector, program.constant("i", place)))
 
-    def _move(self, block: Block) -> None:
+    def _use_moved_cells(self, block: Block) -> None:
         for entry in block:
             if isinstance(entry, Operation) and entry.name in ("load", "store"):
                 entry.number = self._moved.get(entry.number, entry.number)
             for inner in entry.blocks:
-                self._move(inner)
+                self._use_moved_cells(inner)
 
 
-def _parts(calls: list[Operation]) -> Iterator[list[Operation]]:
+def _groups(calls: list[Operation]) -> Iterator[list[Operation]]:
+    # The last calls are left as they are if they are too few.
     for start in range(0, len(calls), CALLS_AT_ONCE):
         if len(calls) - start >= FEWEST:
             yield calls[start : start + CALLS_AT_ONCE]

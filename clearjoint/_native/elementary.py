@@ -163,10 +163,10 @@ def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) ->
 
 def _sine(angle: Symbol, name: str = "sin") -> Symbol:
     # The sine of an angle that is known already needs no operation in the program.
-    known = angle.ops.number(angle.value)
-    if known is not None:
+    number = angle.ops.number(angle.value)
+    if number is not None:
         # Python refuses infinite angles.
-        return angle.like(getattr(math, name)(float(known)) if math.isfinite(known) else math.nan)
+        return angle.like(getattr(math, name)(float(number)) if math.isfinite(number) else math.nan)
     sine, cosine, quarter = _sine_and_cosine(angle)
     even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
     # sin(x + n pi/2) is sin(x), cos(x), -sin(x) and -cos(x) for n = 0 to 3, the last two bits of n.

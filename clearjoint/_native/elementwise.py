@@ -92,8 +92,8 @@ def _extreme(name: str) -> Rule:
 def _is_number(a: Symbol) -> bool:
     """Return whether a float, or each element of a vector, is known before the program runs, and
     not NaN."""
-    known = a.ops.repeated_number(a.value)
-    return isinstance(known, float) and not math.isnan(known)
+    number = a.ops.repeated_number(a.value)
+    return isinstance(number, float) and not math.isnan(number)
 
 
 def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike | None = None) -> Symbol:

@@ -129,14 +129,14 @@ class NativeProgram:
         `floats`: their `FlatArguments.floats`, if known already.
         """
         memory = self.code.memory()
-        joined = floats, None
-        for target, known, (ks, cells, sources) in zip(
-            (memory.floats, memory.integers), joined, self._small, strict=True
+        joined_numbers = floats, None
+        for target, numbers, (ks, cells, sources) in zip(
+            (memory.floats, memory.integers), joined_numbers, self._small, strict=True
         ):
             if len(cells):
-                if known is None:
-                    known = np.concatenate([leaves[k] for k in ks], axis=None)
-                target[cells, 0] = known[sources]
+                if numbers is None:
+                    numbers = np.concatenate([leaves[k] for k in ks], axis=None)
+                target[cells, 0] = numbers[sources]
         for k, region in self._large.items():
             memory.write(region, leaves[k])
         return memory
@@ -403,8 +403,8 @@ def flattened(argument: PyTree) -> FlatArguments:
         if "flattened" not in kept:
             kept["flattened"] = _folded(flattened(argument.tree), argument)
         return kept["flattened"]
-    known = _KEPT.get(id(argument))
-    return _newly_flattened(argument) if known is None else known
+    flat = _KEPT.get(id(argument))
+    return _newly_flattened(argument) if flat is None else flat
 
 
 _KEPT: RecentPrograms[FlatArguments] = RecentPrograms()

@@ -47,10 +47,10 @@ def _moved_inside(
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
-        given = convert(Symbol(lower.ops, start), "i")
+        index_of_start = convert(Symbol(lower.ops, start), "i")
         low, high = (lower.ops.constant("i", number) for number in (0, length - size))
-        inside.append(Symbol(lower.ops, apply(lower.ops, "clamp", low, given.value, high)))
-        fits &= inside[-1].compare("eq", given)
+        inside.append(Symbol(lower.ops, apply(lower.ops, "clamp", low, index_of_start.value, high)))
+        fits &= inside[-1].compare("eq", index_of_start)
     return inside, fits
 
 
@@ -105,9 +105,9 @@ def _dynamic_slice(
     shape = tuple(aval_of(equation.invars[0]).shape)
     sizes = tuple(equation.params["slice_sizes"])
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
-    known = lower.ops.number(first)
-    if known is not None:
-        return [lower.take(array, (offsets + int(known)).reshape(sizes))]
+    number = lower.ops.number(first)
+    if number is not None:
+        return [lower.take(array, (offsets + int(number)).reshape(sizes))]
     return [read_block(lower, lower.in_memory(array, shape), first, offsets, sizes)]
 
 
@@ -118,13 +118,13 @@ def _dynamic_update_slice(
     operations if the array is small and the indices known, otherwise in memory."""
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
-    # `known` is None if only the run determines the index.
-    known = lower.ops.number(first)
+    # `number` is None if only the run determines the index.
+    number = lower.ops.number(first)
     small = not isinstance(array, InMemory)
-    if small and known is not None:
+    if small and number is not None:
         values = lower.values(array)
         for k, value in zip(offsets, lower.values(update), strict=True):
-            values[int(k) + int(known)] = value
+            values[int(k) + int(number)] = value
         return [lower.array(values, shape)]
     memory = lower.in_memory(array, shape)
     if not memory.owned:
@@ -163,7 +163,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     fills = "FILL" in str(parameters["mode"])
 
     def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
-        lengths, extents = ([given[axis] for axis in axes] for given in (shape, sizes))
+        lengths, extents = ([all_axes[axis] for axis in axes] for all_axes in (shape, sizes))
         inside, fits = _moved_inside(lower, starts, lengths, extents)
         values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
         if not fills or not values:
@@ -228,9 +228,9 @@ def _block_reader(
 
     def read(first: Value) -> list[Value]:
         nonlocal memory
-        known = lower.ops.number(first)
-        if small is not None and known is not None:
-            return [small[int(known) + int(k)] for k in offsets]
+        number = lower.ops.number(first)
+        if small is not None and number is not None:
+            return [small[int(number) + int(k)] for k in offsets]
         # A small array is written to memory once, for all blocks at computed indices.
         if memory is None:
             memory = lower.in_memory(array, shape)
@@ -239,10 +239,10 @@ def _block_reader(
     return read
 
 
-def _fill_value(given: object, dtype: np.dtype) -> float | int | bool:
+def _fill_value(fill_value: object, dtype: np.dtype) -> float | int | bool:
     """Return the value for elements outside of an array, by default that of `jax.lax.gather`."""
-    if given is not None:
-        return np.asarray(given, dtype).item()
+    if fill_value is not None:
+        return np.asarray(fill_value, dtype).item()
     if dtype.kind == "f":
         return math.nan
     if dtype.kind == "b":
@@ -297,8 +297,8 @@ def _scatter(
         offsets |= {axis: position[k] for k, axis in zip(windows, window_axes, strict=True)}
         # A window that lies partly outside is dropped as a whole, or with "CLIP" moved inside.
         lengths, extents = [shape[k] for k in axes], [sizes.get(k, 1) for k in axes]
-        given = starts[row * depth : (row + 1) * depth]
-        inside, fits = _moved_inside(lower, given, lengths, extents)
+        window_starts = starts[row * depth : (row + 1) * depth]
+        inside, fits = _moved_inside(lower, window_starts, lengths, extents)
         along = [start + offsets.pop(axis) for start, axis in zip(inside, axes, strict=True)]
         rest = sum(strides[axis] * offset for axis, offset in offsets.items())
         target = _flat_index(lower, along, [strides[axis] for axis in axes]) + rest
@@ -310,8 +310,8 @@ def _scatter(
             ops.store(changed.value, memory.start, target.value)
             continue
         # The element with the index `target` changes; unless that is known, it may be any element.
-        known = ops.number(target.value)
-        for k in range(len(values)) if known is None else [int(known)]:
+        number = ops.number(target.value)
+        for k in range(len(values)) if number is None else [int(number)]:
             is_target = target.compare("eq", k)
             replaced = is_target if clips else fits & is_target
             combined = Symbol(ops, combine(values[k], new))

@@ -59,7 +59,7 @@ def _carried(
         k, *others = (Symbol(ops, value) for value in carries)
         return [(k + 1).value, *(following.value for following in visit(k, others))]
 
-    carries = ops.loop([begin.value, *(one.value for one in first)], holds, body)
+    carries = ops.loop([begin.value, *(carry.value for carry in first)], holds, body)
     return [Symbol(ops, value) for value in carries[1:]]
 
 
@@ -136,7 +136,7 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
     """Return the lower triangular factor L of L L^T, row by row. Of the matrix, only the lower
     triangle is read; if it is not positive definite, the factor contains NaN."""
     shape = tuple(aval_of(equation.invars[0]).shape)
-    given, factor, n = lower.in_memory(matrix, shape), lower.new_array(shape, "f"), shape[-1]
+    source, factor, n = lower.in_memory(matrix, shape), lower.new_array(shape, "f"), shape[-1]
     ops, zero = lower.ops, _index(lower, 0)
 
     def row(number: Symbol) -> None:
@@ -149,7 +149,7 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
                 a, b = (_read(lower, factor, top + row * n + k) for row in (i, j))
                 return -(a * b)
 
-            return _sum(lower, _read(lower, given, top + i * n + j), zero, j, term)
+            return _sum(lower, _read(lower, source, top + i * n + j), zero, j, term)
 
         def store(j: Symbol, value: Symbol) -> None:
             ops.store(value.value, factor.start, (top + i * n + j).value)
@@ -194,12 +194,12 @@ def _triangular_solve(
 
         def unknown(turn: Symbol) -> None:
             i = turn if forward else count - 1 - turn
-            known = (zero, i) if forward else (i + 1, count)
+            solved = (zero, i) if forward else (i + 1, count)
             place = first + i * step
             rest = _sum(
                 lower,
                 _read(lower, x, place),
-                *known,
+                *solved,
                 lambda k: -(coefficient(i, k) * _read(lower, x, first + k * step)),
             )
             if not parameters["unit_diagonal"]:

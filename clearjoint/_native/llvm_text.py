@@ -401,8 +401,8 @@ class _Writer:
         if name == "evaluate":
             number, *values = arguments
             function = int(self._program.constants[number])
-            given = ", ".join(["ptr %memory", *map(self._typed, values)])
-            return add(f"call {self._returned[function]} @f{function}({given})")
+            passed = ", ".join(["ptr %memory", *map(self._typed, values)])
+            return add(f"call {self._returned[function]} @f{function}({passed})")
         if name == "result":
             together, *place = arguments
             number, k = (int(self._program.constants[value]) for value in place)
@@ -416,8 +416,7 @@ class _Writer:
             a, b = arguments
             return add(f"{_INSTRUCTIONS[name]} {self._typed(a)}, {self._value(b)}")
         if name in _INTRINSICS:
-            given = map(self._value, arguments)
-            return self._intrinsic(_INTRINSICS[name], form, given)
+            return self._intrinsic(_INTRINSICS[name], form, map(self._value, arguments))
         first, words = self._typed(arguments[0]), [self._value(value) for value in arguments]
         if name == "fneg":
             return add(f"fneg {first}")
@@ -468,14 +467,14 @@ class _Writer:
         return self._call(f"llvm.{name}.{_mangled(form)}", form, [(form, word) for word in words])
 
     def _call(
-        self, name: str, form: Form, given: Sequence[tuple[Form, Word]], attributes: str = ""
+        self, name: str, form: Form, arguments: Sequence[tuple[Form, Word]], attributes: str = ""
     ) -> Word:
         """Call a function from outside of the module, and declare it if this is its first use."""
         if name not in self._declared:
-            types = ", ".join(each for each, _ in given)
+            types = ", ".join(form_of_argument for form_of_argument, _ in arguments)
             self._declared[name] = f"declare {form} @{name}({types}){attributes}"
-        arguments = ", ".join(f"{each} {word}" for each, word in given)
-        return self._add(f"call {form} @{name}({arguments})")
+        words = ", ".join(f"{form_of_argument} {word}" for form_of_argument, word in arguments)
+        return self._add(f"call {form} @{name}({words})")
 
     def _library(self, name: str, form: Form, words: list[Word]) -> Word:
         base, count = _parts(form)

@@ -462,10 +462,10 @@ class Lowering:
         out = self.new_array(shape, kind)
         forms = [a if isinstance(a, int) else self.in_memory(a, shape) for a in arguments]
 
-        def apply_to(suffix: str, given: Sequence[Value | InMemory], index: Value) -> None:
+        def apply_to(suffix: str, elements: Sequence[Value | InMemory], index: Value) -> None:
             values = [
                 a if isinstance(a, int) else ops.load(a.kind + suffix, a.start, index)
-                for a in given
+                for a in elements
             ]
             ops.store(rule(*values), out.start, index)
 
@@ -509,17 +509,17 @@ class Lowering:
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
         """Add the equations of a jaxpr for one element of each argument, or a vector of them."""
-        known: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
+        arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:
             name = equation.primitive.name
-            given = [scalar(self._atom(atom, known)) for atom in equation.invars]
+            operands = [scalar(self._atom(atom, arrays)) for atom in equation.invars]
             # Numbers in the jaxpr are scalars.
-            given = [*map(self.vector, given)] if are_vectors else given
+            operands = [*map(self.vector, operands)] if are_vectors else operands
             parameter = equation.params.get(PARAMETERS.get(name, ""))
             rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
-            known[equation.outvars[0]] = rule(*given)
-        return scalar(self._atom(jaxpr.outvars[0], known))
+            arrays[equation.outvars[0]] = rule(*operands)
+        return scalar(self._atom(jaxpr.outvars[0], arrays))
 
     # Equations.
 
@@ -532,8 +532,8 @@ class Lowering:
         opened = closed.jaxpr
         constants = [self.constant(const) for const in closed.consts]
         self._repeated |= repeated_calls(opened)
-        known: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
-        known |= dict(zip(opened.invars, arguments, strict=True))
+        arrays: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
+        arrays |= dict(zip(opened.invars, arguments, strict=True))
         # An array may be overwritten by the last equation that reads it; the results are read last.
         reads = [*(equation.invars for equation in opened.eqns), opened.outvars]
         last_reads = {
@@ -543,12 +543,12 @@ class Lowering:
             if not isinstance(atom, core.Literal)
         }
         for number, equation in enumerate(opened.eqns):
-            self._add_equation(equation, known, last_reads, number)
-        return [self._atom(atom, known) for atom in opened.outvars]
+            self._add_equation(equation, arrays, last_reads, number)
+        return [self._atom(atom, arrays) for atom in opened.outvars]
 
-    def _atom(self, atom: Atom, known: dict[Atom, Array]) -> Array:
+    def _atom(self, atom: Atom, arrays: dict[Atom, Array]) -> Array:
         if not isinstance(atom, core.Literal):
-            return known[atom]
+            return arrays[atom]
         if np.ndim(atom.val) == 0:
             kind = _KINDS.get(aval_of(atom).dtype)
             if kind is not None:
@@ -558,11 +558,11 @@ class Lowering:
     def _add_equation(
         self,
         equation: Equation,
-        known: dict[Atom, Array],
+        arrays: dict[Atom, Array],
         last_reads: dict[Atom, int],
         number: int,
     ) -> None:
-        """Add an equation to the program and its results to `known`, the arrays of the variables so
+        """Add an equation to the program and its results to `arrays`, those of the variables so
         far.
 
         Arrays in memory that something else may read later are marked as not owned: arguments that
@@ -571,7 +571,7 @@ class Lowering:
         arguments: list[Array] = []
         kept: dict[Atom, InMemory] = {}
         for atom in equation.invars:
-            array = self._atom(atom, known)
+            array = self._atom(atom, arrays)
             # The numbers of a literal are never overwritten.
             if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
                 # A rule may overwrite an argument that no later equation reads. If the argument
@@ -590,19 +590,19 @@ class Lowering:
             raise UnsupportedPrimitiveError(str(error), location) from error
         # In most equations the result is a scalar, which is not in memory.
         if len(outs) == 1 and isinstance(outs[0], int):
-            known[equation.outvars[0]] = outs[0]
+            arrays[equation.outvars[0]] = outs[0]
             return
         # A result, such as a part of an array, may have cells in common with an argument that is
         # read later or with another result. Then neither of the two may be overwritten.
         in_memory = [out for out in outs if isinstance(out, InMemory)]
         for atom, array in kept.items():
             if any(map(array.overlaps, in_memory)):
-                known[atom] = replace(array, owned=False)
+                arrays[atom] = replace(array, owned=False)
         for variable, out in zip(equation.outvars, outs, strict=True):
             # Each result in memory overlaps with itself.
             if isinstance(out, InMemory) and sum(map(out.overlaps, in_memory)) > 1:
                 out = replace(out, owned=False)
-            known[variable] = out
+            arrays[variable] = out
 
     def _lower(self, equation: Equation, arguments: list[Array]) -> Sequence[Array]:
         name = equation.primitive.name
@@ -709,8 +709,10 @@ class Lowering:
         """Add a function that every block can call. `add` adds its operations; `like` are arrays of
         the forms of its arguments, whose values have the given kinds."""
 
-        def build(results: list[Array], computed: list[Value], given: list[Value]) -> list[Value]:
-            results[:] = add(self.unflatten(given, like))
+        def build(
+            results: list[Array], computed: list[Value], parameters: list[Value]
+        ) -> list[Value]:
+            results[:] = add(self.unflatten(parameters, like))
             values = dict.fromkeys(self.flatten(results))
             computed[:] = [value for value in values if self.ops.number(value) is None]
             return computed
@@ -726,8 +728,8 @@ class Lowering:
 
     def _called(self, function: PureFunction, values: list[Value]) -> list[Value]:
         computed = self.ops.called(function.number, values)
-        found = dict(zip(function.computed, computed, strict=True))
-        return [found.get(value, value) for value in self.flatten(function.results)]
+        values_by_name = dict(zip(function.computed, computed, strict=True))
+        return [values_by_name.get(value, value) for value in self.flatten(function.results)]
 
     def _elementary(self, name: str, argument: Value) -> Value:
         """Add an elementary function of a float; after `MOST_ELEMENTARY` of them, a call of a

@@ -331,11 +331,11 @@ class Operations:
     def _is_all(self, value: Value, number: float) -> bool:
         """Return whether a float, or each element of a vector, is known to be `number`. Zeros of
         different signs are different numbers here."""
-        known = self.repeated_number(value)
+        repeated = self.repeated_number(value)
         return (
-            isinstance(known, float)
-            and known == number
-            and math.copysign(1.0, known) == math.copysign(1.0, number)
+            isinstance(repeated, float)
+            and repeated == number
+            and math.copysign(1.0, repeated) == math.copysign(1.0, number)
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
@@ -432,10 +432,10 @@ class Operations:
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
         """Return the cell and the arguments with which an operation addresses `start` + `index`. A
         known index is added to the cell."""
-        known = None if index is None else self.constants.get(index)
-        if known is None:
+        number = None if index is None else self.constants.get(index)
+        if number is None:
             return start, () if index is None else (index,)
-        return start + int(known), ()
+        return start + int(number), ()
 
     # Functions.
 
@@ -549,11 +549,11 @@ class Operations:
     def once(self, key: tuple, add: Callable[[], list[Value]]) -> list[Value]:
         """Add entries unless this block, or one that contains it, has them already, and return
         their values. The entries are identified by `key`."""
-        known = [self._known[key, 0]] if (key, 0) in self._known else []
-        while known and (key, len(known)) in self._known:
-            known.append(self._known[key, len(known)])
-        if known:
-            return known
+        present = [self._known[key, 0]] if (key, 0) in self._known else []
+        while present and (key, len(present)) in self._known:
+            present.append(self._known[key, len(present)])
+        if present:
+            return present
         values = add()
         for k, value in enumerate(values):
             self._known[key, k] = value

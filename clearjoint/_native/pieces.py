@@ -116,15 +116,15 @@ class Division:
     def _with_exchange(self, number: int, piece: list[Operation]) -> Iterator[Operation]:
         """Yield the operations of a piece, with reads of the values that it gets from others right
         before their first use, and writes of those that others use."""
-        here = set[Value]()
+        loaded = set[Value]()
         for operation in piece:
             for value in self._needed(operation):
                 if (
                     value in self._cells
-                    and value not in here
+                    and value not in loaded
                     and self._definers.get(value) != number
                 ):
-                    here.add(value)
+                    loaded.add(value)
                     yield Operation(value, "load", (), self._cells[value])
             yield operation
             if operation.out in self._cells and operation.out not in self._unchanged:

@@ -268,8 +268,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         elements)."""
         shape = aval_of(equation.invars[number]).shape
         # `preferred_element_type` may be wider than the arguments, which are converted first.
-        given = (Symbol(lower.ops, value) for value in lower.values(array))
-        values = np.array([convert(x, kind_of(out)).value for x in given]).reshape(shape)
+        elements = (Symbol(lower.ops, value) for value in lower.values(array))
+        values = np.array([convert(x, kind_of(out)).value for x in elements]).reshape(shape)
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
@@ -290,17 +290,19 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
 
 
 _REARRANGED: dict[str, Rearrange] = {
-    "transpose": lambda indices, given: [indices.transpose(given["permutation"])],
-    "rev": lambda indices, given: [np.flip(indices, given["dimensions"])],
-    "tile": lambda indices, given: [np.tile(indices, given["reps"])],
-    "split": lambda indices, given: np.split(
-        indices, np.cumsum(given["sizes"])[:-1], given["axis"]
+    "transpose": lambda indices, parameters: [indices.transpose(parameters["permutation"])],
+    "rev": lambda indices, parameters: [np.flip(indices, parameters["dimensions"])],
+    "tile": lambda indices, parameters: [np.tile(indices, parameters["reps"])],
+    "split": lambda indices, parameters: np.split(
+        indices, np.cumsum(parameters["sizes"])[:-1], parameters["axis"]
     ),
-    "unstack": lambda indices, given: [*np.moveaxis(indices, given.get("axis", 0), 0)],
+    "unstack": lambda indices, parameters: [*np.moveaxis(indices, parameters.get("axis", 0), 0)],
 }
 _JOINED: dict[str, Join] = {
-    "concatenate": lambda indices, given: np.concatenate(indices, given["dimension"]),
-    "stack": lambda indices, given: np.stack(indices, given.get("axis", given.get("dimension", 0))),
+    "concatenate": lambda indices, parameters: np.concatenate(indices, parameters["dimension"]),
+    "stack": lambda indices, parameters: np.stack(
+        indices, parameters.get("axis", parameters.get("dimension", 0))
+    ),
 }
 RULES: dict[str, EquationRule] = {
     "squeeze": _reshape,
