@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 from .operations import Block, Operation, Operations, Value
+from .pieces import cells_written
 
 CALLS_AT_ONCE = 8
 """Largest number of calls that are joined: the floats of a vector of 512 bits."""
@@ -32,6 +33,8 @@ class _Joining:
 
     def __init__(self, program: Operations, fixed: set[int]):
         self._program, self._fixed = program, fixed
+        # Cells to which the function whose blocks are read writes, or those that it calls.
+        self._written = set[int]()
         # Cells that have moved next to each other, by their former numbers.
         self._moved: dict[int, int] = {}
         # Loads of the function whose blocks are read, by their results.
@@ -40,15 +43,17 @@ class _Joining:
     def all(self) -> None:
         """Join the calls in all blocks."""
         program = self._program
-        functions = list(enumerate(program.functions))
-        # Functions of vectors contain no calls that could be joined further.
-        blocks = [block for k, block in functions if program.width_of(k) == 1] + [program.block]
+        blocks = [*program.functions, program.block]
+        by_functions: list[set[int]] = []
+        for number, block in enumerate(blocks):
+            self._written = cells_written(program, block, by_functions)
+            by_functions.append(self._written)
+            # Functions of vectors contain no calls that could be joined further.
+            if program.width_of(number) == 1:
+                self._loads = {}
+                self._inside(block)
         for block in blocks:
-            self._loads = {}
-            self._inside(block)
-        for _, block in functions:
             self._move(block)
-        self._move(program.block)
 
     def _inside(self, block: Block) -> None:
         """Join calls between which no branch or loop stands, in a block and in those inside it."""
@@ -136,13 +141,15 @@ class _Joining:
         ``None`` if they are not all read from cells, or if the cells can't be moved.
 
         A function receives values from outside, such as the parameters of elements, in cells. It
-        reads those of all calls at once if they are next to each other.
+        reads those of all calls at once if they are next to each other. Cells to which the function
+        writes stay: a write may stand between the first read and the call, as that of results by
+        the next call of the function that has left them there.
         """
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
         cells = [self._loads[value].number for value in values]
-        free = set(cells) - self._fixed - self._moved.keys()
+        free = set(cells) - self._fixed - self._written - self._moved.keys()
         if len(free) < len(cells) or any(len(program.allocated_with(cell)) > 1 for cell in cells):
             return None
         start = program.allocate(len(cells))

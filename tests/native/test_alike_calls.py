@@ -144,3 +144,26 @@ def test_parameters_are_read_together_from_memory(monkeypatch):
     # Of x and k, and of v k, which is computed outside of the function.
     assert together.code.text.count("load <8 x double>") == 3
     np.testing.assert_array_equal(together(given)[0], alone(given)[0])
+
+
+def test_results_that_a_later_call_overwrites_are_kept(monkeypatch):
+    """The calls of `rates` leave their results in the same cells."""
+    n, call = 8, shared(force)
+
+    @jax.jit
+    def rates(x):
+        return tuple(jnp.sin(x[j]) for j in range(n))
+
+    def run(x, v, k):
+        first = rates(x)
+        second = rates(2.0 * x)
+        third = rates(3.0 * x)
+        pulls = [call(first[j], v[j], k[j])[0] for j in range(n)]
+        return jnp.stack(pulls), jnp.stack(second) + jnp.stack(third)
+
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+    given = arguments(n, 4)
+    together, alone = programs(run, given, monkeypatch)
+    assert "call void @f" in together.code.text and calls_at_once(together) > 0
+    for joined, single in zip(together(given), alone(given), strict=True):
+        np.testing.assert_array_equal(joined, single)
