@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._result_codes import RESULTS
 from .cautions import warns
@@ -197,6 +198,7 @@ class AbstractReadable(eqx.Module):
     def _caution_together(self) -> None:
         """Issue a warning if the values of several fields are unusual together."""
 
+    @override
     def __setattr__(self, name: str, value: object) -> None:
         # Equinox sets fields in `__init__`; later it raises the error, which gets a remedy here.
         try:
@@ -207,6 +209,7 @@ class AbstractReadable(eqx.Module):
                 f"number, cj.set_value(it, lambda it: it.{name}, value), or a new one."
             ) from None
 
+    @override
     def __repr__(self) -> str:
         # A result code prints its name only while its number is an array: it is left unchanged.
         return eqx.tree_pformat(

@@ -350,6 +350,7 @@ class Fit(AbstractTabular):
         fits_well = not scatter > FAR and self.ending is not Ending.FAILED
         return [] if fits_well else list(_remedies(self, scatter))
 
+    @override
     def __str__(self) -> str:
         # The result of the check comes first, and is then left out of the warnings at the end.
         first = [] if self.check is None else [self._test_report()]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from typing_extensions import override
 
 from .._export.tables import aligned, number, percent
 from .._fields.checks import as_number, require, require_types
@@ -280,6 +281,7 @@ class Identifiability:
             start = end
         return information.deviations_together(np.array(roots), self.accuracy)
 
+    @override
     def __str__(self) -> str:
         sensors, times = ", ".join(dict.fromkeys(self.sensors.tolist())), self.times
         head = (

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from typing_extensions import override
 
 from .._export.tables import aligned, number, percent
 from .._fields.cautions import level_of_the_user
@@ -152,6 +153,7 @@ class FitHorizon:
                 stacklevel=level_of_the_user(),
             )
 
+    @override
     def __str__(self) -> str:
         end = float(self.times[-1])
         limits = [

@@ -22,6 +22,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
+from typing_extensions import override
 
 Scalar: TypeAlias = float | jax.Array
 """A number: a float of Python or NumPy, or a JAX array of shape ().
@@ -277,6 +278,7 @@ class ConstantFolded:
     tree: PyTree
     patterns: tuple[Pattern, ...] = field(metadata={"static": True})
 
+    @override
     def __getstate__(self) -> dict[str, object]:
         # Native functions keep the leaves and structure here, which can't be pickled.
         return {"tree": self.tree, "patterns": self.patterns}

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from .._fields.checks import as_number, concrete, require, require_types
 from .._fields.objects import AbstractReadable
@@ -175,6 +176,7 @@ class Series(AbstractReadable):
         if np.size(self.noise) == 1:
             self.noise = self.noise * np.ones(np.shape(self.values))
 
+    @override
     def __check_init__(self):
         # Numbers that JAX traces have no known values, so they are not checked.
         rows = [concrete(row) for row in (self.times, self.values, self.noise)]

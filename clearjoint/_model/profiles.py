@@ -120,6 +120,7 @@ class Harmonics(AbstractProfile):
         self.cosines = cosines
         self.sines = np.zeros(np.shape(cosines)) if sines is None else sines
 
+    @override
     def __check_init__(self):
         shape = np.shape(self.cosines)
         remedy = "pass the coefficients in a list, that of the first harmonic first"
@@ -199,6 +200,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
     coefficients: Column = quantity("m", table=True)
 
+    @override
     def __check_init__(self):
         shape = np.shape(self.coefficients)
         remedy = "give the profile at four or more evenly spaced angles"

@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 from .operations import Block, Operation, Operations, Value
+from .pieces import cells_written
 
 CALLS_AT_ONCE = 8
 """Largest number of calls that are joined: the floats of a vector of 512 bits."""
@@ -33,6 +34,8 @@ class _Joining:
 
     def __init__(self, program: Operations, fixed: set[int]):
         self._program, self._fixed = program, fixed
+        # Cells to which the function whose blocks are read writes, or those that it calls.
+        self._written = set[int]()
         # New numbers of cells that have moved next to each other, by their former numbers.
         self._moved: dict[int, int] = {}
         # Loads of single cells in the function whose blocks are read, by their results.
@@ -40,16 +43,18 @@ class _Joining:
 
     def join_all(self) -> None:
         program = self._program
-        functions = list(enumerate(program.functions))
-        # Functions of vectors contain no calls that could be joined further.
-        blocks = [block for k, block in functions if program.width_of(k) == 1] + [program.block]
+        blocks = [*program.functions, program.block]
+        by_functions: list[set[int]] = []
+        for number, block in enumerate(blocks):
+            self._written = cells_written(program, block, by_functions)
+            by_functions.append(self._written)
+            # Functions of vectors contain no calls that could be joined further.
+            if program.width_of(number) == 1:
+                self._loads = {}
+                self._join_block(block)
         for block in blocks:
-            self._loads = {}
-            self._join_block(block)
-        # Any block may read or write the cells that have moved.
-        for _, block in functions:
+            # Any block may read or write the cells that have moved.
             self._use_moved_cells(block)
-        self._use_moved_cells(program.block)
 
     def _join_block(self, block: Block) -> None:
         """Join calls between which no branch or loop stands, in a block and in those inside it."""
@@ -137,13 +142,18 @@ class _Joining:
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
         """Move the cells from which values are read next to each other, and return the first one;
-        ``None`` if the values are not all read from cells that can be moved."""
+        ``None`` if the values are not all read from cells that can be moved.
+
+        Such cells hold values from outside of a function, such as the parameters of elements.
+        """
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
         cells = [self._loads[value].number for value in values]
-        # A cell of an array, or one that is used twice or has moved already, cannot move.
-        free = set(cells) - self._fixed - self._moved.keys()
+        # A cell that has moved already, is used twice or belongs to an array cannot move. One to
+        # which the function writes stays, because a write may stand between the first read and the
+        # call: the next call of a function overwrites the results of the one before.
+        free = set(cells) - self._fixed - self._written - self._moved.keys()
         if len(free) < len(cells) or any(len(program.allocated_with(cell)) > 1 for cell in cells):
             return None
         start = program.allocate(len(cells))

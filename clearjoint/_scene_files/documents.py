@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import NoReturn, TypeAlias
 
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._fields.checks import require
 
@@ -139,6 +140,7 @@ class FileLocation:
         """Return the location of the entry to which further `keys` lead."""
         return FileLocation(self.file, (*self.keys, *keys), self.source)
 
+    @override
     def __str__(self) -> str:
         where = "" if self.source is None else self.source.where(self.keys)
         return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file

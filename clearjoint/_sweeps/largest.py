@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
+from typing_extensions import override
 
 from .._fields.checks import (
     as_number,
@@ -104,6 +105,7 @@ class LargestFeasible:
     values: Float[np.ndarray, " n"]
     margins: Float[np.ndarray, " n"]
 
+    @override
     def __str__(self) -> str:
         low, high = self.interval
         trend = (

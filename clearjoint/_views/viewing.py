@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import jax
 import numpy as np
+from typing_extensions import override
 
 from .._fields.checks import require, require_count, require_positive, require_type
 from .._model.bodies import State
@@ -106,6 +107,7 @@ class View:
             'style="border:1px solid #ccc" title="view of a mechanism"></iframe>'
         )
 
+    @override
     def __repr__(self) -> str:
         frames = "one state" if self.times is None else f"{len(self.times)} frames"
         return f'View of {self.legend.title} ({frames}): save it with .save("view.html")'

@@ -105,6 +105,7 @@ def build(folder: Path) -> None:
         for source in SOURCE.findall(nav):
             write_page(source, docs)
         package = griffe.load("clearjoint", search_paths=[ROOT])
+        assert isinstance(package, griffe.Module)
         for page in SITE["api"]:
             write_api_page(page, package, docs)
         for script in ("iframe-worker.js", "pages.css"):

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import griffe
+from typing_extensions import override
 
 SITE = tomllib.loads(Path(__file__).with_name("site.toml").read_text(encoding="utf-8"))
 """Settings, order and names of the pages."""
@@ -80,7 +81,7 @@ def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
             griffe.Parameter(
                 name,
                 kind=griffe.ParameterKind(parameter.kind.description),
-                annotation=cls.all_members[name].annotation if name in cls.all_members else None,
+                annotation=getattr(cls.all_members.get(name), "annotation", None),
                 default=default if default is None or len(default) < 40 else "...",
             )
         )
@@ -91,6 +92,7 @@ class HouseStyle(griffe.Extension):
     """Makes sessions code blocks and public names links, and gives classes with fields the
     signature of their constructors."""
 
+    @override
     def on_package(self, *, pkg: griffe.Module, **kwargs: object) -> None:
         """Change all docstrings and the public classes of a package."""
         for item in _walk(pkg):

@@ -131,7 +131,9 @@ def test_parameters_are_read_together_from_memory(monkeypatch):
     @jax.jit
     def rates(x, v, k):
         pulls = [call(x[j], v[j] * k[j], k[j]) for j in range(n)]
-        return jnp.stack([pull[0] for pull in pulls])
+        # Cells can be next to each other in one order only.
+        others = [call(k[j], x[n - 1 - j], v[j])[1] for j in range(n)]
+        return jnp.stack([a[0] + b for a, b in zip(pulls, others, strict=True)])
 
     def run(x, v, k):
         for _ in range(3):
@@ -141,6 +143,50 @@ def test_parameters_are_read_together_from_memory(monkeypatch):
     monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
     given = arguments(n, 3)
     together, alone = programs(run, given, monkeypatch)
-    # Of x and k, and of v k, which is computed outside of the function.
-    assert together.code.text.count("load <8 x double>") == 3
+    # Of x, v and k, and of v k, which is computed outside of the function.
+    assert together.code.text.count("load <8 x double>") == 4
+    np.testing.assert_array_equal(together(given)[0], alone(given)[0])
+
+
+def test_results_that_a_later_call_overwrites_are_kept(monkeypatch):
+    """The calls of `rates` leave their results in the same cells."""
+    n, call = 8, shared(force)
+
+    @jax.jit
+    def rates(x):
+        return tuple(jnp.sin(x[j]) for j in range(n))
+
+    def run(x, v, k):
+        first = rates(x)
+        second = rates(2.0 * x)
+        third = rates(3.0 * x)
+        pulls = [call(first[j], v[j], k[j])[0] for j in range(n)]
+        return jnp.stack(pulls), jnp.stack(second) + jnp.stack(third)
+
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+    given = arguments(n, 4)
+    together, alone = programs(run, given, monkeypatch)
+    assert "call void @f" in together.code.text and calls_at_once(together) > 0
+    for joined, single in zip(together(given), alone(given), strict=True):
+        np.testing.assert_array_equal(joined, single)
+
+
+def test_memory_is_read_and_written_in_order(monkeypatch):
+    """Calls that are joined need what a function in memory has computed from earlier ones."""
+    n, call = 8, shared(force)
+
+    @jax.jit
+    def turned(x):
+        return tuple(jnp.sin(2.0 * x[j]) for j in range(n))
+
+    def run(x, v, k):
+        for _ in range(3):
+            x = jnp.stack([call(x[j], v[j], k[j])[0] for j in range(n)])
+            x = 0.5 * jnp.stack(turned(x))
+        return x
+
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+    given = arguments(n, 6)
+    together, alone = programs(run, given, monkeypatch)
+    assert calls_at_once(together) >= 3
     np.testing.assert_array_equal(together(given)[0], alone(given)[0])

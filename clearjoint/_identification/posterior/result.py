@@ -197,6 +197,7 @@ class Posterior(AbstractTabular):
             "seed": self.seed,
         }
 
+    @override
     def __str__(self) -> str:
         """Return the report: intervals, weights of minima, evidence, runs and warnings."""
         # The table is that of a fit; headings of the same width keep its columns aligned.

@@ -169,6 +169,7 @@ class EndPlay(AbstractAxialPolicy):
     friction: AbstractFriction | None = None
     radius: Single | None = optional_quantity("m", positive=True, remedy="give the radius in m")
 
+    @override
     def __check_init__(self):
         require_flat_law(self.law, "shoulders")
         if self.friction is not None:
@@ -332,6 +333,7 @@ class ClearanceJoint(AbstractCentredJoint):
         self.bearing_profile, self.journal_profile = bearing_profile, journal_profile
         self.line_points = line_points
 
+    @override
     def __check_init__(self):
         require_instance("axial", self.axial, AbstractAxialPolicy)
         if (points := self.line_points) is not None:

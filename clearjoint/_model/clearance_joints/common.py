@@ -97,6 +97,7 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
     friction: ClassVar[None] = None
 
+    @override
     def __check_init__(self):
         require_flat_law(self.law, "flanks")
 
@@ -134,6 +135,7 @@ class CentredInPlay(AbstractConstraint):
 class AbstractFrictionJoint(AbstractOneLawJoint):
     """Base class of clearance joints that may have friction."""
 
+    @override
     def __check_init__(self):
         require_distinct(*self.pair())
         require_instance("law", self.law, AbstractContactLaw)

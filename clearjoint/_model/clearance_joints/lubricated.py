@@ -144,6 +144,7 @@ class LubricatedJoint(AbstractContactJoint):
         remedy="give an eccentricity ratio such as 0.99",
     )
 
+    @override
     def __check_init__(self):
         remedy = "pass the joint without its film, and then a film such as CaponeFilm(0.02)"
         require_instance("dry", self.dry, ClearanceJoint, remedy=remedy)

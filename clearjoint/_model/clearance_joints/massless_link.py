@@ -55,6 +55,7 @@ class MasslessLink(AbstractConstraint):
     axial: AbstractAxialPolicy = eqx.field(default_factory=FreeAxially)
     point_fields = {"bearing_point": "bearing_body", "journal_point": "journal_body"}
 
+    @override
     def __check_init__(self):
         require_distinct(self.bearing_body, self.journal_body)
         require_instance("axial", self.axial, AbstractAxialPolicy)

@@ -477,10 +477,12 @@ class RoughCylinders(AbstractContactLaw):
     force_jumps = False
 
     @property
+    @override
     def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Whether the law of the walls uses the entry speed."""
         return self.law.uses_entry_speed
 
+    @override
     def __check_init__(self):
         require_instance("asperities", self.asperities, GreenwoodTripp)
         require_instance("law", self.law, AbstractContactLaw)

@@ -308,6 +308,7 @@ class AbstractBoundedDampingLaw(AbstractPowerLaw):
     uses_entry_speed = False
     force_jumps = False
 
+    @override
     def __check_init__(self):
         require_exponent(self.exponent)
 

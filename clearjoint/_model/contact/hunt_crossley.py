@@ -194,6 +194,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
     def damping_factor(self) -> Scalar:
         """Return chi, dimensionless; the hysteresis damping factor of publications is chi K/v0."""
 
+    @override
     def __check_init__(self):
         require_exponent(self.exponent)
         if self.smoothing is not None:
@@ -451,6 +452,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 class AbstractReboundingLaw(AbstractDampedLaw):
     """Base class of laws whose damping factor is infinite for c = 0, which they refuse too."""
 
+    @override
     def __check_init__(self):
         require_rebound(self.restitution)
 

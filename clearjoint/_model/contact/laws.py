@@ -454,6 +454,7 @@ class AbstractLawAround(AbstractContactLaw):
     law: AbstractContactLaw
 
     @property
+    @override
     def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Whether `law` uses the entry speed."""
         return self.law.uses_entry_speed

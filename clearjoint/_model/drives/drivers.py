@@ -51,6 +51,7 @@ class AbstractDrive(AbstractPair):
     axis: eqx.AbstractVar[Triple]
     orientation: eqx.AbstractVar[Quadruple]
 
+    @override
     def __check_init__(self):
         require_axis("axis", self.axis)
         require_euler_parameters("orientation", self.orientation)
@@ -240,6 +241,7 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     function: FunctionOfTime = quantity("rad", converter=as_function_of_time)
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
+    @override
     def __check_init__(self):
         require_continuous(self.function)
 
@@ -278,6 +280,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     axis: Triple = quantity("1", check=require_axis)
     function: FunctionOfTime = quantity("m", converter=as_function_of_time)
 
+    @override
     def __check_init__(self):
         require_continuous(self.function)
 

@@ -66,6 +66,7 @@ class PlainFunction(AbstractFunctionOfTime):
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
+    @override
     def __call__(self, t: Scalar) -> Scalar:
         return self.function(jnp.asarray(t, dtype=float))
 
@@ -85,12 +86,14 @@ class Polynomial(AbstractFunctionOfTime):
 
     coefficients: Column = quantity("1", table=True)
 
+    @override
     def __check_init__(self):
         shape = np.shape(self.coefficients)
         remedy = "pass the coefficients in a list, the constant first"
         require(len(shape) == 1 and shape != (0,), "coefficients", shape, "a row", remedy)
         require_finite("coefficients", self.coefficients)
 
+    @override
     def __call__(self, t: Scalar) -> Scalar:
         # Horner's scheme.
         value: Scalar = 0.0
@@ -109,6 +112,7 @@ class AbstractTable(AbstractFunctionOfTime):
     times: Column = quantity("s", table=True)
     values: TableRows = quantity("1", table=True)
 
+    @override
     def __check_init__(self):
         require_table(self.times, self.values)
 
@@ -152,6 +156,7 @@ class Spline(AbstractTable):
         spline = CubicSpline(np.asarray(times), np.asarray(values), bc_type="natural")
         return Spline(times, values, spline(times, 1))
 
+    @override
     def __call__(self, t: Scalar) -> Scalar:
         times, values, rates = map(on_device, (self.times, self.values, self.rates))
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
@@ -237,6 +242,7 @@ class PiecewiseConstant(AbstractTable):
 
     jumps: ClassVar[bool] = True
 
+    @override
     def __call__(self, t: Scalar) -> Scalar:
         times, values = on_device(self.times), on_device(self.values)
         # At its time a new value holds already; before the first time, the first value.
@@ -259,6 +265,7 @@ class PiecewiseLinear(AbstractTable):
     25.0
     """
 
+    @override
     def __call__(self, t: Scalar) -> Scalar:
         times, values = on_device(self.times), on_device(self.values)
         # k is the index of the interval that contains t. Before the first time it is the first

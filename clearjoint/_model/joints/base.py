@@ -386,6 +386,7 @@ class AbstractPair(AbstractElement):
     first: eqx.AbstractVar[str]
     second: eqx.AbstractVar[str]
 
+    @override
     def __check_init__(self):
         require_distinct(self.first, self.second)
 

@@ -86,6 +86,7 @@ class GearJoint(AbstractConstraint):
     orientation_first: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
     orientation_second: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
 
+    @override
     def __check_init__(self):
         # Two gears and their carrier are three bodies.
         require_distinct(self.first, self.second)

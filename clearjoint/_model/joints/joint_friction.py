@@ -87,6 +87,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     point_second: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     viscosity: Single | None = optional_quantity("N s/m", positive=True, zero=True)
 
+    @override
     def __check_init__(self):
         require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
 

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from ..._fields.checks import as_number, errors_about, require
 from ..._fields.objects import AbstractConverting
@@ -210,6 +211,7 @@ class AbstractWindowedReduction(AbstractReduction):
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
 
+    @override
     def __check_init__(self):
         Window(self.after, self.until)  # which checks the times
 

@@ -233,6 +233,7 @@ class ArchardWear(AbstractWindowedReduction):
     hardness: float = eqx.field(static=True)
     sectors: int = eqx.field(default=12, static=True)
 
+    @override
     def __check_init__(self):
         require_positive("coefficient", self.coefficient, "give k, such as 1e-5", zero=True)
         require_positive("hardness", self.hardness, "give H in Pa, such as 2e9")

@@ -34,6 +34,7 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)
 
+    @override
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
 
@@ -249,6 +250,7 @@ class Quantiles(AbstractQuantityReduction):
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
     levels: tuple[float, ...] = eqx.field(static=True, converter=numbers, default=(0.5, 0.95))
 
+    @override
     def __check_init__(self):
         edges, remedy = np.asarray(self.edges), "sort them, two at least, none of them twice"
         require_finite("edges", edges)

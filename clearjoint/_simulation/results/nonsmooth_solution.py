@@ -89,6 +89,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
 
+    @override
     def __repr__(self) -> str:
         if is_abstract(self):
             return super().__repr__()

@@ -168,6 +168,7 @@ class Observation(eqx.Module, AbstractTabular):
     reactions_unique: bool = eqx.field(static=True)
     interpolated: Flags | None = None
 
+    @override
     def __repr__(self) -> str:
         if np.ndim(self.times) != 1 or isinstance(self.times, Tracer) or not len(self.times):
             return eqx.tree_pformat(self)

@@ -248,6 +248,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
         wanted = instants_of_smooth_curves(ends, states) if times is None else np.asarray(times)
         return Trajectory(wanted, states_between(ends, states, wanted), ~np.isin(wanted, ends))
 
+    @override
     def __str__(self) -> str:
         if is_abstract((self.times, self.states)) or np.ndim(self.times) != 1 or not len(self):
             return repr(self)
@@ -348,6 +349,7 @@ class Solution(AbstractReadable, AbstractTabular):
     outputs: Mapping[str, float] = eqx.field(default_factory=dict)
     settings: Notes = eqx.field(default=(), static=True)
 
+    @override
     def __repr__(self) -> str:
         if is_abstract(self):
             return super().__repr__()

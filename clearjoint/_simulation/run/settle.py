@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import jax
 import numpy as np
 from jaxtyping import Float
+from typing_extensions import override
 
 from ..._fields.checks import as_number, require, require_count, require_positive, require_type
 from ..._model.bodies import State
@@ -88,6 +89,7 @@ class Settled:
         """Whether the motion is periodic, steady or stationary."""
         return self.kind not in (Settling.UNSETTLED, Settling.FAILED)
 
+    @override
     def __str__(self) -> str:
         after = f"after {self.periods} periods, at t = {self.time:.9g} s"
         if self.kind is Settling.FAILED:

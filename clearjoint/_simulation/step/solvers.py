@@ -49,6 +49,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     term_structure = diffrax.ODETerm
 
     @property
+    @override
     def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Function that returns the dense output of a step. Its arguments are the start and end of
         the step, `t0` and `t1`, s, and the items of `DenseInformation`."""
