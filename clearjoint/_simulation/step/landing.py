@@ -1,12 +1,8 @@
 """Landing of steps on contact events, the instants at which a contact begins or ends.
 
-A step that starts in flight and ends deeper in a contact than the landing tolerance is rejected. It
-is repeated up to the event, which is the root of the cubic Hermite interpolant of the penetration.
-The same holds for a step that starts in a contact and ends in flight farther from the contact than
-the tolerance, and for a step in which a contact begins and ends, or ends and begins, and passes the
-event by more than the tolerance in between. Penetrations are positive where a contact has a force:
-they are measured from the onset of the force. A `ContactGap` has the penetration of one contact,
-`depth`, m, and its `rate`, m/s. Contact gaps are `ContactGap`s by joint and contact.
+A step that passes such an event by more than the landing tolerance is rejected, and repeated up to
+the event, which is the root of the cubic Hermite interpolant of the penetration. Penetrations are
+measured from the onset of the force, and are positive where a contact has one.
 """
 
 import equinox as eqx
@@ -22,28 +18,24 @@ from ..._model.joints.base import ByLabel
 LATEST = 1e-11
 """Longest time past an event at which a step may end, s. In slow contacts, this time multiplied by
 the penetration rate is less than the landing tolerance, and steps must land within this smaller
-depth. At the depth where a step lands, the contact has an elastic energy that no work has supplied.
-A slow impact may not even reach the depth of the landing tolerance, so that this energy would be a
-large error."""
+depth. Where a step lands, the contact has an elastic energy that no work has supplied. That would
+be a large error in a slow impact, which may not even reach the depth of the tolerance."""
 CLOSEST = 1e-4
-"""Smallest depth within which a step must land, relative to the landing tolerance. Without this
-bound, rounding errors of the penetration, which do not become smaller in slow contacts, could make
-it impossible to land."""
+"""Smallest depth within which a step must land, relative to the landing tolerance. Otherwise
+rounding errors of the penetration could make it impossible to land in slow contacts."""
 
 
 class Landing(eqx.Module):
     """Rule by which steps end at the instants where contacts begin and end.
 
     **Arguments:** `tolerance`: m, largest depth past an event at which a step may end. In slow
-    contacts the allowed depth is smaller, in proportion to the penetration rate (see `LATEST` and
-    `CLOSEST`).
+    contacts the allowed depth is smaller, in proportion to the penetration rate (see `LATEST`).
     """
 
     tolerance: Scalar
 
     def _depth(self, rate: Scalar) -> Scalar:
-        """Return the depth, m, within which a step must land on an event of a contact with a
-        penetration `rate`, m/s."""
+        """Return the depth, m, within which a step must land at a penetration `rate`, m/s."""
         return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
     def time_to_next_event(
@@ -54,9 +46,8 @@ class Landing(eqx.Module):
         A step that would pass the event is shortened in advance, which saves rejected trials: a
         trial far past a wall can have a very large error, and would be cut several times.
 
-        **Arguments:** by joint and contact, `contact_gaps`: penetrations and their rates, and
-        `second_rates`: second time derivatives of penetrations, m/s^2; `ends_only`: whether to
-        consider only the ends of existing contacts.
+        **Arguments:** `second_rates`: second time derivatives of penetrations, m/s^2; `ends_only`:
+        whether to consider only the ends of existing contacts.
         """
         soonest: Scalar = jnp.inf
         count = sum(map(len, contact_gaps.values()))
@@ -71,13 +62,10 @@ class Landing(eqx.Module):
         return jax.lax.stop_gradient(soonest)
 
     def _time_to_zero(self, gap: ContactGap, second_rate: Scalar) -> Scalar:
-        """Predict the time until the penetration of a contact changes its sign, s; infinite if it
-        does not.
+        """Predict the time until the penetration of a contact changes its sign, s, by a parabola.
 
-        The penetration is extrapolated as a parabola, from its value and rate in `gap` and from its
-        `second_rate`, m/s^2. The parabola is shifted so that its root is half the landing depth
-        past the change of sign. Otherwise rounding errors might leave the step on the wrong side of
-        the event.
+        The parabola is shifted so that its root is half the landing depth past the change of sign.
+        Otherwise rounding errors might leave the step on the wrong side of the event.
         """
         inwards = _inwards(gap)
         # In the direction towards the event, `away` is the distance from it. The event is at the
@@ -94,13 +82,8 @@ class Landing(eqx.Module):
     def retry(
         self, before: ContactGaps, after: ContactGaps, t0: Scalar, t1: Scalar
     ) -> tuple[Condition, Scalar]:
-        """Decide whether a step from `t0` to `t1`, s, must be repeated because it passes an event
-        by more than the tolerance.
-
-        **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
-
-        **Returns:** whether the step must be repeated, and the time at which it must end then, s.
-        """
+        """Decide whether a step from `t0` to `t1` must be repeated because it passes an event by
+        more than the tolerance, and return this and the time at which the step must end then."""
         h = t1 - t0
         # Times that differ by less are not distinguished, because of rounding errors.
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
@@ -124,13 +107,9 @@ class Landing(eqx.Module):
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
-        """Return the fraction, 0 to 1, of a step of length h, s, at which the repeated step must
-        end to land on an event of one contact; 1 if the step need not be repeated.
-
-        At this fraction the penetration is half the landing depth past its change of sign.
-
-        **Arguments:** `start`, `end`: the contact's gap at the start and end of the step.
-        """
+        """Return the fraction, 0 to 1, of a step of length h at which the repeated step must end to
+        land on an event of one contact, half the landing depth past it; 1 if the step need not be
+        repeated."""
         inwards, turns = _inwards(start), _turns(start, end)
         # Zero of the rate, interpolated linearly; its error matters little at an extremum.
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)
@@ -157,19 +136,17 @@ class Landing(eqx.Module):
 
 
 def _may_pass(start: ContactGap, end: ContactGap) -> Condition:
-    """Return whether an event of a contact may be inside of a step, or at its end."""
     return ((start.depth > 0.0) != (end.depth > 0.0)) | _turns(start, end)
 
 
 def _inwards(gap: ContactGap) -> Scalar:
-    """Return the sign, 1 or -1, that the penetration of a contact will have after the contact's
-    next event: 1 in flight, and -1 during the contact."""
+    """Return the sign that the penetration will have after the contact's next event: 1 in flight,
+    and -1 during the contact."""
     return jnp.where(gap.depth > 0.0, -1.0, 1.0)
 
 
 def _turns(start: ContactGap, end: ContactGap) -> Condition:
-    """Return whether the penetration of a contact moves in the direction of the contact's next
-    event at the `start` of a step (see `_inwards`; a depth of zero counts as flight), and in the
-    opposite direction at its `end`."""
+    """Return whether a penetration moves towards the contact's next event at the start of a step (a
+    depth of zero counts as flight), and away from it at the end."""
     inwards = _inwards(start)
     return (inwards * start.rate > 0.0) & (inwards * end.rate < 0.0)

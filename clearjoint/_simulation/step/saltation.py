@@ -1,21 +1,16 @@
 """Correction of the variables, and mainly of their derivatives with respect to parameters, at the
 end of a step at which a contact force, or its slope over the penetration, is discontinuous.
 
-The event is the onset or the end of a contact. Its time depends on the parameters with respect to
-which the motion is differentiated, but the step that lands on the event ends at a time t1 that is
-not differentiated. Let tau be the time from the event to t1, s. The landing makes tau zero except
-for rounding, but not the derivative of tau. The step was computed with the rates f- (time
-derivatives of the variables y) before the event; the rates after the event are f+. The corrected
-state y + (f+ - f-) tau has the derivatives of the motion across the event (the saltation matrix:
-R. I. Leine, H. Nijmeijer 2004, section 7.3), in forward and in reverse mode.
+The time of the event, the onset or end of a contact, depends on the parameters, but the step ends
+at a time t1 that is not differentiated. Let tau be the time from the event to t1, s. Landing makes
+tau zero except for rounding, but not its derivative. The step was computed with the rates f- before
+the event; those after it are f+. The corrected state y + (f+ - f-) tau has the derivatives of the
+motion across the event (the saltation matrix: R. I. Leine, H. Nijmeijer 2004, section 7.3).
 
 The contact force in f+ is a mean over the time tau. If the force is continuous and only its slope
-K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. If the
-force at the event, which is zero, were used instead, derivatives would have an error proportional
-to tau. It is visible if two contacts of a stiff spring begin a millionth of the contact time apart.
-
-The entry speed of a contact is its penetration rate at its onset. Bristles are deflections of the
-surfaces in friction laws that can stick.
+K, N/m, jumps, as for a spring, this mean is K delta/2 for the penetration delta, m, at t1. With the
+force at the event, which is zero, derivatives would have an error proportional to tau, which is
+visible if two contacts of a stiff spring begin a millionth of the contact time apart.
 """
 
 from collections.abc import Mapping
@@ -42,25 +37,20 @@ def contacts_jump(scene: Scene) -> bool:
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether a scene has a contact whose slope of the force over the penetration, N/m, may
-    jump where the contact begins or ends."""
+    """Return whether a scene has a contact whose slope of the force may jump there."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
 def across_contacts(
     system: System, before: ContactGaps, y: Variables, entry_speeds: EntrySpeeds, t: Scalar
 ) -> Variables:
-    """Return the variables at the end of a step, corrected for contacts that begin or end there:
-    y + (f+ - f-) tau, summed over the contacts.
+    """Return the variables at the end of a step, corrected for contacts that begin or end there.
 
     The correction changes the variables themselves by rounding errors only, but it adds the
     saltation to their derivatives.
 
-    **Arguments:**
-
-    - `before`, `entry_speeds`: contact gaps (penetrations, m, and their rates, m/s) and entry
-      speeds, m/s, at the start of the step, by joint and contact.
-    - `y`: variables at the end of the step; `t`: the time there, s, on the clock of `system`.
+    **Arguments:** `before`, `entry_speeds`: those at the start of the step; `y`, `t`: variables and
+    time at its end.
     """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
@@ -109,8 +99,7 @@ def _constant(leaf: PyTree) -> PyTree:
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
-    """Return the labels of the contacts whose force, or its slope, may jump where the contact
-    begins or ends, by joint name."""
+    """Return the labels of the contacts whose force, or its slope, may jump, by joint name."""
     labels_by_joint = {
         name: [label for label, law in family.items() if law.force_jumps or law.slope_jumps()]
         for name, family in scene.laws().items()
@@ -119,16 +108,12 @@ def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
 
 
 def _changes(before: ContactGap, after: ContactGap) -> Condition:
-    """Return whether a contact begins or ends between two instants."""
     return (before.depth > 0.0) != (after.depth > 0.0)
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
     """Return whether any contact whose force, or its slope, may jump begins or ends between two
-    instants.
-
-    **Arguments:** `before`, `after`: the contact gaps at the two instants.
-    """
+    instants."""
     return any_of(
         _changes(before[name][label], after[name][label])
         for name, labels in _jumping_contacts(scene).items()
@@ -138,16 +123,11 @@ def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condit
 
 def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByLabel[Scalar]:
     """Return by how much longer, s, each contact transmitted its force than the solver assumed in a
-    step, by joint and contact.
+    step: positive after an onset, negative after an end, zero without an event.
 
-    The solver computes a step with the contacts that exist at its start: it omits the force after
-    an onset, and includes too much force after an end. The result is therefore positive after an
-    onset, negative after an end, and zero without an event. It is also zero if the penetration at
-    the end of the step has a rate of zero. Penetration over its rate is the time since the event to
-    first order; the derivative of this quotient is exact, because the penetration is zero except
-    for rounding.
-
-    **Arguments:** `before`, `after`: the contact gaps at the start and end of the step.
+    The solver computes a step with the contacts that exist at its start. Penetration over its rate
+    is the time since the event to first order; the derivative of this quotient is exact, because
+    the penetration is zero except for rounding. At a rate of zero the result is zero.
     """
 
     def time(name: str, label: str) -> Scalar:
@@ -166,11 +146,6 @@ def _mean_forces(
     speeds: Mapping[str, Scalar],
     bristles: Mapping[str, Vector],
 ) -> list[LoadedContact]:
-    """Return the result of `_mean_force` for several contacts of a joint.
-
-    **Arguments:** `labels`: those of the contacts; `speeds`: entry speeds, m/s, by label. The
-    others are those of `_mean_force`.
-    """
     contacts = joint.contacts(motions)
     return [
         _mean_force(joint, label, contacts[label], speeds.get(label), motions, bristles)
@@ -188,10 +163,8 @@ def _mean_force(
 ) -> LoadedContact:
     """Return the mean force of one contact over the time from the event to the end of the step.
 
-    **Arguments:** `joint`, `label`: the contact's joint and its label there; `contact`: its
-    geometry at the end of the step; `speed`: entry speed, m/s, zero in flight, ``None`` if the law
-    does not use it; `motions`: pose and velocities of each body; `bristles`: deflections of the
-    joint's contacts, m, by label.
+    **Arguments:** `speed`: entry speed, m/s, zero in flight, ``None`` if the law does not use it;
+    `bristles`: deflections of the joint's contacts, m, by label.
     """
     # The contact counts as closed, so that it has a force also if the step ends just outside.
     law, closed = joint.laws()[label], jnp.asarray(True)
@@ -221,7 +194,7 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with all of its forces and its friction moment multiplied by `factor`, and
+    """Return the contact with its forces and its friction moment multiplied by `factor`, and
     without the rate of its bristles."""
     forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
     # Friction and its moment may be ``None``, which has no leaves.

@@ -1,19 +1,9 @@
 """Body of a run's main loop: try one step, accept or reject it, carry the state to the next one.
 
-diffrax supplies the solver's `step` and the controller's `adapt_step_size`. This module calls them
-one step at a time (diffrax calls this "manual stepping") instead of through `diffeqsolve`, because
-between a trial step and its acceptance it ends steps at contact events, updates entry speeds and
-bristles, corrects the state where forces are discontinuous, and carries derivatives. In
-`diffeqsolve`, wrapped solvers and controllers would need hidden state for this. The body of the
-loop is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to one
-native function.
-
-Terms: rates are time derivatives of the integrated variables. The entry speed of a contact is its
-penetration rate at its onset, m/s. Bristles are deflections of the surfaces in friction laws that
-can stick. Tangents are derivatives of the variables with respect to p parameters. A breakpoint is a
-declared time at which a driver or load changes abruptly. The energy ledger consists of integrals of
-dissipated and supplied powers, J, which are computed with the motion. Times on the clock of a
-`System` are counted from its `origin`, s; without an origin they are the scene's times.
+diffrax supplies the solver's `step` and the controller's `adapt_step_size`, which are called one
+step at a time, because in `diffeqsolve` the treatment of contact events would need hidden state.
+The body is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to
+one native function. Times are on the clock of a `System`, counted from its `origin`.
 """
 
 import warnings
@@ -67,10 +57,10 @@ MANY_OPERATIONS = 50_000
 """Number of operations in the equations of motion above which `shapes_of` warns, because compiling
 takes half a minute or more.
 
-Compiling to native code, in which a large right-hand side is one function for all stages, took 2, 5
-and 23 s of processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes
-(2800, 11 000 and 55 000 operations). XLA, which repeats the right-hand side for each stage, took 53
-and 264 s for the first two chains, and more than 8 GB of memory for the last.
+Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
+processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
+and 55 000 operations). XLA took 53 and 264 s for the first two chains, and more than 8 GB of memory
+for the last.
 """
 
 
@@ -88,12 +78,11 @@ def start(
 
     **Arguments:**
 
-    - `t0`, `t_end`: start and end of the run, s, on the clock of `system`.
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger and bristle
       deflections; missing ones are initialised.
-    - `entry_speeds`: m/s, by joint and contact; missing ones are derived from the contacts at `t0`,
-      and those that no law uses are left out.
+    - `entry_speeds`: m/s; missing ones are derived from the contacts at `t0`, and those that no law
+      uses are left out.
     - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
@@ -146,20 +135,14 @@ def _initial_ledger(
     derivatives: bool,
 ) -> dict[str, Scalar]:
     """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
-    ledger.
-
-    Integrals that `y.work` contains are kept. Of the others, "friction" starts at the energy stored
-    in the bristles, because the ledger counts under "friction" all energy that friction takes from
-    the motion, including the part that bristles will return. The rest start at zero.
-
-    **Arguments:** `term`: the differential equations; `args`: the system and the entry speeds at
-    the start; `t`: s, the start; `y`: variables there; `derivatives`: whether the run has tangents.
-    """
+    ledger. Those in `y.work` are kept."""
     # Only the names of the powers are needed: the equations are traced and not computed. Without a
     # ledger, the solver uses the same trace.
     system, entry_speeds = args
     powers = shapes_of(lambda: term.vector_field(t, replace(y, work={}), args), derivatives).work
     work = {name: y.work.get(name, jnp.zeros_like(t)) for name in powers}
+    # "friction" starts at the energy stored in the bristles, because the ledger counts under it all
+    # energy that friction takes from the motion, also the part that bristles will return.
     if y.bristles and "friction" in powers.keys() - y.work.keys():
         forces = system.contact_forces(y.motion, entry_speeds, y.bristles)
         stored = bristle_energy(system.scene, system.motions(y.motion), forces, y.bristles)
@@ -169,15 +152,12 @@ def _initial_ledger(
 
 
 def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
-    """Trace the equations of motion without computing them, and warn if they are so large that
-    compiling takes long.
+    """Trace the equations of motion without computing them, as `jax.eval_shape` does, and warn if
+    they are so large that compiling takes long.
 
-    The function runs while a program is traced: once for each compiled program, before the compiler
-    starts. Its result is that of `jax.eval_shape`: the results of the equations with shapes and
-    types in place of numbers.
+    It runs once for each compiled program, before the compiler starts.
 
-    **Arguments:** `equations`: a function without arguments that evaluates the equations;
-    `derivatives`: whether steps carry tangents.
+    **Arguments:** `derivatives`: whether steps carry tangents.
     """
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
     # The equations are a function that JAX traces once (see `term_of`).
@@ -202,9 +182,8 @@ def attempt(
 ) -> Attempt:
     """Try one step, and either accept it or propose a shorter one.
 
-    **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, s, on the clock of
-    `system`, beyond which no step goes; `family`: the system as a function of the parameters, if
-    the step carries tangents.
+    **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, beyond which no
+    step goes; `family`: the system as a function of the parameters, if the step carries tangents.
 
     **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
     the given state with a new proposal, result code and number of attempts.
@@ -242,16 +221,9 @@ def _accepted_state(
     trial: Trial,
     keep: Condition,
 ) -> Step:
-    """Return the state after a trial step, for the case that the trial is accepted, with the
-    `proposal`, `result` and `attempts` of the state before it.
-
-    Entry speeds are updated first, since they depend on the penetrations as the solver found them.
-    Then the variables are corrected for discontinuities of forces at the end of the step. If the
-    trial is rejected, the result is not used, and a run that is not in a batch skips parts of the
-    work.
-
-    **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
-    """
+    """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
+    state before it. If `keep` is false, the result is not used, and a single run skips parts of the
+    work."""
     y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Second rates of a rejected trial may not be finite.
@@ -319,15 +291,12 @@ def _across_discontinuities(
     keep: Condition,
 ) -> Ends:
     """Return the variables at the end of a trial step and their tangents, corrected for
-    discontinuities of forces there. The tangents are ``None`` without a `family`.
+    discontinuities of forces there (see `.saltation` and `.breakpoint_events`).
 
-    See `.saltation` and `.breakpoint_events`. If steps end at onsets, bristles of contacts that
-    began in the step also get the displacement since the onset added. The corrections change the
-    variables by rounding errors, or by as little as a step ends past an onset, with two exceptions:
-    velocities jump where the angle or distance that a driver prescribes has a kink, and bristle
-    deflections become zero in open contacts. The corrections of the tangents are not small.
-
-    **Arguments:** `step`: the state before the trial; `keep`: whether the trial is accepted.
+    The corrections change the variables by rounding errors, or by as little as a step ends past an
+    onset, with two exceptions: velocities jump where the angle or distance that a driver prescribes
+    has a kink, and bristle deflections become zero in open contacts. The corrections of the
+    tangents are not small.
     """
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
     # Corrections that the scene cannot need are left out of the program. If only the slope of a
@@ -341,8 +310,6 @@ def _across_discontinuities(
     t1 = trial.t1
 
     def corrected(correction: Callable[..., Variables], at: Ends) -> Ends:
-        """Return variables and tangents after a correction, which is a function of the system, the
-        variables and the entry speeds."""
         y, along = at
         if family is None:
             return correction(system, y, step.entry_speeds), None
@@ -385,13 +352,10 @@ def _across_discontinuities(
 def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact.
+    """Return the second time derivatives of all penetrations, m/s^2, from the variables and their
+    rates.
 
-    They follow from the variables `y` and their rates. `UnrolledExplicit` keeps these rates as its
-    state; with other solvers the result is zero.
-
-    **Arguments:** `gaps`: penetration and its rate of each contact, of which only the structure is
-    used.
+    `UnrolledExplicit` keeps these rates as its state; with other solvers the result is zero.
     """
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
@@ -406,12 +370,8 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """Return an `Attempt` that contains `step` and is zero otherwise. It is the initial value in a
-    loop over attempts, which needs the structure and shapes of an attempt.
-
-    **Arguments:** `attempt`: the function that tries a step. The other arguments are those with
-    which the loop calls it.
-    """
+    """Return an `Attempt` that contains `step` and is zero otherwise, as the initial value of a
+    loop over attempts, which calls `attempt` with the same arguments."""
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as
         # tracing the whole loop.
@@ -434,6 +394,6 @@ def blank_attempt(
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Return whether a run goes on after `step`: its time is before `t_end`, s, it has not failed,
-    and it has made fewer than `attempts` trials."""
+    """Return whether a run goes on after `step`: it is before its end, has not failed, and has made
+    fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)
