@@ -53,8 +53,8 @@ class Landing(eqx.Module):
         count = sum(map(len, contact_gaps.values()))
         for name, family in contact_gaps.items():
             for label, gap in family.items():
-                given = self, gap, second_rates[name][label]
-                time = shared_by_many(count, Landing._time_to_zero, *given)
+                second_rate = second_rates[name][label]
+                time = shared_by_many(count, Landing._time_to_zero, self, gap, second_rate)
                 if ends_only:
                     time = jnp.where(gap.depth > 0.0, time, jnp.inf)
                 soonest = jnp.minimum(soonest, time)

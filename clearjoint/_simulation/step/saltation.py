@@ -58,9 +58,9 @@ def across_contacts(
 
     def mean_forces(name: str) -> dict[str, LoadedContact]:
         speeds, bristles = entry_speeds.get(name, {}), y.bristles.get(name, {})
-        given = motions, tuple(times[name]), speeds, bristles
-        forces = kinds.evaluate(_mean_forces, joints[name], *given)
-        return dict(zip(times[name], forces, strict=True))
+        labels = tuple(times[name])
+        forces = kinds.evaluate(_mean_forces, joints[name], motions, labels, speeds, bristles)
+        return dict(zip(labels, forces, strict=True))
 
     # Forces of contacts without an event in this step are computed too. They have no effect,
     # because their times are zero.

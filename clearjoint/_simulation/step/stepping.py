@@ -316,7 +316,7 @@ def _across_discontinuities(
         assert step.tangents is not None
         tangents = along, step.tangents.entry_speeds
         y, _, along = family.with_derivatives(
-            lambda *given: (correction(*given), None), (y, step.entry_speeds), tangents
+            lambda *arguments: (correction(*arguments), None), (y, step.entry_speeds), tangents
         )
         return y, along
 
@@ -331,9 +331,9 @@ def _across_discontinuities(
         if has_breakpoints:
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
         if y.bristles:
-            gaps = step.contact_gaps, system.contact_gaps(y.motion)
+            before, after = step.contact_gaps, system.contact_gaps(y.motion)
             motions = system.motions(y.motion)
-            bristles = updated_bristles(system.scene, y.bristles, motions, *gaps, lands)
+            bristles = updated_bristles(system.scene, y.bristles, motions, before, after, lands)
             y = replace(y, bristles=bristles)
         return y
 
