@@ -14,6 +14,7 @@ from jax.extend import core
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
+from typing_extensions import override
 
 from .._compilation.xla import (
     begins_a_program,
@@ -274,9 +275,11 @@ class _Key:
         # Indices of the arrays that `FlatArguments.floats` leaves out, once they are known.
         self.others: list[int] | None = None
 
+    @override
     def __hash__(self) -> int:
         return self._hash
 
+    @override
     def __eq__(self, other: object) -> bool:
         return self is other or (isinstance(other, _Key) and self.parts == other.parts)
 
@@ -570,6 +573,7 @@ class Result:
         self._tree = tree
         self._leaves, self._structure = jax.tree.flatten(tree)
 
+    @override
     def __reduce__(self) -> tuple[object, ...]:
         # JAX's object for a structure can't be pickled.
         return Result, (self._tree,)

@@ -24,6 +24,7 @@ import llvmlite
 import llvmlite.binding as llvm
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
+from typing_extensions import override
 
 from .._compilation import keeps_programs
 from .._compilation.digests import LONG, digest
@@ -149,6 +150,7 @@ class Code:
         self._constants, self._lanes = lowering.constants, operations.width
         self._cells = operations.cells
 
+    @override
     def __getstate__(self) -> dict[str, object]:
         state: dict[str, object] = {**vars(self), "text": ""}
         state.pop("_loaded", None)
