@@ -256,7 +256,8 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Add copies of those results that are in memory to the cells of the arrays `places`."""
+    """Copy the results that are in memory to the cells of the arrays `places`, where later
+    operations read them."""
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
     taken = [old for old in places if isinstance(old, InMemory)]

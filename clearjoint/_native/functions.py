@@ -511,8 +511,8 @@ class NativeFunction:
         return bound.results.trees(bound(Cells(examples).rows(values)))
 
     def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
-        """Return this function with its first argument fixed. Of the numbers in `examples`, which
-        stand for the other arguments, none is used."""
+        """Return this function with its first argument fixed. Of the other arguments, `examples`
+        have the structure, shapes, dtypes and static leaves; their numbers are not used."""
         flat, fixed = FlatArguments.of((shared, *examples)), len(FlatArguments.of((shared,)).arrays)
         return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
 

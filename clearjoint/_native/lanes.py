@@ -73,8 +73,11 @@ class AbstractLaneLoop(abc.ABC):
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
-        """Return the status of all columns by name, (lanes,) each, as views that the next `run`
-        changes."""
+        """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
+
+        Integers and bools are int64. The arrays are views of the memory, which the next `run`
+        changes.
+        """
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()

@@ -206,9 +206,12 @@ class _Writer:
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Count the uses of values in an entry, and record in `_live` whether it is needed. Later
-        entries must have been marked already. An entry that is needed has an effect unless it is an
-        operation with a result."""
+        """Count the uses of values in an entry, record in `_live` whether it is needed, and return
+        whether it has an effect other than its values. Later entries must have been marked already.
+
+        An operation has such an effect if it has no result; every needed branch or loop is taken to
+        have one.
+        """
         uses = self._uses
         if isinstance(entry, Operation):
             if entry.out is not None and not uses[entry.out]:
@@ -389,7 +392,8 @@ class _Writer:
         return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result; ``None`` for those without one."""
+        """Write an operation and return its result. Operations without a result return what must
+        not be used."""
         name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)

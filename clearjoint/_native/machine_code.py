@@ -127,8 +127,8 @@ class Code:
     - `text`: the program in LLVM's language; empty after unpickling.
     - `seconds`: processor time, s, of each stage.
 
-    **Arguments:** `result`: value of the program, an int64, that `run` returns, in a program of
-    several lanes that of the first one; `optimisation`: LLVM's level, `FOR_LOOPS` or
+    **Arguments:** `result`: value of the program, an int64, that `run` returns; in a program of
+    several lanes `run` returns that of the first one. `optimisation`: LLVM's level, `FOR_LOOPS` or
     `FOR_FEW_RUNS`.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
@@ -259,8 +259,9 @@ def load_or_make(
     - unless `keep_programs` in `.._compilation.program_store` has switched saving on;
     - if JAX's compilation cache is not in use;
     - if the package's code has changed since its import;
-    - if the function or its arguments contain classes or functions of which neither the source nor
-      the version is known, or other values that `digest_of` refuses;
+    - if the function or its arguments contain classes or functions that belong neither to this
+      package nor to one of a known version, since a change of their code would not be noticed;
+    - if they contain other values that `digest_of` refuses;
     - if the program cannot be pickled or written.
     """
     kept = load(function, arguments, optimisation)

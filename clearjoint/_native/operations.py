@@ -208,7 +208,7 @@ class Operations:
         return value
 
     def constant(self, kind: str, number: Number) -> Value:
-        """Return the value that is a known number in all lanes."""
+        """Return the value that is a known number, the same in all lanes."""
         if kind == "f":
             number = float(number)
             # By its bits, since 0.0 == -0.0 and NaN != NaN.
@@ -231,8 +231,8 @@ class Operations:
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Declare that a value is the same in all lanes, where this does not follow, as for a
-        counter."""
+        """Declare that a value is the same in all lanes, if this does not follow from the
+        operations that compute it, as for the counter of a loop."""
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:

@@ -184,7 +184,8 @@ def _cumulate_memory(
     lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
 ) -> list[Value]:
     """Add a loop that combines all elements of an array in memory, from the first to the last, and
-    return its index and the total. The intermediate results are written to `out`."""
+    return its index and the total. The result after each element is written to `out`, if there is
+    one."""
     ops = lower.ops
     first = ops.load(array.kind, array.start)
     if out is not None:
