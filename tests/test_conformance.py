@@ -27,6 +27,8 @@ from clearjoint.testing import (
 STEEL = cj.laws.RavnStiffness(207e9, 0.3)
 LIKE_OTHERS = (
     cj.laws.Hertz(STEEL),
+    cj.laws.LankaraniNikravesh(0.9, STEEL),
+    cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     cj.laws.HuntCrossley(0.5, STEEL),
     cj.laws.Flores2011(0.2, STEEL, exponent=2.0),
     cj.laws.MemorylessHuntCrossley(0.8, STEEL, 0.1),
@@ -38,10 +40,8 @@ LIKE_OTHERS = (
     "law",
     [
         *(pytest.param(law, marks=pytest.mark.slow) for law in LIKE_OTHERS),
-        cj.laws.LankaraniNikravesh(0.9, STEEL),
         cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
         WeightedLaw(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
-        cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     ],
 )
 def test_laws_conform(law):
@@ -240,14 +240,19 @@ def test_jumps_inside_the_contact_are_refused(law, complaint):
 @pytest.mark.parametrize(
     "friction",
     [
-        cj.frictions.RegularisedCoulomb(0.1),
         cj.frictions.LinearCoulomb(0.1),
-        cj.frictions.Threlfall(0.1),
-        cj.frictions.Ambrosio(0.1),
         cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2),
-        cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2, exponent=1.0),
-        cj.frictions.BengisuAkay(0.15, 0.1),
-        cj.frictions.BrownMcPhee(0.15, 0.1),
+        *(
+            pytest.param(friction, marks=pytest.mark.slow)
+            for friction in (
+                cj.frictions.RegularisedCoulomb(0.1),
+                cj.frictions.Threlfall(0.1),
+                cj.frictions.Ambrosio(0.1),
+                cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2, exponent=1.0),
+                cj.frictions.BengisuAkay(0.15, 0.1),
+                cj.frictions.BrownMcPhee(0.15, 0.1),
+            )
+        ),
     ],
 )
 def test_friction_conforms(friction):
@@ -257,8 +262,11 @@ def test_friction_conforms(friction):
 @pytest.mark.parametrize(
     "friction",
     [
-        cj.frictions.Dahl(0.1),
-        cj.frictions.LuGre(0.15, 0.1, stribeck_speed=1e-2, damping=100.0, viscosity=0.1),
+        pytest.param(cj.frictions.Dahl(0.1), marks=pytest.mark.slow),
+        pytest.param(
+            cj.frictions.LuGre(0.15, 0.1, stribeck_speed=1e-2, damping=100.0, viscosity=0.1),
+            marks=pytest.mark.slow,
+        ),
         cj.frictions.ElastoPlastic(0.15, 0.1, stribeck_speed=1e-2, elastic_deflection=5e-7),
     ],
 )

@@ -397,6 +397,7 @@ def test_a_note_replaces_a_view_that_is_not_installed(folder, monkeypatch, capsy
     assert "note: view.html is not written. Views need trimesh" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_study_fits_its_schema(folder):
     import tomllib
 
@@ -667,6 +668,7 @@ def rotor(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_wear_is_computed_continued_and_written(rotor, monkeypatch):
     """The journal wears evenly by Archard's law, with the rate k F v over its surface."""
     assert "wear: bearing over cycles of 0.0314159 s" in invoke("check", "wear.toml").output

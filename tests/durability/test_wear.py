@@ -207,6 +207,7 @@ def rough():
     return scene, cj.State(rotor("", CLEARANCE - 2e-6, SPEED)[2])
 
 
+@pytest.mark.slow
 def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     scene, state = rough()
     rates = {"pin": cj.WearRates(bearing=RATE)}

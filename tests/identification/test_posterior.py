@@ -85,6 +85,7 @@ def test_two_minima_have_the_weights_of_the_prior():
     assert "2 separate minima" in str(tilted)
 
 
+@pytest.mark.slow
 def test_a_prior_of_zero_is_never_left_and_samples_at_an_end_of_the_box_are_reported():
     half = found(SQUARE, log_prior=lambda v: np.where(v["root"] > 0, 0.0, -np.inf))
     assert half.weights.tolist() == [1.0] and half.samples["root"].min() > 0.0
@@ -105,6 +106,7 @@ class Bent(cj.extend.AbstractScale):
         return 0.5 * value if value > 0.0 else value
 
 
+@pytest.mark.slow
 def test_scales_need_not_accept_arrays():
     parameters = {
         "speed": cj.Parameter.initial(lambda s: s.bodies["ball"].velocity[0], Bent()),

@@ -66,6 +66,7 @@ def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     np.testing.assert_allclose(lanes[:, -1], found.chi_squared, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_predictions_of_accuracy_know_the_errors_of_sensors():
     kinds = ["gain", "drift", "bias"]
     parameters = {"stiffness": STIFF} | {

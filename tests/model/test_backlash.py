@@ -264,6 +264,7 @@ def test_a_backlash_wider_than_the_pitch_is_refused():
         )
 
 
+@pytest.mark.slow
 def test_a_torsional_stiffness_is_the_torque_by_the_angle():
     bodies = "ground", "link"
     backlash = cj.Backlash(*bodies, play=1e-3, torsional_stiffness=2e4, restitution=0.3)

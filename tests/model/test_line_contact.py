@@ -284,6 +284,7 @@ def test_reports_name_the_law_of_the_whole_length():
         assert row[4] == "LankaraniNikravesh, c 0.7"
 
 
+@pytest.mark.slow
 def test_derivative_by_the_clearance_is_that_of_differences():
     """By Richardson's extrapolation, over an impact along the whole length, whose points separate
     one after the other, and three impacts of ends."""

@@ -52,6 +52,7 @@ def test_a_name_is_shown_literally_and_in_one_line():
     assert shown(" ") == "(no name)"
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error:constrained_layout")
 def test_a_report_and_its_tables_take_any_name(renamed):
     scene, solution, _ = renamed

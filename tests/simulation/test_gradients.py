@@ -143,6 +143,7 @@ def overflowing():
     return scheme, form, begin(scheme, form, state, *times, {})
 
 
+@pytest.mark.slow
 def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
     """It is rejected, so the state is unchanged; without the gate, JAX would return NaN."""
     scheme, form, now = overflowing

@@ -26,6 +26,7 @@ from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
 
+@pytest.mark.slow
 def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
     found = recorded_rod()
     run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=everything())

@@ -128,6 +128,7 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     """The friction of a shoulder slows a turning shaft from the instant at which they meet."""
     play, end = 0.2e-3, 6e-3
@@ -297,6 +298,7 @@ def test_the_mean_force_from_an_event_to_the_end_of_the_step(jumps, inside, past
         assert mean(-1e-3) == pytest.approx(past, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_forward_derivatives_of_a_run_contain_the_switch_too():
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
 

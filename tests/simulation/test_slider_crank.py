@@ -153,6 +153,7 @@ def clearance_runs() -> dict[float, Any]:
     return runs
 
 
+@pytest.mark.slow
 def test_motion_tends_to_the_ideal_with_the_clearance(clearance_runs):
     """Linearly: an eccentricity shifts the slider by at most 1/cos of the rod's largest tilt, and
     it is the clearance plus a penetration."""

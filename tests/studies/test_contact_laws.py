@@ -12,6 +12,7 @@ from studies.contact_laws.models import MODELS
 RIGID = MODELS[3]
 
 
+@pytest.mark.slow
 def test_quick_figures_of_the_laws_are_drawn(tmp_path):
     main(["laws", "--quick", "--output", str(tmp_path)])
     for name in ("forces", "loops", "restitution"):
@@ -33,6 +34,7 @@ def test_rigid_contact_is_near_the_reference():
     assert 0.0 < found.early_error < 15e-6
 
 
+@pytest.mark.slow
 def test_rigid_contact_has_no_derivative_by_the_clearance():
     (found,) = slopes([RIGID])
     near, far = found.differences

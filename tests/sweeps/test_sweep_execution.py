@@ -487,6 +487,7 @@ def dask_client(folder: Path, workers: int) -> Iterator[Any]:
         yield client
 
 
+@pytest.mark.slow
 def test_dask_workers_get_the_settings_of_this_process(tmp_path):
     with dask_client(tmp_path, 1) as client:
         get_the_settings_of_this_one(client)
