@@ -14,9 +14,10 @@ import pytest
 os.environ.setdefault("CLEARJOINT_CACHE", str(Path(__file__).parent.parent / ".cache" / "jax"))
 if jax.__version_info__ < (0, 11):  # A later jaxlib ends the process for a flag that it dropped.
     # Tests evaluate thousands of small expressions, each a program of its own, which compile in
-    # half the time without these emitters; the programs of runs hold none.
-    flags = os.environ.get("XLA_FLAGS", "")
-    os.environ["XLA_FLAGS"] = f"{flags} --xla_cpu_use_fusion_emitters=false"
+    # half the time without these emitters; the programs of runs hold none. To divide the code of a
+    # program among threads takes a tenth more processor time, which other workers need.
+    flags = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
 
 from tests.support.shapes import check_shapes  # noqa: E402
 

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from functools import cache
 
 import pytest
 
@@ -74,6 +75,12 @@ THIRD_PARTY = {
 PATHS = {name: path for name, path in module_paths().items() if path.name != "__init__.py"}
 
 
+@cache
+def trees() -> dict[str, ast.Module]:
+    """The syntax tree of each module."""
+    return {name: ast.parse(path.read_text()) for name, path in PATHS.items()}
+
+
 def test_rooms_import_downwards_only():
     floor_of = {room: number for number, row in enumerate(FLOORS) for room in row}
     assert set(floor_of) == set(neighbours())
@@ -135,9 +142,11 @@ def test_annotations_are_not_postponed():
 
 
 def test_classes_are_abstract_or_final():
-    trees = {name: ast.parse(path.read_text()) for name, path in PATHS.items()}
     classes = [
-        node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
+        node
+        for tree in trees().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
     ]
     assert len(classes) > 30
     concrete = {node.name for node in classes if not node.name.startswith("Abstract")}
@@ -149,8 +158,8 @@ def test_public_classes_and_types_have_names_of_their_own():
     """Private ones, and variables of types, mean something in their module alone."""
     names = Counter(
         node.name if isinstance(node, ast.ClassDef) else ast.unparse(node.target)
-        for path in PATHS.values()
-        for node in ast.parse(path.read_text()).body
+        for tree in trees().values()
+        for node in tree.body
         if isinstance(node, ast.ClassDef)
         or (isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias")
     )
@@ -159,8 +168,12 @@ def test_public_classes_and_types_have_names_of_their_own():
 
 
 def test_few_types_are_any():
-    trees = [ast.parse(path.read_text()) for path in PATHS.values()]
-    names = [node.id for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    names = [
+        node.id
+        for tree in trees().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name)
+    ]
     assert names.count("Any") <= PLACES_OF_ANY
 
 

@@ -437,7 +437,10 @@ def pin(**options):
             friction=cj.frictions.RegularisedCoulomb(0.1),
             axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9), cj.frictions.LinearCoulomb(0.2), 12e-3),
         ),
-        pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
+        pytest.param(
+            pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(pin(), marks=pytest.mark.slow),
         pytest.param(pin(friction=cj.frictions.Dahl(0.1)), marks=pytest.mark.slow),
     ],
@@ -566,8 +569,14 @@ def test_bristles_between_faces_that_resist_rotation_are_refused():
         cj.AppliedLoad("a", (1.0, -2.0, 3.0), (0.1, 0.2, -0.3), (0.3, 0.2, 0.1)),
         cj.SpringDamper("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3),
         cj.DriveTorque("a", "b", (1.0, 2.0, 3.0), torque=2.0),
-        cj.TorsionalSpring("a", "b", (1.0, 2.0, 3.0), 5.0, damping=0.2, rest_angle=0.4),
-        cj.Motor("a", "b", (1.0, 2.0, 3.0), SPLINE, 5.0, derivative=0.3),
+        pytest.param(
+            cj.TorsionalSpring("a", "b", (1.0, 2.0, 3.0), 5.0, damping=0.2, rest_angle=0.4),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            cj.Motor("a", "b", (1.0, 2.0, 3.0), SPLINE, 5.0, derivative=0.3),
+            marks=pytest.mark.slow,
+        ),
         cj.Motor("a", "b", (1.0, 2.0, 3.0), 2.0, 5.0, derivative=0.3, torque_limit=1.0),
     ],
 )
@@ -619,7 +628,7 @@ SPRING = ("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3)
         (Unbooked(*SPRING), "energy does not balance"),
         (Straight(2.0), "derivative of the force is not finite"),
         (Straight(jnp.nan), "force is not finite"),
-        (OfTheFirstLane(2.0), "under vmap"),
+        pytest.param(OfTheFirstLane(2.0), "under vmap", marks=pytest.mark.slow),
     ],
 )
 def test_broken_forces_are_refused(force, complaint):

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import jsonschema
@@ -358,15 +359,22 @@ def test_an_unknown_name_is_reported_with_its_line(folder):
     assert "did you mean 'rod'" in output and "top level" not in output
 
 
+@cache
+def study_validator() -> jsonschema.Draft202012Validator:
+    """Checks the schema once, unlike `jsonschema.validate`, which does so at each call."""
+    schema = study_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
 def test_new_writes_files_that_can_run_and_fit_the_schema(tmp_path, monkeypatch):
     import tomllib
 
     monkeypatch.chdir(tmp_path)
     assert invoke("new", "fourbar").exit_code == 2
-    schema = study_schema()
     for name in ("double_pendulum", "four_bar", "slider_crank"):
         assert invoke("new", name).exit_code == 0
-        jsonschema.validate(tomllib.loads(Path(f"{name}_study.toml").read_text()), schema)
+        study_validator().validate(tomllib.loads(Path(f"{name}_study.toml").read_text()))
         read_study(Path(f"{name}_study.toml"))
     assert invoke("new", "four_bar").exit_code == 2  # nothing is overwritten
     written = Path("four_bar_study.toml").read_text()
@@ -397,17 +405,14 @@ def test_a_note_replaces_a_view_that_is_not_installed(folder, monkeypatch, capsy
     assert "note: view.html is not written. Views need trimesh" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_a_study_fits_its_schema(folder):
     import tomllib
 
-    schema = study_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(tomllib.loads(STUDY), schema)
-    jsonschema.validate(tomllib.loads(WEAR), schema)
+    study_validator().validate(tomllib.loads(STUDY))
+    study_validator().validate(tomllib.loads(WEAR))
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({**tomllib.loads(STUDY), "run": {"ende": 1}}, schema)
-    assert json.loads(invoke("schema", "study").output) == schema
+        study_validator().validate({**tomllib.loads(STUDY), "run": {"ende": 1}})
+    assert json.loads(invoke("schema", "study").output) == study_validator().schema
 
 
 @pytest.mark.parametrize("spread", [0.5, 1, {"clearance": 0.2}])

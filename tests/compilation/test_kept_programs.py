@@ -174,7 +174,8 @@ def forget(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "call", [simulated, swept, pytest.param(differentiated, marks=pytest.mark.slow)]
+    "call",
+    [simulated, *(pytest.param(call, marks=pytest.mark.slow) for call in (swept, differentiated))],
 )
 def test_programs_are_read_by_the_next_process(forget, folder, call):
     """The next process reads them, writes none, and does not read their separate machine code."""

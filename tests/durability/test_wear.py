@@ -373,6 +373,7 @@ def test_derivatives_of_life_are_those_of_differences():
         assert derivatives[name] == pytest.approx(difference, rel=1e-4), name
 
 
+@pytest.mark.slow
 def test_the_worn_volume_is_that_of_the_reduction():
     scene, state = whirling()
     outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}

@@ -152,6 +152,7 @@ def test_a_cloud_of_one_point_is_impossible(monkeypatch):
         found(number=64)
 
 
+@pytest.mark.slow
 def test_copies_of_a_point_are_no_points():
     copies, even = np.repeat([[0.5, 1.0]], 40, axis=0), np.full(40, 1.0 / 40.0)
     with pytest.raises(np.linalg.LinAlgError, match="1 distinct points"):
@@ -168,6 +169,7 @@ def test_copies_of_a_point_are_no_points():
     assert "64 points, 1 of which are distinct, from 1 effective runs" in str(same)
 
 
+@pytest.mark.slow
 def test_a_prior_much_narrower_than_the_box_is_drawn_from():
     """The data hardly matter; formerly one point had all the weight."""
     width = 2e-3
@@ -406,6 +408,7 @@ def test_the_evidence_of_a_posterior_that_the_box_cuts_off():
     assert drawn.points.min() > 0.0
 
 
+@pytest.mark.slow
 def test_few_points_in_many_dimensions_have_a_large_error_but_not_a_small_wrong_one():
     design, values, _, _, evidence = linear(10)
     target = target_of(lambda points: points @ design.T - values, 10)

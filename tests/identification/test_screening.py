@@ -94,6 +94,7 @@ def test_an_incomplete_screening_is_reported(data):
     assert not found.complete and len(found.times) == 2
 
 
+@pytest.mark.slow
 def test_what_noise_does_not_explain_is_screened_anew(data):
     understated = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, data["x"].values, NOISE / 2)})
     starts = cj.Screening(40, spread=1.5, keep=10, finish=1, smoothing=1, passes=2)

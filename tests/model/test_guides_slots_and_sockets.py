@@ -52,7 +52,7 @@ PLAYS = {
     "rough pin between ends": slot(**TILTED, **AT_POINTS, travel=0.05, friction=ROUGH),
     "pin with bristles": slot(friction=BRISTLES),
 }
-FAST = ("rough ball", "pin")
+FAST = ("pin",)
 
 
 @pytest.mark.parametrize(

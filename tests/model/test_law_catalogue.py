@@ -84,6 +84,7 @@ def test_an_unusable_law_warns():
     np.testing.assert_allclose(cj.laws.delivered_restitution(factors), expected, atol=6e-4)
 
 
+@pytest.mark.slow
 def test_small_losses_by_the_slope_of_the_factor():
     """e = 1 - 2 chi/3: the exact slope of chi is -3/2; Lee and Wang have half of it."""
     slopes = {
@@ -108,6 +109,7 @@ def test_the_exact_factor():
     np.testing.assert_allclose(cj.laws.delivered_restitution(FACTORS(asked)), asked, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_exact_factor_in_its_limits():
     """chi = 3 (1 - e)/2 + ... at e = 1 and 1/e at e = 0, with derivatives -3/2 and -1/e^2."""
     near = np.array([1.0, 1.0 - 1e-15, 1.0 - 1e-9, 1.0 - 1e-6])
@@ -138,7 +140,7 @@ def test_clamped_dashpots_deliver_the_closed_form(law):
 @pytest.mark.parametrize(
     ("law", "requested", "delivered"),
     [
-        (cj.laws.KelvinVoigt, 0.5, 0.550),
+        pytest.param(cj.laws.KelvinVoigt, 0.5, 0.550, marks=pytest.mark.slow),
         pytest.param(cj.laws.Tsuji, 0.5, 0.550, marks=pytest.mark.slow),
         *(
             pytest.param(cj.laws.Jankowski, c, e, marks=[pytest.mark.slow] if c != 0.5 else [])
@@ -185,13 +187,11 @@ def of_cylinder(name):
     )
 
 
-FAST = [
+FAST = [cj.laws.Tsuji(0.6, STEEL, 2.0)]
+SLOW = [
     cj.laws.ZhiyingQishao(0.6, STEEL),
-    cj.laws.Tsuji(0.6, STEEL, 2.0),
     cj.laws.Jankowski(0.6, STEEL, 2.0),
     cj.laws.ElastoGap(1e8, 50.0),
-]
-SLOW = [
     *(
         law(0.6, STEEL)
         for law in (

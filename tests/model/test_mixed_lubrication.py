@@ -72,6 +72,7 @@ def coefficient(carried):
     return abs(float(carried.moment)) / (LOAD * RADIUS)
 
 
+@pytest.mark.slow
 def test_friction_over_speed_is_stribecks_curve():
     speeds = np.geomspace(1e-3, 3e3, 14)
     found = [cj.carried_journal(JOINT, (0.0, -LOAD), speed) for speed in speeds]

@@ -129,6 +129,7 @@ def slopes(chi):
     return jax.jvp(delivered_restitution, (jnp.asarray(chi),), (jnp.ones(len(chi)),))[1]
 
 
+@pytest.mark.slow
 def test_derivative_against_finite_differences():
     chi = np.array([0.01, 0.1, 0.5, 1.0, 3.0, 10.0, 20.0])
     h = 1e-4 * chi

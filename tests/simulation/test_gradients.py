@@ -248,6 +248,7 @@ def kernel():
     return both, change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("position", POSITIONS)
 def test_equations_of_motion_have_finite_derivatives(kernel, position):
     both, change = kernel

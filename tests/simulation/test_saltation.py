@@ -116,7 +116,9 @@ def expected(law):
     return np.stack(slopes, axis=-1)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=() if law == "both" else pytest.mark.slow) for law in LAWS]
+)
 def test_sensitivities_across_a_jump_of_a_law(law):
     """The derivatives after the onset contain the jump of the force there."""
     scene, state = dropped(Buffer(*LAWS[law]))
@@ -377,9 +379,9 @@ NONE = 1e-20
     ("threshold", "position"),
     [
         (Threshold(0.5, NONE, NONE, NONE), 1.0),
-        (Threshold(0.02, NONE, NONE, NONE), 1.0),
+        pytest.param(Threshold(0.02, NONE, NONE, NONE), 1.0, marks=pytest.mark.slow),
         (Threshold(NONE, 50.0, NONE, NONE), None),
-        (Threshold(NONE, NONE, 0.5, NONE), None),
+        pytest.param(Threshold(NONE, NONE, 0.5, NONE), None, marks=pytest.mark.slow),
         (Threshold(NONE, NONE, NONE, 0.5), 0.25),
     ],
     ids=["step", "small step", "kink", "ramp", "step by speed"],
@@ -398,6 +400,7 @@ def test_derivatives_end_where_a_force_jumps_with_the_motion(threshold, position
         np.testing.assert_allclose(result.derivatives["x"], [[0.2**2 / 4.0]], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_user_defined_law_that_jumps_inside_a_contact_ends_the_derivatives():
     scene, state = dropped(Buffer(*LAWS["damper"], 0.5))
     outputs = {"x": Q.Position("ball", "x")}

@@ -243,7 +243,13 @@ def test_memoryless_and_free_scenes_run():
     assert cj.simulate(hertz, state, 0.02).final.entry_speeds == {}
 
 
-@pytest.mark.parametrize("given", [{"shoulder": {"V": 0.0}}, {"shoulder": {"X": 1.0}, "hip": {}}])
+@pytest.mark.parametrize(
+    "given",
+    [
+        pytest.param({"shoulder": {"V": 0.0}}, marks=pytest.mark.slow),
+        {"shoulder": {"X": 1.0}, "hip": {}},
+    ],
+)
 def test_entry_speeds_of_the_state_need_not_be_those_of_the_scene(pendulum, given):
     """A state of another law, or of a nonsmooth run, may lack contacts or have more of them."""
     scene, state = pendulum

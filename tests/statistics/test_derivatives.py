@@ -77,6 +77,7 @@ def test_normal_tolerances_give_the_derivatives_in_closed_form():
     np.testing.assert_allclose(found["f_derivative"].values, truth, atol=0.15)
 
 
+@pytest.mark.slow
 def test_uniform_tolerances_give_the_derivatives_in_closed_form():
     h = 0.5
     uncertain = {name: component(k, half_width=h) for k, name in enumerate("xyz")}

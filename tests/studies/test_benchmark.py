@@ -39,6 +39,7 @@ def ratios(rows):
     return [one.ratio or 0.0 for one in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", yardstick.WIDTHS)
 def test_yardstick_moves_as_clearjoint(plan, kind):
     plan.yardstick.agreement(kind).check()

@@ -28,6 +28,7 @@ def test_the_area_of_a_loop_is_the_energy_lost(law):
     assert lost == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_rigid_contact_is_near_the_reference():
     (found,) = accuracies([RIGID], reference(), DURATION)
     assert found.steps == 40_000 and found.seconds > 0.0

@@ -181,6 +181,7 @@ def test_how_impacts_are_found_concerns_their_table(usual, monkeypatch):
     assert changed == {f"hits_{name}" for name in (*impact_recorder.IMPACT_UNITS, "count")}
 
 
+@pytest.mark.slow
 def test_another_quantity_concerns_its_variables():
     def found(quantity):
         outputs = {

@@ -270,7 +270,9 @@ def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
         assert written[2:] == [{2: [7]}]
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, TimeoutError])
+@pytest.mark.parametrize(
+    "error", [KeyboardInterrupt, pytest.param(TimeoutError, marks=pytest.mark.slow)]
+)
 def test_lanes_whose_writing_is_interrupted_are_written_at_the_end(path, few, error):
     """As by a second Ctrl-C, or by a time limit."""
     left = [error]
