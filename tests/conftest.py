@@ -1,6 +1,7 @@
 """Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
 
 import ctypes
+import functools
 import gc
 import os
 import sys
@@ -67,9 +68,11 @@ def compile_at_level_zero() -> None:
     code runs for 1.7 times as long, which is little beside compiling in most tests."""
     options, machine = llvm.create_pipeline_tuning_options, llvm.Target.create_target_machine
 
+    @functools.wraps(options)
     def options_at_zero(speed_level: int = 0) -> llvm.PipelineTuningOptions:
         return options(speed_level=0)
 
+    @functools.wraps(machine)
     def machine_at_zero(target: llvm.Target, **given: Any) -> llvm.TargetMachine:
         return machine(target, **{**given, "opt": 0})
 

@@ -84,8 +84,9 @@ def test_joints_with_couples_are_checked_at_the_onset_and_deeper():
     np.testing.assert_allclose(upper[[3, 4, 8, 9]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
 
 
-@pytest.mark.parametrize("wider", [pytest.param(0.0, marks=pytest.mark.slow), 2e-4])
-@pytest.mark.parametrize("teeth_second", [pytest.param(41, marks=pytest.mark.slow), -57])
+@pytest.mark.slow
+@pytest.mark.parametrize("wider", [0.0, 2e-4])
+@pytest.mark.parametrize("teeth_second", [41, -57])
 def test_gears_conform(teeth_second, wider):
     joint = gears(18, teeth_second, phase=0.3)
     check_contact_joint(joint, meshing(joint, wider), together=False)
