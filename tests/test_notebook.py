@@ -51,9 +51,9 @@ EXPECTED = {
     ),
 }
 """What each notebook prints, among other things, in both settings."""
-FAST = {"start_here", "speed_against_accuracy"}
-"""Those that run in the fast tests: the first one that users open, and the cheapest one. What the
-others call has tests of its own."""
+FAST = {"start_here"}
+"""Runs in the fast tests: the first one that users open. What the others call has tests of its
+own."""
 
 
 def code(file):

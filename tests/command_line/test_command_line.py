@@ -825,6 +825,7 @@ def test_help_imports_no_large_package(tmp_path, arguments):
     assert imported(tmp_path, *arguments) == "[]"
 
 
+@pytest.mark.slow
 def test_a_check_imports_no_plots(folder):
     assert invoke("new", "four_bar").exit_code == 0
     assert imported(Path.cwd(), "check", "four_bar_study.toml") == "['jax']"

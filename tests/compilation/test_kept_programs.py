@@ -257,6 +257,7 @@ def test_the_oldest_files_of_a_full_folder_are_removed(tmp_path):
     assert [store.read(name) for name in "ac"] == [contents["a"], contents["c"]]
 
 
+@pytest.mark.slow
 def test_threads_simulate_different_scenes_at_once(folder):
     def fall(k):
         body = {f"mass {k}": cj.Body(2.0, (1.0, 1.0, 1.0))}

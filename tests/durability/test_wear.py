@@ -391,11 +391,11 @@ def test_the_worn_volume_is_that_of_the_reduction():
 def test_a_store_is_continued(tmp_path):
     scene, state = whirling_and_rotating()
     arguments = scene, state, CYCLE, RATES, 3000.0
-    whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
+    whole = cj.wear(*arguments, largest_change=2e-6, stages=3, **OPTIONS)
     part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
     assert part.attrs["ending"] == "2 stages"
     assert cj.open_wear(tmp_path / "wear").attrs["ending"] == "2 stages"
-    rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
+    rest = cj.wear(*arguments, largest_change=2e-6, stages=3, path=tmp_path / "wear", **OPTIONS)
     assert rest.drop_attrs().identical(whole.drop_attrs())
     # As between the two renamings with which a stage replaces the store.
     (tmp_path / "wear").rename(tmp_path / "wear.old")

@@ -108,7 +108,7 @@ EDGES = {
         (GROUND, "d", "screw"),
     ),
 }  # fmt: skip
-SELDOM = ("standing", "on a table", "from a cross", "flying")
+SELDOM = ("standing", "on a table", "from a cross", "flying", "on a rail")
 
 
 def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):

@@ -79,6 +79,7 @@ def test_the_same_numbers_raise_outside_of_jax(name, value):
         run(numbers)
 
 
+@pytest.mark.slow
 def test_rigid_contacts():
     def rigid(clearance, step):
         scene, state = rod()

@@ -417,6 +417,7 @@ class Ramp(cj.extend.AbstractRotationDriver):
         return self.start
 
 
+@pytest.mark.slow
 def test_velocities_jump_with_a_driver_at_its_kink():
     origin, axis = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     scene = cj.Scene(

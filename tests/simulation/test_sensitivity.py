@@ -92,7 +92,8 @@ def test_derivatives_take_few_more_steps_than_the_motion_alone():
         assert found.attempts < more * plain.attempts
 
 
-@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
 def test_what_outputs_read_is_arithmetic_without_loops(count):
     """XLA's emitter forgets at each loop what it has written before, and writes it again at every
     use: a single one among the variables made an acceleration's program five times as large."""

@@ -17,7 +17,7 @@ from tests.support.replaced_code import FEATURES, without
 
 CASES = features.cases()
 NAMES = list(CASES)
-FAST = 3
+FAST = 2
 """Index of the last case in the fast tests."""
 
 

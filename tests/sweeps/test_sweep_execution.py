@@ -205,6 +205,7 @@ process.join()
 """
 
 
+@pytest.mark.slow
 def test_a_stored_sweep_in_a_forked_process_is_refused(tmp_path):
     """It would wait forever for threads of its parent."""
     path = tmp_path / "sweep.zarr"
