@@ -419,7 +419,7 @@ def test_a_study_fits_its_schema(folder):
 def test_an_entry_may_be_a_number_or_a_table(spread, folder):
     part = {"measurements": "a.csv", "columns": {}, "parameters": {}}
     fit = {**part, "starts": {"kind": "Starts", "number": 3, "spread": spread}}
-    jsonschema.validate({"scene": "rod.toml", "fit": fit}, study_schema())
+    study_validator().validate({"scene": "rod.toml", "fit": fit})
     Path("study.json").write_text(json.dumps({"scene": "rod.toml", "fit": fit}))
     assert read_study(Path("study.json")).parts.fit.starts.spread == spread
 
