@@ -7,13 +7,20 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from functools import cache
 
 import pytest
 
 import clearjoint
 from clearjoint._simulation.step import presets as inner
-from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
+from tests.support.rooms import (
+    PACKAGE,
+    floors,
+    imports,
+    module_paths,
+    neighbours,
+    room_of,
+    syntax_tree,
+)
 
 HIGHEST_FLOOR = 9
 MODULES_BESIDE_ROOMS = 12
@@ -75,10 +82,9 @@ THIRD_PARTY = {
 PATHS = {name: path for name, path in module_paths().items() if path.name != "__init__.py"}
 
 
-@cache
 def trees() -> dict[str, ast.Module]:
     """The syntax tree of each module."""
-    return {name: ast.parse(path.read_text()) for name, path in PATHS.items()}
+    return {name: syntax_tree(name) for name in PATHS}
 
 
 def test_rooms_import_downwards_only():
@@ -158,8 +164,8 @@ def test_public_classes_and_types_have_names_of_their_own():
     """Private ones, and variables of types, mean something in their module alone."""
     names = Counter(
         node.name if isinstance(node, ast.ClassDef) else ast.unparse(node.target)
-        for tree in trees().values()
-        for node in tree.body
+        for module in trees().values()
+        for node in module.body
         if isinstance(node, ast.ClassDef)
         or (isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias")
     )
