@@ -25,7 +25,8 @@ from clearjoint.testing import (
 )
 
 STEEL = cj.laws.RavnStiffness(207e9, 0.3)
-LIKE_OTHERS = (
+LAWS = (
+    cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
     WeightedLaw(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
     cj.laws.Hertz(STEEL),
     cj.laws.LankaraniNikravesh(0.9, STEEL),
@@ -34,16 +35,10 @@ LIKE_OTHERS = (
     cj.laws.Flores2011(0.2, STEEL, exponent=2.0),
     cj.laws.MemorylessHuntCrossley(0.8, STEEL, 0.1),
 )
-"""Laws that share their code with another one."""
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        *(pytest.param(law, marks=pytest.mark.slow) for law in LIKE_OTHERS),
-        cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
 def test_laws_conform(law):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -430,6 +425,7 @@ def pin(**options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "joint",
     [
@@ -437,12 +433,9 @@ def pin(**options):
             friction=cj.frictions.RegularisedCoulomb(0.1),
             axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9), cj.frictions.LinearCoulomb(0.2), 12e-3),
         ),
-        pytest.param(
-            pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(pin(), marks=pytest.mark.slow),
-        pytest.param(pin(friction=cj.frictions.Dahl(0.1)), marks=pytest.mark.slow),
+        pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
+        pin(),
+        pin(friction=cj.frictions.Dahl(0.1)),
     ],
     ids=["friction and end play", "along its length", "frictionless", "bristles"],
 )

@@ -60,13 +60,12 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
     return np.array([float(contact.gap.depth) for contact in contacts.values()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "joint",
     [
         backlash(middle=0.4),
-        pytest.param(
-            backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)), marks=pytest.mark.slow
-        ),
+        backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)),
     ],
     ids=["along z", "along others"],
 )

@@ -187,8 +187,8 @@ def of_cylinder(name):
     )
 
 
-FAST = [cj.laws.Tsuji(0.6, STEEL, 2.0)]
-SLOW = [
+LAWS = [
+    cj.laws.Tsuji(0.6, STEEL, 2.0),
     cj.laws.ZhiyingQishao(0.6, STEEL),
     cj.laws.Jankowski(0.6, STEEL, 2.0),
     cj.laws.ElastoGap(1e8, 50.0),
@@ -214,11 +214,11 @@ SLOW = [
     *(of_cylinder(name) for name in ["Pereira", "Persson", "Johnson", "Esdu", "Radzimovsky"]),
     *(of_cylinder(name) for name in ("DubowskyFreudenstein", "Goldsmith")),
 ]
-ALL = [*FAST, *(pytest.param(law, marks=pytest.mark.slow) for law in SLOW)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "law", ALL, ids=lambda law: f"{type(law).__name__} {type(law.stiffness).__name__}"
+    "law", LAWS, ids=lambda law: f"{type(law).__name__} {type(law.stiffness).__name__}"
 )
 def test_laws_conform(law):
     with warnings.catch_warnings():

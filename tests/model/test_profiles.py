@@ -102,24 +102,19 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse():
         assert found.gap.depth == pytest.approx((along - support).max(), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bearing, journal",
     [
-        pytest.param(
-            Harmonics([2e-6, 20e-6, 5e-6], [3e-6, -10e-6, 1e-6]), None, marks=pytest.mark.slow
-        ),
-        pytest.param(
-            None, Harmonics([2e-6, 20e-6, 5e-6], [3e-6, -10e-6, 1e-6]), marks=pytest.mark.slow
-        ),
+        (Harmonics([2e-6, 20e-6, 5e-6], [3e-6, -10e-6, 1e-6]), None),
+        (None, Harmonics([2e-6, 20e-6, 5e-6], [3e-6, -10e-6, 1e-6])),
         (
             PeriodicSpline.through(30e-6 * np.cos(2.0 * np.pi * np.arange(12) / 6)),
             Harmonics([2e-6, 1e-6, 8e-6], [1e-6, 3e-6, -2e-6]),
         ),
     ],
 )
-@pytest.mark.parametrize(
-    "axis", [pytest.param((0.0, 0.0, 1.0), marks=pytest.mark.slow), (0.0, 0.0, -1.0)]
-)
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
 def test_the_contact_is_consistent(bearing, journal, axis):
     joint = pin(bearing, journal, journal_axis=axis, friction=RegularisedCoulomb(0.2))
     check_contact_joint(joint, {"arm": tumbling()})

@@ -281,6 +281,7 @@ def test_longer_records_of_steps_compile_nothing(damped, compiled):
     assert compiled() == before
 
 
+@pytest.mark.slow
 def test_records_of_few_lengths_are_compiled_for_derivatives(damped, compiled):
     along(damped, 3)
     along(damped, 64)

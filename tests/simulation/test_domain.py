@@ -62,6 +62,7 @@ def run(numbers) -> cj.results.Solution:
     return cj.simulate(*changed(numbers), numbers["end_time"], settings, save, progress=False)
 
 
+@pytest.mark.slow
 def test_lanes_with_bad_numbers_take_no_step():
     found = jax.jit(jax.vmap(run))(LANES)
     codes = extend.result_number(found.result)
