@@ -297,7 +297,8 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
         np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)
 
 
-@pytest.mark.parametrize("points", [3, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("points", [3, 6])
 def test_a_table_of_angles_is_followed_however_many_there_are(points):
     times = np.linspace(0.0, 0.5, points)
     scene = shaft_scene(Table(0.0, 0.0, times=times, angles=times**2))

@@ -137,15 +137,13 @@ def test_clamped_dashpots_deliver_the_closed_form(law):
     assert found == pytest.approx(CLAMPED, abs=6e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "requested", "delivered"),
     [
-        pytest.param(cj.laws.KelvinVoigt, 0.5, 0.550, marks=pytest.mark.slow),
-        pytest.param(cj.laws.Tsuji, 0.5, 0.550, marks=pytest.mark.slow),
-        *(
-            pytest.param(cj.laws.Jankowski, c, e, marks=[pytest.mark.slow] if c != 0.5 else [])
-            for c, e in zip(FIVE, JANKOWSKI, strict=True)
-        ),
+        (cj.laws.KelvinVoigt, 0.5, 0.550),
+        (cj.laws.Tsuji, 0.5, 0.550),
+        *((cj.laws.Jankowski, c, e) for c, e in zip(FIVE, JANKOWSKI, strict=True)),
     ],
 )
 def test_integrated_impacts_of_dashpots(law, requested, delivered):
