@@ -91,6 +91,7 @@ def test_friction_over_speed_is_stribecks_curve():
     assert friction[-1] == pytest.approx(sommerfeld / LOAD + half, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_forces_are_in_equilibrium_where_both_carry():
     """The film's load is that of the short bearing in closed form."""
     speed = 0.5
