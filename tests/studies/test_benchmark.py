@@ -203,6 +203,7 @@ def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
     assert labels == ["a / b", "c / aim"]
 
 
+@pytest.mark.slow
 def test_command_writes_table_records_and_picture(tmp_path, monkeypatch, capsys):
     rows = [Row("run", 2.0, "C++", 1.0, 2.0, (1.9, 2.1), 1.5)]
     monkeypatch.setitem(benchmark.GROUPS, "runs", lambda plan: rows)
