@@ -199,20 +199,25 @@ def random_program(seed):
     turned = jax.jit(lambda *x: tuple(jnp.sin(2.0 * a + 0.1 * b) for a, b in zip(x, x[1:])))  # noqa: B905
 
     def grown(rng, numbers, depth):
-        numbers = list(numbers)
+        numbers, rows_of_memory = list(numbers), []
         for _ in range(rng.integers(3, 9)):
 
             def pick(count, numbers=numbers):
                 return [numbers[k] for k in rng.integers(len(numbers), size=count)]
 
-            way = rng.integers(5 if depth else 3)
+            way = rng.integers(6 if depth else 4)
             if way == 0:
                 call = elements[rng.integers(2)]
                 rows = [pick(3) for _ in range(rng.integers(1, 12))]
                 numbers += [part for row in rows for part in call(*row)]
             elif way == 1:
-                numbers += turned(*pick(9))
-            elif way == 2:
+                rows_of_memory.append(turned(*pick(9)))
+                numbers += rows_of_memory[-1]
+            elif way == 2 and rows_of_memory:
+                # Numbers that stand in memory, where a later call may have overwritten them.
+                row, others = rows_of_memory[rng.integers(len(rows_of_memory))], pick(2)
+                numbers += [elements[0](number, *others)[0] for number in row]
+            elif way in (2, 3):
                 a, b, c = pick(3)
                 numbers.append(a * b + c)
             else:
@@ -222,7 +227,7 @@ def random_program(seed):
                     made = grown(np.random.default_rng(inner), given, depth - 1)
                     return tuple(jnp.sin(number) for number in made[-4:])
 
-                if way == 3:
+                if way == 4:
                     numbers += lax.cond(first[0] > 0.0, body, lambda *given: given, *first)
                 else:
                     numbers += lax.fori_loop(0, 3, lambda _, now, of=body: of(*now), tuple(first))
