@@ -207,6 +207,7 @@ def test_shoulder_without_memory_has_none_beside_bases_that_have():
     assert set(started(scene(joint)).entry_speeds["pin"]) == {"V", "W"}
 
 
+@pytest.mark.slow
 def test_step_without_memory_finds_no_second_rates():
     """Only what begins with a contact is decided by a conditional of the step, beside that of
     landing, which looks for a contact's begin or end only where there may be one."""

@@ -12,7 +12,15 @@ import pytest
 
 import clearjoint
 from clearjoint._simulation.step import presets as inner
-from tests.support.rooms import PACKAGE, floors, imports, module_paths, neighbours, room_of
+from tests.support.rooms import (
+    PACKAGE,
+    floors,
+    imports,
+    module_paths,
+    neighbours,
+    room_of,
+    syntax_tree,
+)
 
 HIGHEST_FLOOR = 9
 MODULES_BESIDE_ROOMS = 12
@@ -76,6 +84,11 @@ THIRD_PARTY = {
 PATHS = {name: path for name, path in module_paths().items() if path.name != "__init__.py"}
 
 
+def trees() -> dict[str, ast.Module]:
+    """The syntax tree of each module."""
+    return {name: syntax_tree(name) for name in PATHS}
+
+
 def test_rooms_import_downwards_only():
     floor_of = {room: number for number, row in enumerate(FLOORS) for room in row}
     assert set(floor_of) == set(neighbours())
@@ -137,9 +150,11 @@ def test_annotations_are_not_postponed():
 
 
 def test_classes_are_abstract_or_final():
-    trees = {name: ast.parse(path.read_text()) for name, path in PATHS.items()}
     classes = [
-        node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)
+        node
+        for tree in trees().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
     ]
     assert len(classes) > 30
     concrete = {node.name for node in classes if not node.name.startswith("Abstract")}
@@ -151,8 +166,8 @@ def test_public_classes_and_types_have_names_of_their_own():
     """Private ones, and variables of types, mean something in their module alone."""
     names = Counter(
         node.name if isinstance(node, ast.ClassDef) else ast.unparse(node.target)
-        for path in PATHS.values()
-        for node in ast.parse(path.read_text()).body
+        for module in trees().values()
+        for node in module.body
         if isinstance(node, ast.ClassDef)
         or (isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias")
     )
@@ -161,8 +176,12 @@ def test_public_classes_and_types_have_names_of_their_own():
 
 
 def test_few_types_are_any():
-    trees = [ast.parse(path.read_text()) for path in PATHS.values()]
-    names = [node.id for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    names = [
+        node.id
+        for tree in trees().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name)
+    ]
     assert names.count("Any") <= PLACES_OF_ANY
 
 

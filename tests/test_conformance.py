@@ -25,25 +25,20 @@ from clearjoint.testing import (
 )
 
 STEEL = cj.laws.RavnStiffness(207e9, 0.3)
-LIKE_OTHERS = (
+LAWS = (
+    cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
+    WeightedLaw(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
     cj.laws.Hertz(STEEL),
+    cj.laws.LankaraniNikravesh(0.9, STEEL),
+    cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
     cj.laws.HuntCrossley(0.5, STEEL),
     cj.laws.Flores2011(0.2, STEEL, exponent=2.0),
     cj.laws.MemorylessHuntCrossley(0.8, STEEL, 0.1),
 )
-"""Laws that share their code with another one."""
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        *(pytest.param(law, marks=pytest.mark.slow) for law in LIKE_OTHERS),
-        cj.laws.LankaraniNikravesh(0.9, STEEL),
-        cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
-        WeightedLaw(cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7), 0.3),
-        cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
 def test_laws_conform(law):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -240,14 +235,19 @@ def test_jumps_inside_the_contact_are_refused(law, complaint):
 @pytest.mark.parametrize(
     "friction",
     [
-        cj.frictions.RegularisedCoulomb(0.1),
         cj.frictions.LinearCoulomb(0.1),
-        cj.frictions.Threlfall(0.1),
-        cj.frictions.Ambrosio(0.1),
         cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2),
-        cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2, exponent=1.0),
-        cj.frictions.BengisuAkay(0.15, 0.1),
-        cj.frictions.BrownMcPhee(0.15, 0.1),
+        *(
+            pytest.param(friction, marks=pytest.mark.slow)
+            for friction in (
+                cj.frictions.RegularisedCoulomb(0.1),
+                cj.frictions.Threlfall(0.1),
+                cj.frictions.Ambrosio(0.1),
+                cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2, exponent=1.0),
+                cj.frictions.BengisuAkay(0.15, 0.1),
+                cj.frictions.BrownMcPhee(0.15, 0.1),
+            )
+        ),
     ],
 )
 def test_friction_conforms(friction):
@@ -257,8 +257,11 @@ def test_friction_conforms(friction):
 @pytest.mark.parametrize(
     "friction",
     [
-        cj.frictions.Dahl(0.1),
-        cj.frictions.LuGre(0.15, 0.1, stribeck_speed=1e-2, damping=100.0, viscosity=0.1),
+        pytest.param(cj.frictions.Dahl(0.1), marks=pytest.mark.slow),
+        pytest.param(
+            cj.frictions.LuGre(0.15, 0.1, stribeck_speed=1e-2, damping=100.0, viscosity=0.1),
+            marks=pytest.mark.slow,
+        ),
         cj.frictions.ElastoPlastic(0.15, 0.1, stribeck_speed=1e-2, elastic_deflection=5e-7),
     ],
 )
@@ -422,6 +425,7 @@ def pin(**options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "joint",
     [
@@ -430,8 +434,8 @@ def pin(**options):
             axial=cj.EndPlay(1e-3, cj.laws.Hertz(1e9), cj.frictions.LinearCoulomb(0.2), 12e-3),
         ),
         pin(friction=cj.frictions.RegularisedCoulomb(0.1), line_points=3),
-        pytest.param(pin(), marks=pytest.mark.slow),
-        pytest.param(pin(friction=cj.frictions.Dahl(0.1)), marks=pytest.mark.slow),
+        pin(),
+        pin(friction=cj.frictions.Dahl(0.1)),
     ],
     ids=["friction and end play", "along its length", "frictionless", "bristles"],
 )
@@ -558,8 +562,14 @@ def test_bristles_between_faces_that_resist_rotation_are_refused():
         cj.AppliedLoad("a", (1.0, -2.0, 3.0), (0.1, 0.2, -0.3), (0.3, 0.2, 0.1)),
         cj.SpringDamper("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3),
         cj.DriveTorque("a", "b", (1.0, 2.0, 3.0), torque=2.0),
-        cj.TorsionalSpring("a", "b", (1.0, 2.0, 3.0), 5.0, damping=0.2, rest_angle=0.4),
-        cj.Motor("a", "b", (1.0, 2.0, 3.0), SPLINE, 5.0, derivative=0.3),
+        pytest.param(
+            cj.TorsionalSpring("a", "b", (1.0, 2.0, 3.0), 5.0, damping=0.2, rest_angle=0.4),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            cj.Motor("a", "b", (1.0, 2.0, 3.0), SPLINE, 5.0, derivative=0.3),
+            marks=pytest.mark.slow,
+        ),
         cj.Motor("a", "b", (1.0, 2.0, 3.0), 2.0, 5.0, derivative=0.3, torque_limit=1.0),
     ],
 )
@@ -611,7 +621,7 @@ SPRING = ("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3)
         (Unbooked(*SPRING), "energy does not balance"),
         (Straight(2.0), "derivative of the force is not finite"),
         (Straight(jnp.nan), "force is not finite"),
-        (OfTheFirstLane(2.0), "under vmap"),
+        pytest.param(OfTheFirstLane(2.0), "under vmap", marks=pytest.mark.slow),
     ],
 )
 def test_broken_forces_are_refused(force, complaint):

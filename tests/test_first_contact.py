@@ -481,6 +481,7 @@ def test_supported_bodies_cause_no_warning():
             make()
 
 
+@pytest.mark.slow
 def test_plot_and_testing_are_attributes_of_the_package():
     program = "import clearjoint as cj; cj.testing.check_law; cj.plot.report; cj.nothing"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

@@ -569,7 +569,7 @@ WITHOUT_NAMES = {
     "scene_schema",
 }
 """Public functions whose arguments and results have no names that a user chooses."""
-FEW = "constraint_report", "design", "ensemble", "load, save", "parameters, set_value"
+FEW = "constraint_report", "design", "load, save", "parameters, set_value"
 """Calls made in fast tests: at most one program of two balls each."""
 
 

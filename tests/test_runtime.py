@@ -108,8 +108,9 @@ print(before.dtype, jax.numpy.zeros(1).dtype, clearjoint._runtime.threads_of_swe
 print(jax.config.jax_compilation_cache_dir, keeps_programs())
 clearjoint.configure(cache="FOLDER")
 print(clearjoint._runtime.threads_of_sweeps())
-scene, state = clearjoint.mechanisms.double_pendulum()
-print(clearjoint.simulate(scene, state, 1e-4).final.bodies["arm 2"].position.dtype)
+scene = clearjoint.Scene(bodies={"stone": clearjoint.Body(1.0, (1, 1, 1))})
+state = clearjoint.State({"stone": clearjoint.body_state((0, 0, 0))})
+print(clearjoint.simulate(scene, state, 1e-4).final.bodies["stone"].position.dtype)
 """
 
 

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import jsonschema
@@ -358,15 +359,22 @@ def test_an_unknown_name_is_reported_with_its_line(folder):
     assert "did you mean 'rod'" in output and "top level" not in output
 
 
+@cache
+def study_validator() -> jsonschema.Draft202012Validator:
+    """Checks the schema once, unlike `jsonschema.validate`, which does so at each call."""
+    schema = study_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
 def test_new_writes_files_that_can_run_and_fit_the_schema(tmp_path, monkeypatch):
     import tomllib
 
     monkeypatch.chdir(tmp_path)
     assert invoke("new", "fourbar").exit_code == 2
-    schema = study_schema()
     for name in ("double_pendulum", "four_bar", "slider_crank"):
         assert invoke("new", name).exit_code == 0
-        jsonschema.validate(tomllib.loads(Path(f"{name}_study.toml").read_text()), schema)
+        study_validator().validate(tomllib.loads(Path(f"{name}_study.toml").read_text()))
         read_study(Path(f"{name}_study.toml"))
     assert invoke("new", "four_bar").exit_code == 2  # nothing is overwritten
     written = Path("four_bar_study.toml").read_text()
@@ -400,20 +408,18 @@ def test_a_note_replaces_a_view_that_is_not_installed(folder, monkeypatch, capsy
 def test_a_study_fits_its_schema(folder):
     import tomllib
 
-    schema = study_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(tomllib.loads(STUDY), schema)
-    jsonschema.validate(tomllib.loads(WEAR), schema)
+    study_validator().validate(tomllib.loads(STUDY))
+    study_validator().validate(tomllib.loads(WEAR))
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({**tomllib.loads(STUDY), "run": {"ende": 1}}, schema)
-    assert json.loads(invoke("schema", "study").output) == schema
+        study_validator().validate({**tomllib.loads(STUDY), "run": {"ende": 1}})
+    assert json.loads(invoke("schema", "study").output) == study_validator().schema
 
 
 @pytest.mark.parametrize("spread", [0.5, 1, {"clearance": 0.2}])
 def test_an_entry_may_be_a_number_or_a_table(spread, folder):
     part = {"measurements": "a.csv", "columns": {}, "parameters": {}}
     fit = {**part, "starts": {"kind": "Starts", "number": 3, "spread": spread}}
-    jsonschema.validate({"scene": "rod.toml", "fit": fit}, study_schema())
+    study_validator().validate({"scene": "rod.toml", "fit": fit})
     Path("study.json").write_text(json.dumps({"scene": "rod.toml", "fit": fit}))
     assert read_study(Path("study.json")).parts.fit.starts.spread == spread
 
@@ -667,6 +673,7 @@ def rotor(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_wear_is_computed_continued_and_written(rotor, monkeypatch):
     """The journal wears evenly by Archard's law, with the rate k F v over its surface."""
     assert "wear: bearing over cycles of 0.0314159 s" in invoke("check", "wear.toml").output
@@ -818,6 +825,7 @@ def test_help_imports_no_large_package(tmp_path, arguments):
     assert imported(tmp_path, *arguments) == "[]"
 
 
+@pytest.mark.slow
 def test_a_check_imports_no_plots(folder):
     assert invoke("new", "four_bar").exit_code == 0
     assert imported(Path.cwd(), "check", "four_bar_study.toml") == "['jax']"

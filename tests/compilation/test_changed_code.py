@@ -140,6 +140,7 @@ def numbers_of_two_processes(folder, *words):
         yield found, said
 
 
+@pytest.mark.slow
 def test_the_next_process_computes_with_changed_code(tmp_path):
     first, second = numbers_of_two_processes(tmp_path, "contact", *CHANGES)
     for found, said in (first, second):

@@ -174,7 +174,8 @@ def forget(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "call", [simulated, swept, pytest.param(differentiated, marks=pytest.mark.slow)]
+    "call",
+    [simulated, *(pytest.param(call, marks=pytest.mark.slow) for call in (swept, differentiated))],
 )
 def test_programs_are_read_by_the_next_process(forget, folder, call):
     """The next process reads them, writes none, and does not read their separate machine code."""
@@ -256,6 +257,7 @@ def test_the_oldest_files_of_a_full_folder_are_removed(tmp_path):
     assert [store.read(name) for name in "ac"] == [contents["a"], contents["c"]]
 
 
+@pytest.mark.slow
 def test_threads_simulate_different_scenes_at_once(folder):
     def fall(k):
         body = {f"mass {k}": cj.Body(2.0, (1.0, 1.0, 1.0))}

@@ -207,6 +207,7 @@ def rough():
     return scene, cj.State(rotor("", CLEARANCE - 2e-6, SPEED)[2])
 
 
+@pytest.mark.slow
 def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     scene, state = rough()
     rates = {"pin": cj.WearRates(bearing=RATE)}
@@ -372,6 +373,7 @@ def test_derivatives_of_life_are_those_of_differences():
         assert derivatives[name] == pytest.approx(difference, rel=1e-4), name
 
 
+@pytest.mark.slow
 def test_the_worn_volume_is_that_of_the_reduction():
     scene, state = whirling()
     outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}
@@ -389,11 +391,11 @@ def test_the_worn_volume_is_that_of_the_reduction():
 def test_a_store_is_continued(tmp_path):
     scene, state = whirling_and_rotating()
     arguments = scene, state, CYCLE, RATES, 3000.0
-    whole = cj.wear(*arguments, largest_change=2e-6, stages=4, **OPTIONS)
+    whole = cj.wear(*arguments, largest_change=2e-6, stages=3, **OPTIONS)
     part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
     assert part.attrs["ending"] == "2 stages"
     assert cj.open_wear(tmp_path / "wear").attrs["ending"] == "2 stages"
-    rest = cj.wear(*arguments, largest_change=2e-6, stages=4, path=tmp_path / "wear", **OPTIONS)
+    rest = cj.wear(*arguments, largest_change=2e-6, stages=3, path=tmp_path / "wear", **OPTIONS)
     assert rest.drop_attrs().identical(whole.drop_attrs())
     # As between the two renamings with which a stage replaces the store.
     (tmp_path / "wear").rename(tmp_path / "wear.old")

@@ -174,7 +174,7 @@ SLOW = pytest.mark.slow
     [
         ("chain", 5, Exact()),
         ("chain", 13, LeastNorm()),
-        ("chain", 48, Exact()),
+        pytest.param("chain", 48, Exact(), marks=SLOW),
         pytest.param("chain", 60, LeastNorm(), marks=SLOW),
         ("full", 13, Exact()),
         pytest.param("full", 48, Exact(), marks=SLOW),
@@ -202,7 +202,7 @@ def test_systems_of_any_size_are_lowered_natively(rows, kind, solver):
         pytest.param(BlockMatrix, LeastNorm(), marks=SLOW),
         pytest.param(BlockMatrix, Exact(), marks=SLOW),
         pytest.param(ScalarMatrix, LeastNorm(), marks=SLOW),
-        (ScalarMatrix, Exact()),
+        pytest.param(ScalarMatrix, Exact(), marks=SLOW),
     ],
 )
 def test_derivatives_of_solutions(kind, solver):

@@ -108,7 +108,7 @@ EDGES = {
         (GROUND, "d", "screw"),
     ),
 }  # fmt: skip
-SELDOM = ("standing", "on a table", "from a cross")
+SELDOM = ("standing", "on a table", "from a cross", "flying", "on a rail")
 
 
 def tree(edges, backwards, gravity=(1.0, -2.0, 3.0)):
@@ -208,7 +208,7 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
     [
         (cj.mechanisms.double_pendulum, False, 0),
         (lambda: cj.mechanisms.double_pendulum(None), False, 0),
-        (double_four_bar, True, 10),
+        pytest.param(double_four_bar, True, 10, marks=pytest.mark.slow),
         (bricard, True, 5),
     ],
     ids=["pendulum with clearance", "ideal pendulum", "double four-bar", "Bricard"],

@@ -90,7 +90,7 @@ def check_functions(name: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.parametrize("seed", SEEDS[:1])
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", [pytest.param("backlash", marks=pytest.mark.slow), "bushing"])
 def test_functions_of_a_kind_give_the_results_of_written_out_elements(name, seed, monkeypatch):
     check_functions(name, seed, monkeypatch)
 

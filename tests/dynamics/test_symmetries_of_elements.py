@@ -200,7 +200,7 @@ def test_coordinates_agree():
     assert not differing(differences)
 
 
-@settings(few, max_examples=2)
+@settings(few, max_examples=1)
 @example(*np.array([[0.0, 0.0, 0.8], [0.3, 0.0, 0.2], [0.0] * 3, [0.0] * 3, [0.1, 0.0, 0.2]]))
 @given(turn=directions, own=directions, moved=vectors, drift=vectors, normal=st.none() | directions)
 def test_turned_moved_and_mirrored(turn, own, moved, drift, normal):
@@ -240,7 +240,7 @@ def maps_of(scene: cj.Scene, turn: np.ndarray, own: np.ndarray, mirrored: np.nda
 powers = st.floats(-3.0, 3.0).map(lambda x: 10.0 ** round(x, 2))
 
 
-@settings(few, max_examples=2)
+@settings(few, max_examples=1)
 @given(scale=st.tuples(powers, powers, powers))
 def test_in_other_units(scale):
     metre, kilogram, second = scale
@@ -270,6 +270,7 @@ def test_in_other_units(scale):
     assert not differing({name: difference(sample) for name, sample in samples().items()})
 
 
+@pytest.mark.slow
 def test_reordered_and_renamed():
     def difference(sample: Sample) -> float:
         # Names that sort the other way.
@@ -303,6 +304,7 @@ ONE_SIDED: dict[type, str] = {
 """Elements that are another element if their two bodies are exchanged, and the reason."""
 
 
+@pytest.mark.slow
 def test_sides_exchanged():
     """The first body of an element is its second body then."""
 
@@ -324,7 +326,9 @@ def element_of(scene: cj.Scene) -> Any:
     return {**scene.joints, **scene.forces}["element"]
 
 
-@pytest.mark.parametrize("choice", [1, 2, 3])
+@pytest.mark.parametrize(
+    "choice", [*(pytest.param(choice, marks=pytest.mark.slow) for choice in (1, 2)), 3]
+)
 def test_axes_reversed(choice):
     """Exchanges the bases of a journal, the corners of a slider, the walls of a slot and the flanks
     of a backlash."""
@@ -341,7 +345,7 @@ def test_axes_reversed(choice):
     assert not differing({name: difference(sample) for name, sample in reversible.items()})
 
 
-@pytest.mark.parametrize("held", [FIRST, SECOND])
+@pytest.mark.parametrize("held", [pytest.param(FIRST, marks=pytest.mark.slow), SECOND])
 def test_ground_is_like_a_heavy_body_at_rest(held):
     def difference(case: Case) -> float:
         # The held body is where the ground is: at the origin, with parallel axes.
@@ -376,6 +380,7 @@ def test_ground_is_like_a_heavy_body_at_rest(held):
     assert not differing({name: difference(case) for name, case in cases.items()})
 
 
+@pytest.mark.slow
 def test_backwards():
     """If nothing is lost, accelerations are the same with all velocities reversed."""
 

@@ -38,6 +38,7 @@ def data():
     )
 
 
+@pytest.mark.slow
 def test_a_delay_is_estimated_with_the_error_that_it_should_have(data):
     noisy = data.with_noise(np.random.default_rng(0))
     fit = cj.identify(SCENE, STATE, noisy, PARAMETERS, progress=False)

@@ -124,6 +124,7 @@ def test_intervals_from_points_are_those_of_chi_squared_on_a_fine_grid():
         assert (low[0], high[0]) == pytest.approx((held[0], held[-1]), abs=0.05 + 0.05 * width)
 
 
+@pytest.mark.slow
 def test_coverage_of_a_rough_likelihood():
     """Errors of the one minimum that a search ends in hold the truth seldom (40 %); intervals from
     points do as often as those on a grid (91 % of many draws: with several minima, a little less

@@ -85,6 +85,7 @@ def test_two_minima_have_the_weights_of_the_prior():
     assert "2 separate minima" in str(tilted)
 
 
+@pytest.mark.slow
 def test_a_prior_of_zero_is_never_left_and_samples_at_an_end_of_the_box_are_reported():
     half = found(SQUARE, log_prior=lambda v: np.where(v["root"] > 0, 0.0, -np.inf))
     assert half.weights.tolist() == [1.0] and half.samples["root"].min() > 0.0
@@ -105,6 +106,7 @@ class Bent(cj.extend.AbstractScale):
         return 0.5 * value if value > 0.0 else value
 
 
+@pytest.mark.slow
 def test_scales_need_not_accept_arrays():
     parameters = {
         "speed": cj.Parameter.initial(lambda s: s.bodies["ball"].velocity[0], Bent()),
@@ -150,6 +152,7 @@ def test_a_cloud_of_one_point_is_impossible(monkeypatch):
         found(number=64)
 
 
+@pytest.mark.slow
 def test_copies_of_a_point_are_no_points():
     copies, even = np.repeat([[0.5, 1.0]], 40, axis=0), np.full(40, 1.0 / 40.0)
     with pytest.raises(np.linalg.LinAlgError, match="1 distinct points"):
@@ -166,6 +169,7 @@ def test_copies_of_a_point_are_no_points():
     assert "64 points, 1 of which are distinct, from 1 effective runs" in str(same)
 
 
+@pytest.mark.slow
 def test_a_prior_much_narrower_than_the_box_is_drawn_from():
     """The data hardly matter; formerly one point had all the weight."""
     width = 2e-3
@@ -404,6 +408,7 @@ def test_the_evidence_of_a_posterior_that_the_box_cuts_off():
     assert drawn.points.min() > 0.0
 
 
+@pytest.mark.slow
 def test_few_points_in_many_dimensions_have_a_large_error_but_not_a_small_wrong_one():
     design, values, _, _, evidence = linear(10)
     target = target_of(lambda points: points @ design.T - values, 10)

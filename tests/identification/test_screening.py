@@ -94,6 +94,7 @@ def test_an_incomplete_screening_is_reported(data):
     assert not found.complete and len(found.times) == 2
 
 
+@pytest.mark.slow
 def test_what_noise_does_not_explain_is_screened_anew(data):
     understated = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, data["x"].values, NOISE / 2)})
     starts = cj.Screening(40, spread=1.5, keep=10, finish=1, smoothing=1, passes=2)
@@ -149,6 +150,7 @@ def rough_curve(rough):
     return grid, (((moved(grid[:, None]) - rough["x"].values) / UNEQUAL) ** 2).sum(axis=1)
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough, monkeypatch):
     """By chi squared in closed form on a fine grid: two minima, the lower one 8 standard errors
     from where a search from the truth ends. A posterior that would take too many runs fails no
@@ -192,6 +194,7 @@ def test_durations_are_readable():
     assert duration(3599.9) == "1 h 0 min" and duration(119.6) == "2 min 0 s"
 
 
+@pytest.mark.slow
 def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(rough):
     """Their probability by chi squared in closed form; equal bits in a second fit."""
     options = {"progress": False, "check_runs": 100}

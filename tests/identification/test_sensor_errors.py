@@ -66,6 +66,7 @@ def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     np.testing.assert_allclose(lanes[:, -1], found.chi_squared, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_predictions_of_accuracy_know_the_errors_of_sensors():
     kinds = ["gain", "drift", "bias"]
     parameters = {"stiffness": STIFF} | {
@@ -83,6 +84,7 @@ def test_predictions_of_accuracy_know_the_errors_of_sensors():
     np.testing.assert_allclose(report.deviations, expected, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_fit_estimates_all_errors_with_the_standard_errors_that_they_should_have():
     kinds = [*TRUE]
     fit = cj.identify(SCENE, STATE, probe_of(TRUE, 3), parameters_of(kinds), progress=False)

@@ -140,6 +140,7 @@ def test_a_run_that_fails_closes_the_way():
     assert closed.tolist() == [False] * 4 + [True] * 6
 
 
+@pytest.mark.slow
 def test_angles_that_pass_half_a_turn():
     """A free body turns past 180 degrees; a sensor counts angles modulo 1e-11 rad, far below the
     integration error."""

@@ -301,7 +301,7 @@ def test_least_norm_solution_where_the_system_is_nearly_singular_as_well(solved)
 def test_ordered_factorisation_of_an_arrow_matrix_has_no_fill_in():
     """Coupled to the first unknown only, n unknowns cost a few operations each; in the given order
     the factors are full, and the cost is cubic."""
-    n = 8
+    n = 6
     full = np.eye(n) * 5.0
     full[0] = full[:, 0] = RANDOM.normal(size=n)
     full[0, 0] = 20.0

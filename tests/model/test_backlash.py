@@ -60,13 +60,12 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
     return np.array([float(contact.gap.depth) for contact in contacts.values()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "joint",
     [
         backlash(middle=0.4),
-        pytest.param(
-            backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)), marks=pytest.mark.slow
-        ),
+        backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)),
     ],
     ids=["along z", "along others"],
 )
@@ -84,8 +83,9 @@ def test_joints_with_couples_are_checked_at_the_onset_and_deeper():
     np.testing.assert_allclose(upper[[3, 4, 8, 9]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
 
 
-@pytest.mark.parametrize("wider", [pytest.param(0.0, marks=pytest.mark.slow), 2e-4])
-@pytest.mark.parametrize("teeth_second", [pytest.param(41, marks=pytest.mark.slow), -57])
+@pytest.mark.slow
+@pytest.mark.parametrize("wider", [0.0, 2e-4])
+@pytest.mark.parametrize("teeth_second", [41, -57])
 def test_gears_conform(teeth_second, wider):
     joint = gears(18, teeth_second, phase=0.3)
     check_contact_joint(joint, meshing(joint, wider), together=False)
@@ -264,6 +264,7 @@ def test_a_backlash_wider_than_the_pitch_is_refused():
         )
 
 
+@pytest.mark.slow
 def test_a_torsional_stiffness_is_the_torque_by_the_angle():
     bodies = "ground", "link"
     backlash = cj.Backlash(*bodies, play=1e-3, torsional_stiffness=2e4, restitution=0.3)

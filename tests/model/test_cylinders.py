@@ -83,7 +83,14 @@ def test_johnson_ends_at_half_a_clearance_under_the_load_of_the_fold():
 
 
 @pytest.mark.parametrize(
-    "law", [*FORMULAS, cj.laws.LiuCylinder, cj.laws.PereiraCylinder, cj.laws.PerssonCylinder]
+    "law",
+    [
+        *list(FORMULAS)[:1],
+        *(pytest.param(law, marks=pytest.mark.slow) for law in list(FORMULAS)[1:]),
+        cj.laws.LiuCylinder,
+        pytest.param(cj.laws.PereiraCylinder, marks=pytest.mark.slow),
+        cj.laws.PerssonCylinder,
+    ],
 )
 def test_energy_is_the_force_s_integral_beyond_the_deepest_too(law):
     contact = cylinder(law)

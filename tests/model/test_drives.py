@@ -43,8 +43,11 @@ def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
     assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
 
 
-@pytest.mark.parametrize("at_middle", [0.0, np.pi])
-@pytest.mark.parametrize(("turns", "smooth"), [(0.0, True), (1.0, True), (0.5, False)])
+@pytest.mark.parametrize("at_middle", [pytest.param(0.0, marks=pytest.mark.slow), np.pi])
+@pytest.mark.parametrize(
+    ("turns", "smooth"),
+    [pytest.param(0.0, True, marks=pytest.mark.slow), (1.0, True), (0.5, False)],
+)
 def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle):
     """Also where the angle passes half a revolution, so that its principal value jumps."""
     jump = 2.0 * np.pi * turns
@@ -294,7 +297,8 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
         np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)
 
 
-@pytest.mark.parametrize("points", [3, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("points", [3, 6])
 def test_a_table_of_angles_is_followed_however_many_there_are(points):
     times = np.linspace(0.0, 0.5, points)
     scene = shaft_scene(Table(0.0, 0.0, times=times, angles=times**2))

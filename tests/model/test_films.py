@@ -141,6 +141,7 @@ def test_drag_is_petroffs_and_grows_with_the_eccentricity():
     assert film.drag(gap((0.0, 0.6), (0.0, 0.0), spin=-50.0)) == pytest.approx(petroff / 0.8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("film", [cj.films.CaponeFilm, cj.films.PinkusSternlichtFilm])
 def test_films_conform(film):
     check_film(film(VISCOSITY))

@@ -22,7 +22,12 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", LAWS)
+FAST = {"Lankarani-Nikravesh", "memoryless"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in LAWS]
+)
 def test_restitution_satisfies_the_exact_relation(name):
     law, chi = LAWS[name]
     e = free_impact(law, MASS, SPEED).restitution
@@ -56,6 +61,7 @@ def test_radii_that_a_stiffness_needs_are_checked(radii, message):
         free_impact(law, MASS, SPEED, *radii)
 
 
+@pytest.mark.slow
 def test_smoothing_changes_less_the_narrower_it_is():
     wide, narrow, exact = (
         free_impact(cj.laws.LankaraniNikravesh(0.9, STIFFNESS, smoothing=width), MASS, SPEED)

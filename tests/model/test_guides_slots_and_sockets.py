@@ -52,13 +52,10 @@ PLAYS = {
     "rough pin between ends": slot(**TILTED, **AT_POINTS, travel=0.05, friction=ROUGH),
     "pin with bristles": slot(friction=BRISTLES),
 }
-FAST = ("rough ball", "pin")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in PLAYS],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLAYS)
 def test_joints_conform_in_motion(name):
     check_contact_joint(PLAYS[name], MOTIONS)
 

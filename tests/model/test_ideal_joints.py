@@ -329,6 +329,7 @@ def test_a_tilted_joint_violates_its_rows(case):
         assert size == pytest.approx(1e-3, rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("redundant", [False, True])
 def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
     """Large systems are solved in blocks; here a small one is as well.

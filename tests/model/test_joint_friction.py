@@ -10,7 +10,8 @@ INERTIA, LOAD = 0.02, 0.5
 COULOMB = cj.frictions.RegularisedCoulomb(1.0, regularisation_speed=1e-4)
 BRISTLES = cj.frictions.LuGre(1.2, 1.0, stribeck_speed=0.05, stiffness=1e4, damping=10.0)
 COORDINATES = pytest.mark.parametrize(
-    "coordinates", [cj.JointCoordinates(), cj.AbsoluteCoordinates()]
+    "coordinates",
+    [cj.JointCoordinates(), pytest.param(cj.AbsoluteCoordinates(), marks=pytest.mark.slow)],
 )
 
 

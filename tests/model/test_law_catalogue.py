@@ -84,6 +84,7 @@ def test_an_unusable_law_warns():
     np.testing.assert_allclose(cj.laws.delivered_restitution(factors), expected, atol=6e-4)
 
 
+@pytest.mark.slow
 def test_small_losses_by_the_slope_of_the_factor():
     """e = 1 - 2 chi/3: the exact slope of chi is -3/2; Lee and Wang have half of it."""
     slopes = {
@@ -108,6 +109,7 @@ def test_the_exact_factor():
     np.testing.assert_allclose(cj.laws.delivered_restitution(FACTORS(asked)), asked, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_exact_factor_in_its_limits():
     """chi = 3 (1 - e)/2 + ... at e = 1 and 1/e at e = 0, with derivatives -3/2 and -1/e^2."""
     near = np.array([1.0, 1.0 - 1e-15, 1.0 - 1e-9, 1.0 - 1e-6])
@@ -135,15 +137,13 @@ def test_clamped_dashpots_deliver_the_closed_form(law):
     assert found == pytest.approx(CLAMPED, abs=6e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "requested", "delivered"),
     [
         (cj.laws.KelvinVoigt, 0.5, 0.550),
-        pytest.param(cj.laws.Tsuji, 0.5, 0.550, marks=pytest.mark.slow),
-        *(
-            pytest.param(cj.laws.Jankowski, c, e, marks=[pytest.mark.slow] if c != 0.5 else [])
-            for c, e in zip(FIVE, JANKOWSKI, strict=True)
-        ),
+        (cj.laws.Tsuji, 0.5, 0.550),
+        *((cj.laws.Jankowski, c, e) for c, e in zip(FIVE, JANKOWSKI, strict=True)),
     ],
 )
 def test_integrated_impacts_of_dashpots(law, requested, delivered):
@@ -185,13 +185,11 @@ def of_cylinder(name):
     )
 
 
-FAST = [
-    cj.laws.ZhiyingQishao(0.6, STEEL),
+LAWS = [
     cj.laws.Tsuji(0.6, STEEL, 2.0),
+    cj.laws.ZhiyingQishao(0.6, STEEL),
     cj.laws.Jankowski(0.6, STEEL, 2.0),
     cj.laws.ElastoGap(1e8, 50.0),
-]
-SLOW = [
     *(
         law(0.6, STEEL)
         for law in (
@@ -214,11 +212,11 @@ SLOW = [
     *(of_cylinder(name) for name in ["Pereira", "Persson", "Johnson", "Esdu", "Radzimovsky"]),
     *(of_cylinder(name) for name in ("DubowskyFreudenstein", "Goldsmith")),
 ]
-ALL = [*FAST, *(pytest.param(law, marks=pytest.mark.slow) for law in SLOW)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "law", ALL, ids=lambda law: f"{type(law).__name__} {type(law.stiffness).__name__}"
+    "law", LAWS, ids=lambda law: f"{type(law).__name__} {type(law.stiffness).__name__}"
 )
 def test_laws_conform(law):
     with warnings.catch_warnings():
@@ -259,6 +257,7 @@ def test_kelvin_voigt_is_the_closed_form():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.05, 0.5, 0.95])
 def test_a_dashpot_coefficient_delivers_its_closed_form(ratio):
     law = cj.laws.SpringDashpot(1e6, 2.0 * ratio * np.sqrt(1e6 * MASS))

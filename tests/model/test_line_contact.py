@@ -138,7 +138,7 @@ def test_force_and_moment_are_integrals_along_the_axis(exponent, friction):
     assert (found < allowed).all(), dict(zip(POSES, found, strict=True))
 
 
-@pytest.mark.parametrize("exponent", ORDERS)
+@pytest.mark.parametrize("exponent", [1.0, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_errors_of_partial_contact_decrease_with_the_stated_order(exponent):
     """In the mean of many poses, since the error of one depends on where its contact ends."""
     random = np.random.default_rng(0)
@@ -173,6 +173,7 @@ def test_parallel_journal_has_the_force_of_the_law_and_of_two_bases_with_half_of
     np.testing.assert_allclose(loads(pin(points), poses)[:, :3] @ ACROSS, -push, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_motion_in_the_plane_is_that_with_bases():
     """Over seven impacts, with half the stiffness at each of two bases."""
     scene, state = dropped_rod()
@@ -284,6 +285,7 @@ def test_reports_name_the_law_of_the_whole_length():
         assert row[4] == "LankaraniNikravesh, c 0.7"
 
 
+@pytest.mark.slow
 def test_derivative_by_the_clearance_is_that_of_differences():
     """By Richardson's extrapolation, over an impact along the whole length, whose points separate
     one after the other, and three impacts of ends."""

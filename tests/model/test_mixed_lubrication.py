@@ -55,6 +55,7 @@ def test_the_force_is_the_integral_of_the_pressure_around_the_journal(distance):
     assert force == pytest.approx(integral, rel=2.5e-2)
 
 
+@pytest.mark.slow
 def test_the_law_keeps_what_laws_promise():
     check_law(LAW)
     gap = Gap(-float(ROUGH.reach), 0.0, RADIUS, CLEARANCE)
@@ -71,6 +72,7 @@ def coefficient(carried):
     return abs(float(carried.moment)) / (LOAD * RADIUS)
 
 
+@pytest.mark.slow
 def test_friction_over_speed_is_stribecks_curve():
     speeds = np.geomspace(1e-3, 3e3, 14)
     found = [cj.carried_journal(JOINT, (0.0, -LOAD), speed) for speed in speeds]
@@ -89,6 +91,7 @@ def test_friction_over_speed_is_stribecks_curve():
     assert friction[-1] == pytest.approx(sommerfeld / LOAD + half, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_forces_are_in_equilibrium_where_both_carry():
     """The film's load is that of the short bearing in closed form."""
     speed = 0.5
@@ -108,6 +111,7 @@ def test_forces_are_in_equilibrium_where_both_carry():
     np.testing.assert_allclose(film + dry, [0.0, LOAD], atol=1e-3 * LOAD)
 
 
+@pytest.mark.slow
 def test_an_equilibrium_at_a_wall_with_a_profile_is_refused():
     """A run computes the contact with the profile. A film is that of circles in both."""
     oval = cj.profiles.Harmonics([0.0, 1e-6])

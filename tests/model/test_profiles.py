@@ -87,7 +87,7 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse():
     """Depth, normal and points against the nearest points of a circle and an ellipse."""
     a, b = RADIUS + 30e-6, RADIUS - 20e-6
     joint = pin(Ellipse(a, b, RADIUS), friction=RegularisedCoulomb(0.1))
-    for angle in (0.0, 0.4, 1.3, 2.5, 4.0):
+    for angle in (0.4, 2.5):
         centre = 0.55e-3 * np.array([np.cos(angle), np.sin(angle)])
         found = contact(joint, moving((*centre, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)))
         normal = found.normal[:2]
@@ -102,6 +102,7 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse():
         assert found.gap.depth == pytest.approx((along - support).max(), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bearing, journal",
     [
@@ -201,7 +202,7 @@ def test_of_many_waves_the_deepest_is_found():
     rng = np.random.default_rng(5)
     t = np.linspace(0.0, 2.0 * np.pi, 20_001)
     wall = 50e-6 * np.cos(6 * t)
-    for x, y in rng.normal(size=(20, 2)) * 0.4e-3:
+    for x, y in rng.normal(size=(5, 2)) * 0.4e-3:
         found = closest_approach(x, y, CLEARANCE, profile, None, ALIGNED)
         expected = (x * np.cos(t) + y * np.sin(t) - wall).max() - CLEARANCE
         assert float(found.depth) == pytest.approx(expected, abs=1e-10)
@@ -235,6 +236,7 @@ def dropped(profile, clearance=CLEARANCE):
     return scene, cj.State({"arm": cj.body_state((0.0, 0.0, 0.0), velocity=(0.15, 0.1, 0.0))})
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_coefficients_agree_with_differences():
     scene, state = dropped(Harmonics([0.0, 20e-6, 5e-6]))
     path = lambda scene: scene.joints["pin"].bearing_profile.cosines  # noqa: E731

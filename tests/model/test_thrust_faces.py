@@ -66,6 +66,7 @@ def test_friction_opposes_sliding_and_rotation_at_the_mean_radius(side, speed, s
     np.testing.assert_allclose(total["house"], back, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_shaft_on_a_face_runs_down_at_a_constant_rate():
     """By mu m g r/I, until its slip is too slow; the ledger has the lost energy as friction."""
     scene, spin = shaft_on_face(np.array([0.0, 0.0, 1.0])), 60.0

@@ -190,3 +190,65 @@ def test_memory_is_read_and_written_in_order(monkeypatch):
     together, alone = programs(run, given, monkeypatch)
     assert calls_at_once(together) >= 3
     np.testing.assert_array_equal(together(given)[0], alone(given)[0])
+
+
+def random_program(seed):
+    """A function of numbers that calls functions of elements, and one in memory, in random order,
+    each with any of the numbers so far; some in branches and loops."""
+    elements = [shared(force), shared(lambda x, v, k: (jnp.sin(x) * v + k, x - v))]
+    turned = jax.jit(lambda *x: tuple(jnp.sin(2.0 * a + 0.1 * b) for a, b in zip(x, x[1:])))  # noqa: B905
+
+    def grown(rng, numbers, depth):
+        numbers, rows_of_memory = list(numbers), []
+        for _ in range(rng.integers(3, 9)):
+
+            def pick(count, numbers=numbers):
+                return [numbers[k] for k in rng.integers(len(numbers), size=count)]
+
+            way = rng.integers(6 if depth else 4)
+            if way == 0:
+                call = elements[rng.integers(2)]
+                rows = [pick(3) for _ in range(rng.integers(1, 12))]
+                numbers += [part for row in rows for part in call(*row)]
+            elif way == 1:
+                rows_of_memory.append(turned(*pick(9)))
+                numbers += rows_of_memory[-1]
+            elif way == 2 and rows_of_memory:
+                # Numbers that stand in memory, where a later call may have overwritten them.
+                row, others = rows_of_memory[rng.integers(len(rows_of_memory))], pick(2)
+                numbers += [elements[0](number, *others)[0] for number in row]
+            elif way in (2, 3):
+                a, b, c = pick(3)
+                numbers.append(a * b + c)
+            else:
+                inner, first = rng.integers(2**32), pick(4)
+
+                def body(*given, inner=inner):
+                    made = grown(np.random.default_rng(inner), given, depth - 1)
+                    return tuple(jnp.sin(number) for number in made[-4:])
+
+                if way == 4:
+                    numbers += lax.cond(first[0] > 0.0, body, lambda *given: given, *first)
+                else:
+                    numbers += lax.fori_loop(0, 3, lambda _, now, of=body: of(*now), tuple(first))
+        return [jnp.sin(number) for number in numbers]
+
+    return lambda *given: grown(np.random.default_rng(seed), given, 2)
+
+
+@pytest.mark.parametrize(
+    "seeds",
+    [range(8), pytest.param(range(100, 400), marks=pytest.mark.slow)],
+    ids=["few", "many"],
+)
+def test_random_programs_have_the_bits_of_single_calls(seeds, monkeypatch):
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+    given = list(np.random.default_rng(0).normal(size=6))
+    joined = 0
+    for seed in seeds:
+        with monkeypatch.context() as patch:
+            together, alone = programs(random_program(seed), given, patch)
+        joined += calls_at_once(together)
+        for one, other in zip(together(given), alone(given), strict=True):
+            np.testing.assert_array_equal(one, other, err_msg=f"seed {seed}")
+    assert joined > len(seeds)

@@ -51,7 +51,8 @@ def assert_close(one: Any, other: Any, name: str, relative: float = CLOSE) -> No
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
-        *((name, FEW_STAGES) for name in REPRESENTATIVE),
+        pytest.param(REPRESENTATIVE[0], FEW_STAGES, marks=pytest.mark.slow),
+        (REPRESENTATIVE[1], FEW_STAGES),
         *(pytest.param(name, FINE, marks=pytest.mark.slow) for name in SCENES),
     ],
     ids=lambda value: value if isinstance(value, str) else "",

@@ -1,6 +1,10 @@
 """Levels of LLVM's optimisation: results do not depend on them, but saved programs do."""
 
+import inspect
+from collections.abc import Iterator
+
 import jax
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
@@ -24,10 +28,25 @@ SCENES = [
 ]
 
 
+@pytest.fixture
+def levels_of_users(monkeypatch) -> Iterator[None]:
+    """LLVM's levels, which fast tests replace by level 0; programs are neither saved nor read."""
+    for owner, name in (
+        (llvm, "create_pipeline_tuning_options"),
+        (llvm.Target, "create_target_machine"),
+    ):
+        monkeypatch.setattr(owner, name, inspect.unwrap(getattr(owner, name)))
+    monkeypatch.setattr(machine_code, "_store", lambda: None)
+    machine_code._target_machine.cache_clear()
+    yield
+    machine_code._target_machine.cache_clear()
+
+
+@pytest.mark.usefixtures("levels_of_users")
 @pytest.mark.parametrize("make", SCENES)
 def test_bits_of_a_run_do_not_depend_on_the_level(make, monkeypatch):
     scene, state = make()
-    found = {}
+    found, codes = {}, set()
     for few_runs in (False, True):
         programs = Native(host_run.segment, few_runs=few_runs)
         monkeypatch.setattr(host_run, "segment_compiled", programs)
@@ -35,11 +54,13 @@ def test_bits_of_a_run_do_not_depend_on_the_level(make, monkeypatch):
         monkeypatch.setattr(simulate, "begin_compiled", begun)
         solution = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True), progress=False)
         assert programs.native.count() == begun.native.count() == 1
+        ((program, _),) = programs.native._programs.values()
+        codes.add(program.code._object_file)
         arrays = jax.tree.leaves((solution.final, solution.time, solution.attempts))
         bits = b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
         assert solution.impacts is not None
         found[few_runs] = bits, solution.impacts.to_dataframe().to_csv()
-    assert found[False] == found[True]
+    assert found[False] == found[True] and len(codes) == 2
 
 
 def product_and_sum(x):

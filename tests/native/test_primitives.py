@@ -590,6 +590,7 @@ def test_elementary_functions_are_correct_to_a_unit_in_the_last_place(name):
     ours, exact, x = EXACT[name]
     x = x[(x > -1.0) | (name in ("exp", "expm1", "tanh"))]
     x = x[(x > 0.0) | (name != "log")]
+    x = x[:: 3 if name in ("exp", "expm1") else 1]  # Their exact values take longest.
     with mpmath.workprec(1200):
         for value, argument in zip(NativeFunction(ours)(x), x, strict=True):
             assert_exact(value, exact(mpmath.mpf(argument)), argument)

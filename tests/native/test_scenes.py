@@ -40,6 +40,7 @@ def assert_close(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance)
 
 
+@pytest.mark.slow
 def test_a_spring_moves_as_with_xla(monkeypatch):
     save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
     native, xla = both(
@@ -119,6 +120,13 @@ CALLS = {
     "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
     "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
+SLOW = {
+    "`simulate` with an explicit solver, or a controller of diffrax",
+    "`simulate` with an implicit solver",
+    "`free_impact`",
+    "`simulate_nonsmooth`",
+}
+"""Calls that compile for seconds."""
 README = Path(native.__file__).with_name("README.md").read_text(encoding="utf-8")
 TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", README, re.MULTILINE))
 
@@ -127,7 +135,9 @@ def test_the_table_of_native_calls_is_complete():
     assert list(TABLE) == list(CALLS)
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in CALLS]
+)
 def test_the_table_is_correct(name, monkeypatch):
     by_xla = []
 

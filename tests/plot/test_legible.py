@@ -232,7 +232,8 @@ def boxes_of_texts(page):
     return {text: text.get_window_extent() for text in texts if text.figure is not None}
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
 def test_no_text_of_a_report_is_cut_off_or_on_another(seed):
     """Many joints with long names and laws, in a random order."""
     random = np.random.default_rng(seed)
@@ -301,6 +302,7 @@ def test_the_drift_between_steps_is_that_at_their_ends():
     assert np.abs(seen.ledger_residual()).max() < 1e-15
 
 
+@pytest.mark.slow
 def test_states_inside_steps_are_marked_as_interpolated():
     ends = np.array([0.0, 0.02, 0.04])
     dense = cj.results.Trajectory(ends, flight(ends)).between()

@@ -52,6 +52,7 @@ def test_a_name_is_shown_literally_and_in_one_line():
     assert shown(" ") == "(no name)"
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error:constrained_layout")
 def test_a_report_and_its_tables_take_any_name(renamed):
     scene, solution, _ = renamed
@@ -129,6 +130,7 @@ def test_a_variable_without_a_name_is_refused(tmp_path):
         cj.results.Crossings(TIMES[:1], {"": TIMES[:1]}).to_netcdf(tmp_path / "out.nc")
 
 
+@pytest.mark.slow
 def test_pictures_of_a_sweep_and_a_fit_take_any_name():
     for name in CHANNELS:
         codes = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}

@@ -321,6 +321,7 @@ EVERY = {
 }
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_differences():
     """In a random direction of the variables and of the scene's numbers at once.
 

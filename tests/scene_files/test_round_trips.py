@@ -170,7 +170,7 @@ def test_all_families_have_elements():
     assert {"ClearanceJoint", "Flores2011", "SpringDamper", "EndPlay"} <= set(ELEMENTS)
 
 
-@pytest.mark.parametrize("suffix", [".toml", ".json"])
+@pytest.mark.parametrize("suffix", [".toml", pytest.param(".json", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_every_element_comes_back_exactly(name, suffix, tmp_path):
     scene, _ = exact(tmp_path / f"scene{suffix}", scene_with(example(name)), STATE)

@@ -231,6 +231,7 @@ def test_no_other_number_of_a_run_compiles_anything(rod, compiled):
     assert {name: count for name, count in counts.items() if count} == {}
 
 
+@pytest.mark.slow
 def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
     scene, state = damped
     channel = PLACE["x"]
@@ -280,6 +281,7 @@ def test_longer_records_of_steps_compile_nothing(damped, compiled):
     assert compiled() == before
 
 
+@pytest.mark.slow
 def test_records_of_few_lengths_are_compiled_for_derivatives(damped, compiled):
     along(damped, 3)
     along(damped, 64)

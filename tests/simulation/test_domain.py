@@ -62,6 +62,7 @@ def run(numbers) -> cj.results.Solution:
     return cj.simulate(*changed(numbers), numbers["end_time"], settings, save, progress=False)
 
 
+@pytest.mark.slow
 def test_lanes_with_bad_numbers_take_no_step():
     found = jax.jit(jax.vmap(run))(LANES)
     codes = extend.result_number(found.result)
@@ -79,6 +80,7 @@ def test_the_same_numbers_raise_outside_of_jax(name, value):
         run(numbers)
 
 
+@pytest.mark.slow
 def test_rigid_contacts():
     def rigid(clearance, step):
         scene, state = rod()

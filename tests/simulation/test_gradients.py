@@ -143,6 +143,7 @@ def overflowing():
     return scheme, form, begin(scheme, form, state, *times, {})
 
 
+@pytest.mark.slow
 def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
     """It is rejected, so the state is unchanged; without the gate, JAX would return NaN."""
     scheme, form, now = overflowing
@@ -247,6 +248,7 @@ def kernel():
     return both, change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("position", POSITIONS)
 def test_equations_of_motion_have_finite_derivatives(kernel, position):
     both, change = kernel

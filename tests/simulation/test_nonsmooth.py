@@ -106,6 +106,7 @@ def slid(speed: float, slope: float, time: float) -> cj.BodyState:
     return cj.simulate_nonsmooth(*block(speed, slope), time, step=STEP).final.bodies["block"]
 
 
+@pytest.mark.slow
 def test_a_sliding_block_stops_and_stays():
     speed = 1.0
     final = slid(speed, 0.0, speed / (MU * GRAVITY) + 0.5)
@@ -140,6 +141,7 @@ def guided_slider(coefficient: float, speed: float) -> tuple[cj.Scene, cj.State]
     return scene, cj.State({"slider": cj.body_state((0, -1e-3, 0), velocity=(speed, 0, 0))})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_slider_on_two_corners_stops_after_the_distance_of_friction(seed):
     """At rest, the velocities to be changed are rounding errors, and the run failed at most steps
@@ -154,6 +156,7 @@ def test_a_slider_on_two_corners_stops_after_the_distance_of_friction(seed):
     np.testing.assert_allclose(np.asarray(body.velocity), 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.3, 1.1])
 def test_a_rod_slides_and_comes_to_rest_on_both_ends(angle):
     """A rod that leans forward with much friction, P. Painleve's example. Lying, it has two
@@ -415,6 +418,7 @@ class Ramp(cj.extend.AbstractRotationDriver):
         return self.start
 
 
+@pytest.mark.slow
 def test_velocities_jump_with_a_driver_at_its_kink():
     origin, axis = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
     scene = cj.Scene(

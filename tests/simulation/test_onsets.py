@@ -270,6 +270,7 @@ def test_derivatives_after_a_long_fall_are_those_of_a_rigid_impact(height, stiff
     assert along == pytest.approx(rigid, rel=20.0 * contact * GRAVITY / end_speed + 1e-3)
 
 
+@pytest.mark.slow
 def test_loose_tolerances_after_a_stiff_impact_warn_with_one_that_helps():
     """At the default of runs without derivatives, this derivative is wrong by a quarter."""
     arguments, rigid = falling(50.0, 1e13)

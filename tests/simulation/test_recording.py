@@ -26,6 +26,7 @@ from tests.support.dropped_rod import dropped_rod
 from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
 
 
+@pytest.mark.slow
 def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
     found = recorded_rod()
     run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=everything())
@@ -78,6 +79,7 @@ def test_a_full_table_holds_its_rows_and_its_count_exceeds_the_capacity_if_it_is
     assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
     def kept() -> tuple:
         run = cj.simulate(*dropped_rod(), END, save=cj.Saving(steps=True, impacts=True))

@@ -116,7 +116,9 @@ def expected(law):
     return np.stack(slopes, axis=-1)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=() if law == "both" else pytest.mark.slow) for law in LAWS]
+)
 def test_sensitivities_across_a_jump_of_a_law(law):
     """The derivatives after the onset contain the jump of the force there."""
     scene, state = dropped(Buffer(*LAWS[law]))
@@ -128,6 +130,7 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     """The friction of a shoulder slows a turning shaft from the instant at which they meet."""
     play, end = 0.2e-3, 6e-3
@@ -297,6 +300,7 @@ def test_the_mean_force_from_an_event_to_the_end_of_the_step(jumps, inside, past
         assert mean(-1e-3) == pytest.approx(past, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_forward_derivatives_of_a_run_contain_the_switch_too():
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
 
@@ -375,9 +379,9 @@ NONE = 1e-20
     ("threshold", "position"),
     [
         (Threshold(0.5, NONE, NONE, NONE), 1.0),
-        (Threshold(0.02, NONE, NONE, NONE), 1.0),
+        pytest.param(Threshold(0.02, NONE, NONE, NONE), 1.0, marks=pytest.mark.slow),
         (Threshold(NONE, 50.0, NONE, NONE), None),
-        (Threshold(NONE, NONE, 0.5, NONE), None),
+        pytest.param(Threshold(NONE, NONE, 0.5, NONE), None, marks=pytest.mark.slow),
         (Threshold(NONE, NONE, NONE, 0.5), 0.25),
     ],
     ids=["step", "small step", "kink", "ramp", "step by speed"],
@@ -396,6 +400,7 @@ def test_derivatives_end_where_a_force_jumps_with_the_motion(threshold, position
         np.testing.assert_allclose(result.derivatives["x"], [[0.2**2 / 4.0]], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_user_defined_law_that_jumps_inside_a_contact_ends_the_derivatives():
     scene, state = dropped(Buffer(*LAWS["damper"], 0.5))
     outputs = {"x": Q.Position("ball", "x")}

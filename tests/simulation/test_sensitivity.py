@@ -92,6 +92,7 @@ def test_derivatives_take_few_more_steps_than_the_motion_alone():
         assert found.attempts < more * plain.attempts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_outputs_read_is_arithmetic_without_loops(count):
     """XLA's emitter forgets at each loop what it has written before, and writes it again at every

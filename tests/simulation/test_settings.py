@@ -198,6 +198,7 @@ def test_what_no_transformed_run_records_is_refused(kept, transformed):
         transformed(turned)(0.2)
 
 
+@pytest.mark.slow
 def test_derivatives_have_a_ledger_if_it_is_asked_for():
     """The work of a constant torque T, T times the angle: T (w0 t + T t^2 / 2 I)."""
     torque, time = 0.2, 0.1

@@ -97,7 +97,7 @@ def test_ideal_mechanism_follows_newton_and_euler(ideal_run):
     assert np.ptp(work) > 50.0
 
 
-@pytest.mark.parametrize("clearance", [None, 0.5e-3])
+@pytest.mark.parametrize("clearance", [pytest.param(None, marks=pytest.mark.slow), 0.5e-3])
 @pytest.mark.parametrize("angle", [0.0, 2.0, -1.0, 100.0])
 def test_state_and_constraints_fit_at_every_angle(clearance, angle):
     """No row is redundant, and the start satisfies all of them to rounding."""
@@ -153,6 +153,7 @@ def clearance_runs() -> dict[float, Any]:
     return runs
 
 
+@pytest.mark.slow
 def test_motion_tends_to_the_ideal_with_the_clearance(clearance_runs):
     """Linearly: an eccentricity shifts the slider by at most 1/cos of the rod's largest tilt, and
     it is the clearance plus a penetration."""

@@ -120,6 +120,7 @@ def mirror(normal):
     return np.eye(3) - 2.0 * np.outer(across, across)
 
 
+@pytest.mark.slow
 @few
 @given(seed=seeds, turn=directions, moved=vectors)
 def test_turned_and_moved(seed, turn, moved):

@@ -77,6 +77,7 @@ def test_normal_tolerances_give_the_derivatives_in_closed_form():
     np.testing.assert_allclose(found["f_derivative"].values, truth, atol=0.15)
 
 
+@pytest.mark.slow
 def test_uniform_tolerances_give_the_derivatives_in_closed_form():
     h = 0.5
     uncertain = {name: component(k, half_width=h) for k, name in enumerate("xyz")}
@@ -269,6 +270,7 @@ def test_sobol_points_of_another_number_than_a_power_of_two_give_advice():
     np.testing.assert_array_equal(points, unit_cube(3, 128, "sobol", 1)[:100])
 
 
+@pytest.mark.slow
 def test_a_design_is_a_sweep_that_can_be_stored_and_extended(tmp_path, capsys):
     scene, state = scene_and_state()
     uncertain = {"x": component(0, between=(1.0, 2.0)), "y": component(1, deviation=0.1)}

@@ -46,6 +46,7 @@ class Speed(cj.extend.AbstractReduction):
         return {"": "m/s"}
 
 
+@pytest.mark.slow
 def test_exponent_of_an_upright_pendulum_is_the_root_of_gravity_over_length():
     scene, state = pendulum(np.pi)
     found = cj.ensemble(scene, state, 2.0, members=3, exponents=3, disturbance=1e-12)

@@ -11,9 +11,11 @@ from studies.validation.__main__ import main, table
 from studies.validation.benchmarks import benchmarks
 from studies.validation.bounce import bounce, mujoco_orders
 from studies.validation.chain import double_pendulum
+from studies.validation.collision import collision
 from studies.validation.damper import UNITS, fit_damper, read
 from studies.validation.identification import LINK_GUESS, driven_link, fitted, journal_friction
 from studies.validation.programs import has
+from studies.validation.rigid_ball import rigid_ball
 from studies.validation.siconos import four_bar_checks
 
 
@@ -22,12 +24,14 @@ def checks(tmp_path_factory):
     return main(["--quick", "--output", str(tmp_path_factory.mktemp("validation"))])
 
 
+@pytest.mark.slow
 def test_modelica_examples_agree_to_the_tolerance_of_their_solver(checks):
     examples = [check for check in checks if "Examples" in check.source]
     assert len(examples) == 12
     assert [check for check in examples if not check.difference < 2e-4] == []
 
 
+@pytest.mark.slow
 def test_the_wheel_is_free_between_the_flanks(checks):
     """Closed form: the gap of pi/4 rad is crossed at constant speed."""
     found = {check.name: check.ours for check in checks}
@@ -35,45 +39,54 @@ def test_the_wheel_is_free_between_the_flanks(checks):
     assert found["speed there"] * crossing == pytest.approx(-0.25 * math.pi, rel=1e-9)
 
 
-def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form(checks):
-    slopes = [check for check in checks if check.source.startswith("nimble")]
+def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form():
+    slopes = collision()
     assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
     assert [check for check in slopes if not check.difference < 1e-7] == []
 
 
-def test_the_linkage_of_siconos_moves_as_published(checks):
-    torque, *angles = [check for check in checks if check.source.startswith("Siconos, FourBar")]
+@pytest.fixture(scope="module")
+def linkage():
+    return four_bar_checks(quick=True)
+
+
+@pytest.mark.slow
+def test_the_linkage_of_siconos_moves_as_published(linkage):
+    torque, *angles = linkage.checks
     assert torque.difference < 1e-9
     assert len(angles) == 8
     assert [check for check in angles if not abs(check.ours - check.published) < 6e-5] == []
 
 
-def test_its_error_is_proportional_to_the_step():
-    linkage = four_bar_checks(quick=True)
+@pytest.mark.slow
+def test_its_error_is_proportional_to_the_step(linkage):
     ratios = [a / b for a, b in zip(linkage.differences[:-1], linkage.differences[1:], strict=True)]
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
 
 
-def test_the_ball_of_siconos_bounces_as_published(checks):
-    height, velocity, impulse = [check for check in checks if "BouncingBall" in check.source]
+def test_the_ball_of_siconos_bounces_as_published():
+    height, velocity, impulse = rigid_ball(quick=True)
     # An impact is found to half a step of 8 us, in which gravity changes the velocity by 4e-5 m/s.
     assert abs(height.ours - height.published) < 2e-5
     assert abs(velocity.ours - velocity.published) < 5e-4
     assert abs(impulse.ours - impulse.published) < 5e-4
 
 
+@pytest.mark.slow
 def test_friction_and_inertia_are_identified_from_starts_near_zero(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3284")}
     assert list(found) == ["mass", "inertia", "friction", "damping"]
     assert [check for check in found.values() if not check.difference < 2e-5] == []
 
 
+@pytest.mark.slow
 def test_a_fit_of_the_whole_record_at_once_stalls_and_says_so():
     with pytest.warns(cj.PoorFitWarning):
         fit = fitted(driven_link(), LINK_GUESS)
     assert fit.ending.name != "CONVERGED"
 
 
+@pytest.mark.slow
 def test_lugre_friction_is_identified(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
     assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
@@ -87,6 +100,7 @@ def test_lugre_friction_in_a_bearing_is_identified():
     assert [check for check in found if not check.difference < 1e-3] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "tolerance"),
     [
@@ -114,6 +128,7 @@ def test_without_other_programs_their_rows_are_left_out(checks_of_others, monkey
     assert capsys.readouterr().out.count("not installed") == 2
 
 
+@pytest.mark.slow
 def test_the_first_benchmark_ends_at_its_reference(checks):
     found = [check for check in checks if check.source.startswith("IFToMM")]
     assert len(found) == 2
@@ -190,5 +205,6 @@ def test_play_and_friction_of_a_made_up_record_are_found(damper_record):
     assert fit.rms < 0.02 * FORWARDS
 
 
+@pytest.mark.slow
 def test_each_value_has_a_row(checks):
     assert len(table(checks)) == 1 + len(checks)

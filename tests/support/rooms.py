@@ -35,12 +35,18 @@ def module_paths() -> dict[str, Path]:
 
 
 @cache
+def syntax_tree(module: str) -> ast.Module:
+    """The syntax tree of a module."""
+    return ast.parse(module_paths()[module].read_text())
+
+
+@cache
 def imports(module: str) -> list[str]:
     """Dotted names of all modules that a module imports, wherever in its text."""
     paths = module_paths()
     parts = ("clearjoint", *module.split("."))
     found = []
-    for node in ast.walk(ast.parse(paths[module].read_text())):
+    for node in ast.walk(syntax_tree(module)):
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+import pytest
 
 import clearjoint as cj
 from clearjoint._sweeps.axes import lanes_of
@@ -64,6 +65,7 @@ def pendulum(length: float) -> tuple[cj.Scene, cj.State]:
     return scene, cj.State({"arm": cj.body_state((length / 2, 0.0, 0.0))})
 
 
+@pytest.mark.slow
 def test_change_moves_points_inertia_and_start_together():
     """Arms of other lengths, each until its first impact is over."""
     lengths = [0.5, 1.0, 2.0]

@@ -48,8 +48,17 @@ UNSEEN = [("result", "deleted")]
 """As of a chunk that was never done."""
 
 
-@pytest.mark.parametrize("name", FILES)
-@pytest.mark.parametrize("damage", DAMAGES)
+def each_once(names):
+    """Pairs of a damage and a file: in the fast tests each damage and each file once."""
+    names = list(names)
+    return [
+        pytest.param(damage, name, marks=() if i % len(names) == j else pytest.mark.slow)
+        for i, damage in enumerate(DAMAGES)
+        for j, name in enumerate(names)
+    ]
+
+
+@pytest.mark.parametrize(("damage", "name"), each_once(FILES))
 def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
     whole = complete(layout())
     DAMAGES[damage](path / "by_lane" / name / FILES[name])
@@ -189,8 +198,7 @@ GRID_FILES = {
 }
 
 
-@pytest.mark.parametrize("name", GRID_FILES)
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize(("damage", "name"), each_once(GRID_FILES))
 def test_a_damaged_grid_is_written_again(path, name, damage):
     """By the next sweep with the same arguments, although no lane is missing."""
     opened(path, layout()).write_grid()

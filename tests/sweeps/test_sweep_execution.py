@@ -205,6 +205,7 @@ process.join()
 """
 
 
+@pytest.mark.slow
 def test_a_stored_sweep_in_a_forked_process_is_refused(tmp_path):
     """It would wait forever for threads of its parent."""
     path = tmp_path / "sweep.zarr"
@@ -487,6 +488,7 @@ def dask_client(folder: Path, workers: int) -> Iterator[Any]:
         yield client
 
 
+@pytest.mark.slow
 def test_dask_workers_get_the_settings_of_this_process(tmp_path):
     with dask_client(tmp_path, 1) as client:
         get_the_settings_of_this_one(client)

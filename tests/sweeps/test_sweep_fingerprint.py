@@ -157,6 +157,7 @@ print(sorted(of(*rotor.rotor(), rotor.OUTPUTS).items()))
 """
 
 
+@pytest.mark.slow
 def test_digests_are_equal_in_another_process():
     from tests.support.rotor import OUTPUTS, rotor
     from tests.sweeps.test_sweep_program import of

@@ -93,10 +93,10 @@ def usual():
 @pytest.mark.parametrize(
     ("of_class", "name", "value"),
     [
-        (Law, "uses_entry_speed", True),
+        pytest.param(Law, "uses_entry_speed", True, marks=pytest.mark.slow),
         (Law, "gain", 2.0),
-        (Grip, "gain", 2.0),
-        (Bearing, "depth", 2.0),
+        pytest.param(Grip, "gain", 2.0, marks=pytest.mark.slow),
+        pytest.param(Bearing, "depth", 2.0, marks=pytest.mark.slow),
     ],
 )
 def test_code_of_the_scene_makes_another_program(usual, of_class, name, value, monkeypatch):
@@ -105,19 +105,31 @@ def test_code_of_the_scene_makes_another_program(usual, of_class, name, value, m
 
 
 def test_only_what_is_read_counts(usual, monkeypatch):
-    assert of(*pendulum(), settings=replace(USUAL, ledger=True)) != usual
     monkeypatch.setattr(Law, "energy_gain", 2.0)
     assert of(*pendulum()) == usual
 
 
-def test_settings_make_another_program(usual):
-    for others in (
+@pytest.mark.parametrize(
+    "others",
+    [
         {"rtol": 1e-7},
-        {"landing_tolerance": 1e-10},
-        {"controller": diffrax.PIDController(1e-6, 1e-9, pcoeff=0.1)},
-        {"solver": diffrax.Dopri5()},
-    ):
-        assert of(*pendulum(), settings=replace(USUAL, **others)) != usual
+        *(
+            pytest.param(others, marks=pytest.mark.slow)
+            for others in (
+                {"landing_tolerance": 1e-10},
+                {"controller": diffrax.PIDController(1e-6, 1e-9, pcoeff=0.1)},
+                {"solver": diffrax.Dopri5()},
+                {"ledger": True},
+            )
+        ),
+    ],
+)
+def test_settings_make_another_program(usual, others):
+    assert of(*pendulum(), settings=replace(USUAL, **others)) != usual
+
+
+@pytest.mark.slow
+def test_a_stabilisation_makes_another_program():
     held = pendulum(axial=cj.FixedAxially())
     other = replace(USUAL, stabilisation=cj.Baumgarte(5.0, 6.0))
     assert of(*held) != of(*held, settings=other)
@@ -140,11 +152,12 @@ def test_numbers_of_scene_and_state_are_none_of_the_program(usual):
     ("of_class", "name", "changed", "others"),
     [
         (Turnings, "update", lambda self, tally, now: tally, {"turnings"}),
-        (
+        pytest.param(
             Turnings,
             "results",
             lambda self, tally, now: dict.fromkeys(self.units(), 0.0),
             {"turnings"},
+            marks=pytest.mark.slow,
         ),
     ],
 )
@@ -168,6 +181,7 @@ def test_how_impacts_are_found_concerns_their_table(usual, monkeypatch):
     assert changed == {f"hits_{name}" for name in (*impact_recorder.IMPACT_UNITS, "count")}
 
 
+@pytest.mark.slow
 def test_another_quantity_concerns_its_variables():
     def found(quantity):
         outputs = {

@@ -209,6 +209,7 @@ rotor.swept(np.linspace(1.0, 100.0, 20), chunk={chunk}, outputs=few, path={path!
 """
 
 
+@pytest.mark.slow
 def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
     """SIGKILL while the chunks are being written."""
     program = KILLED.format(chunk=CHUNK, path=str(path))
@@ -269,7 +270,9 @@ def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
         assert written[2:] == [{2: [7]}]
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, TimeoutError])
+@pytest.mark.parametrize(
+    "error", [KeyboardInterrupt, pytest.param(TimeoutError, marks=pytest.mark.slow)]
+)
 def test_lanes_whose_writing_is_interrupted_are_written_at_the_end(path, few, error):
     """As by a second Ctrl-C, or by a time limit."""
     left = [error]
@@ -363,10 +366,14 @@ def other_scene(options):
     ("other", "names"),
     [
         (
+            partial(swept, STIFFNESS, end_time=2.0),
+            "end_time: stored 1.0, now 2.0",
+        ),
+        pytest.param(
             partial(swept, STIFFNESS, settings=cj.Settings(rtol=1e-7)),
             r"setting rtol: stored 1e-06, now 1e-07",
+            marks=pytest.mark.slow,
         ),
-        (partial(swept, STIFFNESS, end_time=2.0), "end_time: stored 1.0, now 2.0"),
         (
             partial(swept, STIFFNESS[:5]),
             "axis stiffness: 15 of 20 stored values are not among the 5 present",
@@ -375,13 +382,15 @@ def other_scene(options):
             lambda **options: other_scene({"zipped": True, "progress": False, **options}),
             r"bodies\.rotor\.mass: stored 1\.0, now 2\.0",
         ),
-        (
+        pytest.param(
             partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(spin, "rad")}),
             "output largest: stored .*angle.*now .*spin",
+            marks=pytest.mark.slow,
         ),
-        (
+        pytest.param(
             partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(angle, "m")}),
             r"variable largest: stored .*units rad.*now .*units m",
+            marks=pytest.mark.slow,
         ),
     ],
 )
@@ -392,6 +401,7 @@ def test_store_of_other_settings_is_refused(begun, other, names):
     xr.testing.assert_identical(cj.open_sweep(begun), before)
 
 
+@pytest.mark.slow
 def test_executor_of_processes_computes_the_same_bits(few, path):
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as executor:

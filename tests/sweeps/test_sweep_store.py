@@ -361,6 +361,7 @@ def test_killed_at_any_moment_it_loses_at_most_the_chunk_in_flight(path, tmp_pat
     assert begun.total() <= large.chunks + kills
 
 
+@pytest.mark.slow
 def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
     with python(CREATE_AND_DIE, path) as process:
         assert process.wait() == -signal.SIGKILL
