@@ -20,5 +20,6 @@ from .xla import elementwise as elementwise
 from .xla import program_of as program_of
 from .xla import seconds_of_compiling as seconds_of_compiling
 from .xla import shared_by_many as shared_by_many
+from .xla import tell_tangents as tell_tangents
 from .xla import traced_for_a_kind as traced_for_a_kind
 from .xla import traced_once as traced_once

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache, cached_property, partial, update_wrapper, wraps
-from typing import Generic, ParamSpec, TypeVar
+from typing import Generic, NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
@@ -87,20 +87,37 @@ def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 SHARED = "shared_function"
 """Name of the jaxprs that `traced_for_a_kind` makes. Native code has one function for each."""
-_shared: ContextVar[dict[Hashable, "_Shared"] | None] = ContextVar("shared", default=None)
-"""The functions that `traced_for_a_kind` has traced for the program that is being made; ``None`` if
-no program is being made."""
+
+
+class _Program:
+    """A program that is being made: the functions that `traced_for_a_kind` has traced for it, and
+    the number of tangents that its variables carry, as told by `tell_tangents`."""
+
+    def __init__(self) -> None:
+        self.shared: dict[Hashable, _Shared] = {}
+        self.tangents = 0
+
+
+_program: ContextVar[_Program | None] = ContextVar("program", default=None)
 
 
 @contextmanager
-def _one_program() -> Iterator[None]:
+def _one_program() -> Iterator[_Program]:
     """Context in which JAX traces one program, with all of its parts."""
-    outer = _shared.get()
-    token = _shared.set({} if outer is None else outer)
+    program = _program.get() or _Program()
+    token = _program.set(program)
     try:
-        yield
+        yield program
     finally:
-        _shared.reset(token)
+        _program.reset(token)
+
+
+def tell_tangents(count: int) -> None:
+    """Tell that variables of the program that is being made carry derivatives by `count`
+    parameters, so that native code keeps arrays of this length as vectors of the processor."""
+    program = _program.get()
+    if program is not None:
+        program.tangents = max(program.tangents, count)
 
 
 class NotSharedError(Exception):
@@ -182,17 +199,17 @@ def traced_for_a_kind(
     if a static part of the arguments is not hashable, or the function uses a value that JAX traces
     and that is not among its arguments.
     """
-    programs = _shared.get()
-    if programs is None:
+    program = _program.get()
+    if program is None:
         raise NotSharedError
     leaves, structure = jax.tree.flatten(arguments)
     key = function, is_called, structure, tuple(map(_kind_of, leaves))
     try:
-        shared = programs.get(key)
+        shared = program.shared.get(key)
     except TypeError as error:
         raise NotSharedError from error
     if shared is None:
-        shared = programs[key] = _Shared(function, leaves, structure, is_called)
+        shared = program.shared[key] = _Shared(function, leaves, structure, is_called)
     return shared(leaves)
 
 
@@ -225,17 +242,26 @@ def _kind_of(leaf: PyTree) -> Hashable:
     return type(leaf), leaf.hex() if type(leaf) is float else leaf
 
 
-def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> tuple[ClosedJaxpr, PyTree]:
-    """Return the jaxpr of a function for given arguments, and the shapes and dtypes of its result.
+class Traced(NamedTuple):
+    """The jaxpr of a function, its result with shapes and dtypes in place of numbers, and the
+    number of tangents that `tell_tangents` has told."""
+
+    jaxpr: ClosedJaxpr
+    shapes: PyTree
+    tangents: int
+
+
+def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
+    """Trace a function for given arguments.
 
     In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
     lowers the jaxpr. Here they are expanded to the equations of which they consist.
     """
-    with _one_program():
+    with _one_program() as context:
         program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.
         program = partial_eval.lower_jaxpr2(program)  # pyright: ignore[reportAttributeAccessIssue]
-    return program, shapes
+    return Traced(program, shapes, context.tangents)
 
 
 @contextmanager

@@ -28,10 +28,10 @@ from .alike_calls import CALLS_AT_ONCE, join_alike_calls
 from .cells import Cells, Memory, Region
 from .lowering import (
     LARGEST_UNROLLED,
+    LONGEST_PACKED,
     Lowering,
     UnsupportedPrimitiveError,
     aval_of,
-    tangents_of,
 )
 from .machine_code import (
     FOR_FEW_RUNS,
@@ -66,9 +66,9 @@ class NativeProgram:
       not use.
     - `outputs`: cells of memory for each result.
 
-    **Arguments:** `tangents`: number of tangents, 0 for none; by default that of `tangents_of`.
-    Arrays whose only axis has this length are computed as vectors of the processor. `stopwatch`:
-    measures the stages of compilation. `optimisation`: LLVM's level of optimisation.
+    **Arguments:** `tangents`: number of tangents, 0 for none. Arrays whose only axis has this length
+    are computed as vectors of the processor. `stopwatch`: measures the stages of compilation.
+    `optimisation`: LLVM's level of optimisation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -77,7 +77,7 @@ class NativeProgram:
     def __init__(
         self,
         closed: core.ClosedJaxpr,
-        tangents: int | None = None,
+        tangents: int = 0,
         stopwatch: Stopwatch | None = None,
         optimisation: int = FOR_LOOPS,
     ):
@@ -85,7 +85,6 @@ class NativeProgram:
         outs = closed.jaxpr.outvars
         # Equations and arguments that the results do not need are left out.
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
-        tangents = tangents_of(jaxpr) if tangents is None else tangents
         # In code that runs once, joined calls would not save the time of their compilation.
         at_once = CALLS_AT_ONCE if optimisation == FOR_LOOPS else 1
         lowering = Lowering(Operations(tangents=tangents, calls_at_once=at_once), RULES)
@@ -559,9 +558,10 @@ class NativeFunction:
             return [out for out in jax.tree.leaves(outs) if eqx.is_array(out)]
 
         stopwatch = Stopwatch()
-        closed, _ = program_of(of_arrays, flat.arrays)
+        traced = program_of(of_arrays, flat.arrays)
         stopwatch.end("tracing")
-        program = NativeProgram(closed, stopwatch=stopwatch, optimisation=self._optimisation)
+        tangents = traced.tangents if 1 < traced.tangents <= LONGEST_PACKED else 0
+        program = NativeProgram(traced.jaxpr, tangents, stopwatch, self._optimisation)
         return program, Result(result[0])
 
 

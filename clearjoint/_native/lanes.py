@@ -204,7 +204,7 @@ def _traced(
 
     # All arguments are kept (`instantiate`), so that both jaxprs have the same ones.
     def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
-        closed, _ = program_of(function, *leaves)
+        closed = program_of(function, *leaves).jaxpr
         outs = [True] * len(closed.jaxpr.outvars)
         needed, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
         return core.ClosedJaxpr(needed, closed.consts)

@@ -12,7 +12,6 @@ called repeatedly become functions of machine code. An array has one of four for
 """
 
 import math
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -35,10 +34,6 @@ LARGEST_UNROLLED = 48
 larger one would cost code and time of compilation, which a loop saves."""
 LONGEST_PACKED = 16
 """Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
-FEWEST_PACKED = 60
-"""Least number of additions and multiplications of one-axis arrays of some length that a program
-must have so that arrays of this length are kept as vectors. With fewer, the arrays are probably not
-tangents."""
 LONGEST_CHOICE = 24
 """Largest number of equations of a branch that is computed whether its result is needed or not. To
 compute a longer one in vain costs more than a jump."""
@@ -159,35 +154,6 @@ def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
 def count_equations(jaxpr: core.Jaxpr) -> int:
     """Count the equations of a jaxpr and of its inner jaxprs."""
     return sum(1 + sum(map(count_equations, inner_jaxprs(e))) for e in jaxpr.eqns)
-
-
-def tangents_of(jaxpr: core.Jaxpr) -> int:
-    """Return the number of tangents, or 0 if the jaxpr seems to have none.
-
-    A jaxpr does not say which arrays are tangents, but programs with tangents add and multiply many
-    arrays of one axis whose length is the number of tangents. The result is the length from 2 to
-    `LONGEST_PACKED` with the most of these operations, or 0 if that has fewer than `FEWEST_PACKED`
-    of them.
-    """
-    # Many places share a jaxpr, whose operations are counted once.
-    counted: dict[int, Counter[int]] = {}
-
-    def lengths_of(jaxpr: core.Jaxpr) -> Counter[int]:
-        lengths = counted.get(id(jaxpr))
-        if lengths is None:
-            lengths = counted[id(jaxpr)] = Counter()
-            for equation in jaxpr.eqns:
-                shape = getattr(equation.outvars[0].aval, "shape", ()) if equation.outvars else ()
-                if equation.primitive.name in ("mul", "add", "add_any") and len(shape) == 1:
-                    lengths[shape[0]] += 1
-                for inner in inner_jaxprs(equation):
-                    lengths.update(lengths_of(inner))
-        return lengths
-
-    for length, count in lengths_of(jaxpr).most_common():
-        if 1 < length <= LONGEST_PACKED and count >= FEWEST_PACKED:
-            return length
-    return 0
 
 
 @dataclass

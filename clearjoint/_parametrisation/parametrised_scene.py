@@ -9,6 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from .._compilation import tell_tangents
 from .._fields.objects import with_arrays
 from .._fields.types import ArrayLike
 from .._math.vectors import ConstantFolded, fold_constants, unpack
@@ -105,6 +106,7 @@ class ParametrisedScene(eqx.Module):
             )
 
         count = len(self.values)
+        tell_tangents(count)
         # One row of the identity for each parameter: vmap computes the value once for all
         # derivatives.
         value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(

@@ -234,7 +234,7 @@ def program(scene, state, evaluated):
         return evaluated(system, variables)
 
     variables = System(unpack(form), Formulation()).encode(unpack(state.bodies))
-    closed, _ = program_of(rates, form.tree, variables)
+    closed = program_of(rates, form.tree, variables).jaxpr
     outputs = [True] * len(closed.jaxpr.outvars)
     return partial_eval.dce_jaxpr(closed.jaxpr, outputs, instantiate=False)[0]
 

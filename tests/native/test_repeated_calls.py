@@ -75,7 +75,7 @@ def way(request, monkeypatch):
     return request.param
 
 
-def program(function, *arguments, tangents=None):
+def program(function, *arguments, tangents=0):
     return NativeProgram(jax.make_jaxpr(function)(*arguments), tangents)
 
 

@@ -86,7 +86,7 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     form, may have a jump or a kink in time."""
     part = unpack(part)
     if isinstance(part, AbstractFunctionOfTime):
-        return _depends_on_primitive(program_of(part, 0.0)[0].jaxpr, [True], KINKED)
+        return _depends_on_primitive(program_of(part, 0.0).jaxpr.jaxpr, [True], KINKED)
     return _depends_on_primitive(_program_of_element(part), [True, False], KINKED)
 
 
@@ -106,7 +106,7 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
         rows = element.rows(motions, t).values()
         return [(row.jacobian, row.bias, row.time_rate) for row in rows]
 
-    return program_of(outputs, 0.0, 1.0)[0].jaxpr
+    return program_of(outputs, 0.0, 1.0).jaxpr.jaxpr
 
 
 def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:

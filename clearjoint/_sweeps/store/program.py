@@ -73,7 +73,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
     **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
     """
-    program, shapes = program_of(function, *arguments)
+    program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
         digest("argument", jax.tree_util.keystr(path), _kind(variable))
