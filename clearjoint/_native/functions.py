@@ -66,9 +66,9 @@ class NativeProgram:
       not use.
     - `outputs`: cells of memory for each result.
 
-    **Arguments:** `tangents`: number of tangents, 0 for none. Arrays whose only axis has this length
-    are computed as vectors of the processor. `stopwatch`: measures the stages of compilation.
-    `optimisation`: LLVM's level of optimisation.
+    **Arguments:** `tangents`: number of tangents, 0 for none. Arrays whose only axis has this
+    length are computed as vectors of the processor. `stopwatch`: measures the stages of
+    compilation. `optimisation`: LLVM's level of optimisation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
