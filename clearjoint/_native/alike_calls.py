@@ -19,8 +19,9 @@ from .pieces import cells_written
 CALLS_AT_ONCE = 8
 """Largest number of calls that are joined: the floats of a vector of 512 bits."""
 FEWEST = 3
-"""Smallest number of calls that are joined. A call for vectors takes up to twice the time of a
-single one, and its arguments must be joined before it and its results taken apart after it."""
+"""Smallest number of calls that are joined, since arguments must be joined before a call for
+vectors and its results taken apart after it. The number is a guess: scenes have functions for four
+elements or more."""
 
 
 def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
