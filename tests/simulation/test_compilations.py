@@ -339,21 +339,22 @@ def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
     """Other numbers are, and so is a start that leads to a warning."""
     scene, state = rod
     checked, own = [], type(starts)()
-    monkeypatch.setattr(run_checks, "_recheck", checked.append)
+    monkeypatch.setattr(run_checks, "starts", own)
 
     def check(scene, state):
-        return own.checked(*with_arrays((scene, state)), 0.0, cj.JointCoordinates())
+        return run_checks.check_start(*with_arrays((scene, state)), 0.0, cj.JointCoordinates())
 
     wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1.9e-3)
-    for _ in range(3):
-        for each in (scene, wider):
-            check(each, state)
+    with monkeypatch.context() as patch:
+        patch.setattr(run_checks, "_recheck", checked.append)
+        for _ in range(3):
+            for each in (scene, wider):
+                check(each, state)
     assert len(checked) == 2
     deep = cj.set_value(state, lambda s: s.bodies["rod"].position, (2e-3, -0.2, 0.0))
     for _ in range(2):
         with pytest.warns(cj.UnusualValueWarning, match="deep in the wall"):
             check(scene, deep)
-    monkeypatch.undo()
     for mass in np.linspace(1.0, 2.0, BY_NUMPY + 2):
         check(cj.set_value(scene, lambda s: s.bodies["rod"].mass, mass), state)
         for number in (np.nan, -1.0):
