@@ -51,9 +51,9 @@ EXPECTED = {
     ),
 }
 """What each notebook prints, among other things, in both settings."""
-FAST = {"start_here"}
-"""Runs in the fast tests: the first one that users open. What the others call has tests of its
-own."""
+COSTLY = {"sweeps_and_bifurcations", "what_data_can_tell", "how_long_does_a_joint_live"}
+"""Those that compile longest: a sweep with a section, `fit_horizon` and derivatives of wear, which
+have tests of their own."""
 
 
 def code(file):
@@ -119,7 +119,7 @@ def test_links_lead_somewhere(file):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in EXPECTED],
+    [pytest.param(name, marks=pytest.mark.slow if name in COSTLY else ()) for name in EXPECTED],
 )
 def test_runs_in_its_quick_setting(name, monkeypatch, capsys):
     monkeypatch.setenv("CLEARJOINT_QUICK", "1")

@@ -39,7 +39,6 @@ def ratios(rows):
     return [one.ratio or 0.0 for one in rows]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", yardstick.WIDTHS)
 def test_yardstick_moves_as_clearjoint(plan, kind):
     plan.yardstick.agreement(kind).check()
@@ -87,7 +86,6 @@ def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
     assert "No C++ compiler" in printed and "failed: rows with C++ have no ratio" in printed
 
 
-@pytest.mark.slow
 def test_rows_of_sweeps(plan):
     rows = sweeps.rows(plan)
     ratios(rows)
@@ -97,14 +95,12 @@ def test_rows_of_sweeps(plan):
     assert len(on_two) == (0 if len(cores()) == 1 else 3)
 
 
-@pytest.mark.slow
 def test_rows_of_derivatives(plan):
     rows = derivatives.rows(plan)
     assert [one.aim for one in rows] == [3.2, 4.0, 3.5, None]
     assert rows[-1].seconds > 0.0
 
 
-@pytest.mark.slow
 def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
     assert len(derivatives.PARAMETERS) == derivatives.COUNTS[-1]
     found = derivatives.derivatives(3, derivatives.TOLERANCES[0], derivatives.SPAN)
@@ -112,14 +108,12 @@ def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
     np.testing.assert_allclose(found.derivatives["height"][0], known, rtol=1e-5)
 
 
-@pytest.mark.slow
 def test_rows_of_others(plan):
     rows = runs.others(plan)
     assert len(rows) == 1 + bool(find_spec("exudyn"))
     ratios(rows)
 
 
-@pytest.mark.slow
 def test_rows_of_backlash(plan):
     (one,) = backlash_chain.rows(plan)
     assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))
@@ -203,7 +197,6 @@ def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
     assert labels == ["a / b", "c / aim"]
 
 
-@pytest.mark.slow
 def test_command_writes_table_records_and_picture(tmp_path, monkeypatch, capsys):
     rows = [Row("run", 2.0, "C++", 1.0, 2.0, (1.9, 2.1), 1.5)]
     monkeypatch.setitem(benchmark.GROUPS, "runs", lambda plan: rows)

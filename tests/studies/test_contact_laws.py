@@ -12,7 +12,6 @@ from studies.contact_laws.models import MODELS
 RIGID = MODELS[3]
 
 
-@pytest.mark.slow
 def test_quick_figures_of_the_laws_are_drawn(tmp_path):
     main(["laws", "--quick", "--output", str(tmp_path)])
     for name in ("forces", "loops", "restitution"):
@@ -28,14 +27,12 @@ def test_the_area_of_a_loop_is_the_energy_lost(law):
     assert lost == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.slow
 def test_rigid_contact_is_near_the_reference():
     (found,) = accuracies([RIGID], reference(), DURATION)
     assert found.steps == 40_000 and found.seconds > 0.0
     assert 0.0 < found.early_error < 15e-6
 
 
-@pytest.mark.slow
 def test_rigid_contact_has_no_derivative_by_the_clearance():
     (found,) = slopes([RIGID])
     near, far = found.differences

@@ -23,7 +23,6 @@ def findings():
     return extremes.find(quick=True, scenes=24, seed=7)
 
 
-@pytest.mark.slow
 def test_nothing_is_wrong(findings):
     assert findings.wrong() == 0
     (random,) = findings.batches

@@ -62,7 +62,6 @@ def pieces(recorded, tmp_path_factory):
     return path
 
 
-@pytest.mark.slow
 def test_model_and_derivatives_agree_with_scipy():
     """Angles to 1e-7 rad; derivatives as those of SciPy's angles by central differences."""
     times = np.linspace(0.0, 2.0, 401)
@@ -99,7 +98,6 @@ def test_true_friction_is_recovered_within_its_errors(pieces):
         assert other.standard_errors[name] == pytest.approx(found.naive[name], rel=0.02), name
 
 
-@pytest.mark.slow
 def test_quick_study_predicts_the_validation_piece(pieces):
     fitted = study(prepared(pieces, quick=True))
     predicted_rms = {name: tests[0].rms for name, tests in fitted.tests.items()}

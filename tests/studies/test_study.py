@@ -28,19 +28,16 @@ def findings(output):
     return run(*parse(["--quick", "--output", str(output)]))
 
 
-@pytest.mark.slow
 def test_writes_all_files(findings, output):
     del findings
     assert {file.name for file in output.iterdir()} == WRITTEN
     assert all(file.stat().st_size > 500 for file in output.iterdir())
 
 
-@pytest.mark.slow
 def test_reaction_is_half_the_contact_force(findings):
     assert 0.48 < findings.reaction_share < 0.52
 
 
-@pytest.mark.slow
 def test_impacts_get_weaker(findings):
     peaks = findings.peak_forces[:3]
     assert peaks == pytest.approx([1466.4, 1313.6, 1176.0], rel=2e-3)
@@ -49,36 +46,30 @@ def test_impacts_get_weaker(findings):
         assert (np.diff(values) < 0.0).all()
 
 
-@pytest.mark.slow
 def test_loops_enclose_the_energy_that_the_first_impacts_dissipate(findings):
     assert 2.0 * findings.loop_energies.sum() == pytest.approx(4.212e-3, rel=5e-3)
 
 
-@pytest.mark.slow
 def test_bases_strike_together_at_first_and_then_alone(findings):
     assert len(findings.onset_gaps) == 4
     assert findings.onset_gaps[:3].max() < 1e-6
     assert findings.lone_strike == pytest.approx(73.24e-3, abs=0.1e-3)
 
 
-@pytest.mark.slow
 def test_clearance_raises_the_peaks_of_acceleration(findings):
     assert findings.acceleration > 8.0 * findings.ideal_acceleration
 
 
-@pytest.mark.slow
 def test_arm_slides_along_the_journal(findings):
     assert findings.slides[0.1] == pytest.approx(0.54e-3, rel=0.02)
     assert findings.slides[0.2] == pytest.approx(12.0e-3, rel=0.05)
 
 
-@pytest.mark.slow
 def test_energy_is_accounted_for(findings):
     assert findings.dissipated > 4.2e-3
     assert abs(findings.ledger_residual) < 1e-3 * findings.dissipated
 
 
-@pytest.mark.slow
 def test_report_names_each_statement(findings):
     text = report(findings)
     assert "49.9%" in text
