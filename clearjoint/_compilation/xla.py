@@ -90,8 +90,11 @@ SHARED = "shared_function"
 
 
 class _Program:
-    """A program that is being made: the functions that `traced_for_a_kind` has traced for it, and
-    the number of tangents that its variables carry, as told by `tell_tangents`."""
+    """What is known of a program that JAX is tracing.
+
+    - `shared`: functions that `traced_for_a_kind` has traced for it.
+    - `tangents`: number of parameters by which its variables are differentiated; 0 for none.
+    """
 
     def __init__(self) -> None:
         self.shared: dict[Hashable, _Shared] = {}
@@ -113,8 +116,8 @@ def _one_program() -> Iterator[_Program]:
 
 
 def tell_tangents(count: int) -> None:
-    """Tell that variables of the program that is being made carry derivatives by `count`
-    parameters, so that native code keeps arrays of this length as vectors of the processor."""
+    """Record that the program that JAX is tracing differentiates its variables by `count`
+    parameters. Native code then keeps arrays of this length as vectors of the processor."""
     program = _program.get()
     if program is not None:
         program.tangents = max(program.tangents, count)
@@ -243,8 +246,12 @@ def _kind_of(leaf: PyTree) -> Hashable:
 
 
 class Traced(NamedTuple):
-    """The jaxpr of a function, its result with shapes and dtypes in place of numbers, and the
-    number of tangents that `tell_tangents` has told."""
+    """A function that JAX has traced.
+
+    - `jaxpr`: the operations of the function.
+    - `shapes`: its result, with shapes and dtypes in place of numbers.
+    - `tangents`: number of parameters by which it differentiates; 0 for none.
+    """
 
     jaxpr: ClosedJaxpr
     shapes: PyTree
