@@ -1,16 +1,13 @@
 """Runtime settings for all tests, and what tests share: compiling dominates, so share it."""
 
 import ctypes
-import functools
 import gc
 import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import jax
-import llvmlite.binding as llvm
 import psutil
 import pytest
 
@@ -47,37 +44,15 @@ LONGEST = (
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have XLA and LLVM leave out most optimisations in fast tests, which then take half the time
-    to compile; XLA in processes begun here too. LLVM's level changes no bit of native code
-    (`test_optimisation.py`). The cache of fast tests is their own, since the keys of programs tell
-    no levels apart that are changed here."""
-    is_fast = config.getoption("markexpr") == "not slow"
-    cache = Path(__file__).parent.parent / ".cache" / ("fast" if is_fast else "jax")
-    os.environ.setdefault("CLEARJOINT_CACHE", str(cache))
+    """Have XLA leave out most optimisations in fast tests, which then take less time to compile, in
+    processes begun here too."""
+    os.environ.setdefault("CLEARJOINT_CACHE", str(Path(__file__).parent.parent / ".cache" / "jax"))
     cj.configure()
     keep_programs(False)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    if is_fast:
+    if config.getoption("markexpr") == "not slow":
         jax.config.update("jax_disable_most_optimizations", True)
         os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
-        compile_at_level_zero()
-
-
-def compile_at_level_zero() -> None:
-    """Have LLVM compile native code at level 0, which takes a fifth of the time of level 2. Such
-    code runs for 1.7 times as long, which is little beside compiling in most tests."""
-    options, machine = llvm.create_pipeline_tuning_options, llvm.Target.create_target_machine
-
-    @functools.wraps(options)
-    def options_at_zero(speed_level: int = 0) -> llvm.PipelineTuningOptions:
-        return options(speed_level=0)
-
-    @functools.wraps(machine)
-    def machine_at_zero(target: llvm.Target, **given: Any) -> llvm.TargetMachine:
-        return machine(target, **{**given, "opt": 0})
-
-    llvm.create_pipeline_tuning_options = options_at_zero
-    llvm.Target.create_target_machine = machine_at_zero
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -421,7 +421,7 @@ def _require_satisfied(
 
 
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
-@partial(Native, warns=False, few_runs=True)
+@partial(Native, warns=False)
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,

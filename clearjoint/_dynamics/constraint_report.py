@@ -243,7 +243,7 @@ def _by_name(rows: ByLabel[Row]) -> dict[RowName, Row]:
 
 
 # The first evaluates many scenes in compiled native code, the second one scene, by NumPy if it can.
-_start_rows = NativeFunction(start_rows, few_runs=True)
+_start_rows = NativeFunction(start_rows)
 start_rows_by_numpy = HostFirst(start_rows)
 
 

@@ -47,16 +47,14 @@ class Native(Generic[Arguments, Result]):
     - `native`: the function in native code.
 
     **Arguments:** `warns`: whether a `NativeFallbackWarning` is issued if native code cannot be
-    made; `few_runs`: as in `NativeFunction`.
+    made.
     """
 
     __wrapped__: Callable[Arguments, Result]
 
-    def __init__(
-        self, function: Callable[Arguments, Result], warns: bool = True, few_runs: bool = False
-    ):
+    def __init__(self, function: Callable[Arguments, Result], warns: bool = True):
         self._compiled, self._warns = Compiled(function), warns
-        self.native = NativeFunction(function, few_runs)
+        self.native = NativeFunction(function)
         self._refused: RecentPrograms[bool] = RecentPrograms()
         update_wrapper(self, function)
 

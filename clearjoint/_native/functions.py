@@ -34,8 +34,6 @@ from .lowering import (
     aval_of,
 )
 from .machine_code import (
-    FOR_FEW_RUNS,
-    FOR_LOOPS,
     Code,
     RecentPrograms,
     Stopwatch,
@@ -68,7 +66,7 @@ class NativeProgram:
 
     **Arguments:** `tangents`: number of tangents, 0 for none. Arrays whose only axis has this
     length are computed as vectors of the processor. `stopwatch`: measures the stages of
-    compilation. `optimisation`: LLVM's level of optimisation.
+    compilation.
 
     **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
     unsupported dtype such as float32, and if LLVM rejects the program.
@@ -79,15 +77,12 @@ class NativeProgram:
         closed: core.ClosedJaxpr,
         tangents: int = 0,
         stopwatch: Stopwatch | None = None,
-        optimisation: int = FOR_LOOPS,
     ):
         stopwatch = Stopwatch() if stopwatch is None else stopwatch
         outs = closed.jaxpr.outvars
         # Equations and arguments that the results do not need are left out.
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
-        # In code that runs once, joined calls would not save the time of their compilation.
-        at_once = CALLS_AT_ONCE if optimisation == FOR_LOOPS else 1
-        lowering = Lowering(Operations(tangents=tangents, calls_at_once=at_once), RULES)
+        lowering = Lowering(Operations(tangents=tangents, calls_at_once=CALLS_AT_ONCE), RULES)
         needed = iter(jaxpr.invars)
         self.inputs = [lowering.region(aval_of(next(needed))) if yes else None for yes in used]
         arguments = [lowering.argument(r) for r in self.inputs if r is not None]
@@ -99,11 +94,10 @@ class NativeProgram:
         self.outputs = [
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
-        if at_once > 1:
-            regions = [*filter(None, self.inputs), *self.outputs]
-            join_alike_calls(lowering.ops, (k for r in regions for k in (r.start,) if r.size == 1))
+        regions = [*filter(None, self.inputs), *self.outputs]
+        join_alike_calls(lowering.ops, (k for r in regions for k in (r.start,) if r.size == 1))
         stopwatch.end("lowering")
-        self.code = Code(lowering, stopwatch, optimisation=optimisation)
+        self.code = Code(lowering, stopwatch)
         # All small arguments of floats are written at once, and so are all those of integers and
         # bools. This takes a tenth of the time of separate writes. Of the numbers of all small
         # arguments, one after the other, `_small` has the cells and the indices of those used.
@@ -470,14 +464,10 @@ class NativeFunction:
     As with `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a
     further program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError` as
     `NativeProgram` does.
-
-    **Arguments:** `few_runs`: whether the function runs so rarely and briefly that fast compiling
-    counts more than fast machine code.
     """
 
-    def __init__(self, function: Callable[..., PyTree], few_runs: bool = False):
+    def __init__(self, function: Callable[..., PyTree]):
         self._function, self._traced = function, begins_a_program(function)
-        self._optimisation = FOR_FEW_RUNS if few_runs else FOR_LOOPS
         self._programs: RecentPrograms[tuple[NativeProgram, Result]] = RecentPrograms()
         self._count = 0
 
@@ -525,10 +515,7 @@ class NativeFunction:
                 program = self._programs.recent(flat.key)
                 if program is None:
                     program = load_or_make(
-                        self._function,
-                        flat.arguments,
-                        lambda: self._compiled(flat),
-                        self._optimisation,
+                        self._function, flat.arguments, lambda: self._compiled(flat)
                     )
                     self._add(flat, program)
         return program
@@ -543,7 +530,7 @@ class NativeFunction:
 
     def load(self, flat: FlatArguments) -> None:
         """Load the program for flattened arguments, if it is saved on disk."""
-        program = load(self._function, flat.arguments, self._optimisation)
+        program = load(self._function, flat.arguments)
         if program is not None:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
@@ -561,7 +548,7 @@ class NativeFunction:
         traced = program_of(of_arrays, flat.arrays)
         stopwatch.end("tracing")
         tangents = traced.tangents if 1 < traced.tangents <= LONGEST_PACKED else 0
-        program = NativeProgram(traced.jaxpr, tangents, stopwatch, self._optimisation)
+        program = NativeProgram(traced.jaxpr, tangents, stopwatch)
         return program, Result(result[0])
 
 

@@ -70,7 +70,7 @@ instructions in a time that grows with the square of a block's length: for 40 00
 machine code is the same."""
 
 
-def llvm_text(program: Operations, result: Value | None = None, is_optimised: bool = True) -> str:
+def llvm_text(program: Operations, result: Value | None = None) -> str:
     """Return a program as the text of an LLVM module with one public function, "program".
 
     In C, the function would be declared as ``int64_t program(double *memory)``. The address of the
@@ -78,10 +78,9 @@ def llvm_text(program: Operations, result: Value | None = None, is_optimised: bo
 
     **Arguments:** `program`: the program, which is changed: results of branches that nothing uses
     are removed; `result`: a value of kind "i" whose number in the first lane the function returns,
-    instead of 0; `is_optimised`: whether LLVM optimises the text, so that a long program must be
-    divided.
+    instead of 0.
     """
-    return _Writer(program).module(result, is_optimised)
+    return _Writer(program).module(result)
 
 
 class _Writer:
@@ -110,7 +109,7 @@ class _Writer:
         self._fused: set[Value] = set()
         self._products: dict[Value, tuple[Value, ...]] = {}
 
-    def module(self, result: Value | None, is_optimised: bool) -> str:
+    def module(self, result: Value | None) -> str:
         if result is not None:
             self._uses[result] += 1
         # The last block is the program itself.
@@ -122,7 +121,7 @@ class _Writer:
         for block in blocks:
             self._fuse(block)
             self._remove_unwritten(block)
-        is_long = is_optimised and sum(map(count_operations, blocks)) >= FEWEST
+        is_long = sum(map(count_operations, blocks)) >= FEWEST
         written: list[set[int]] = []
         for number, block in enumerate(blocks):
             is_program = block is blocks[-1]

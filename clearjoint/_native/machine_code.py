@@ -11,11 +11,14 @@ import ctypes
 import functools
 import pickle
 import sys
+import threading
 import time
+import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from importlib import metadata
+from math import inf, isfinite
 from typing import TypeVar, cast
 
 import equinox as eqx
@@ -37,12 +40,16 @@ from .lowering import Lowering, UnsupportedPrimitiveError
 from .operations import Value
 
 Program = TypeVar("Program")
-FOR_LOOPS, FOR_FEW_RUNS = 2, 0
-"""LLVM's levels of optimisation, of 0 to 3: for programs that spend their time running, and for
-those that run once in a call of the package. For a chain of ten joints with backlash, the program
-of the checks takes 0.7 s to compile at level 0 and 5 s at level 2, and then runs for 15 and 9 µs.
-Results do not depend on the level, because `.llvm_text` decides which products are fused, and LLVM
-gets no permission to rearrange operations on floats."""
+QUICK, OPTIMISED = 0, 2
+"""LLVM's levels of optimisation, of 0 to 3, at which a program is compiled first, and again after
+it has run for a while. For a chain of 30 joints with backlash, LLVM takes 0.8 s at the first level
+and 5.3 s at the second, and a step takes 112 and 73 µs; for the double pendulum, 0.1 s, 1.2 s, 3.6
+and 1.7 µs. Results do not depend on the level, because `.llvm_text` decides which products are
+fused, and LLVM gets no permission to rearrange operations on floats."""
+SECONDS_A_CHARACTER = 2.5e-6
+"""Time of running, s, for each character of a program's text, after which the program is optimised.
+It is about the time that optimising takes. Runs that end before do not pay for it; longer ones lose
+a part of this time."""
 LARGE = 450_000
 """Number of characters of a program's text from which on LLVM makes only the passes over it that
 shorten a run: for a chain of 30 joints with backlash, all passes took as long as generating machine
@@ -122,39 +129,47 @@ class Code:
     """Machine code of a program. The object can be pickled.
 
     The code is compiled, or read from disk, when the object is made, and loaded into the process
-    when it is first run.
+    when it is first run. It is compiled quickly first, and optimised once it has run for long,
+    unless it is found optimised on disk.
 
-    - `text`: the program in LLVM's language; empty after unpickling.
     - `seconds`: processor time, s, of each stage.
 
     **Arguments:** `result`: value of the program, an int64, that `run` returns; in a program of
-    several lanes `run` returns that of the first one. `optimisation`: LLVM's level, `FOR_LOOPS` or
-    `FOR_FEW_RUNS`.
+    several lanes `run` returns that of the first one.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
 
-    def __init__(
-        self,
-        lowering: Lowering,
-        stopwatch: Stopwatch,
-        result: Value | None = None,
-        optimisation: int = FOR_LOOPS,
-    ):
+    def __init__(self, lowering: Lowering, stopwatch: Stopwatch, result: Value | None = None):
         operations = lowering.ops
-        self.text = llvm_text(operations, result, optimisation == FOR_LOOPS)
+        text = llvm_text(operations, result)
         stopwatch.end("writing")
-        self._object_file = _saved_object_file(self.text, optimisation)
+        self._text = zlib.compress(text.encode(), 1)
+        self._digest = digest(text, digits=LONG)
+        self._seconds_left = len(text) * SECONDS_A_CHARACTER
+        self._object_file = b""
+        if not self._read_optimised():
+            self._object_file = _saved_object_file(text, self._digest, QUICK)
         stopwatch.end("compiling")
         self.seconds = stopwatch.seconds
         self._constants, self._lanes = lowering.constants, operations.width
         self._cells = operations.cells
 
+    @property
+    def text(self) -> str:
+        """The program in LLVM's language."""
+        return zlib.decompress(self._text).decode()
+
     @override
     def __getstate__(self) -> dict[str, object]:
-        state: dict[str, object] = {**vars(self), "text": ""}
+        state = vars(self).copy()
         state.pop("_loaded", None)
         return state
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        vars(self).update(state)
+        # Since it was saved, another process may have optimised it.
+        self._read_optimised()
 
     def memory(self) -> Memory:
         """Return new memory for the program, with its constants and with zeros in all other
@@ -167,19 +182,50 @@ class Code:
     def run(self, memory: Memory) -> int:
         """Execute the program, and return the number of `result`, or 0 without one."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
-        return function(memory.address)
+        began = time.perf_counter()
+        number = function(memory.address)
+        self._seconds_left -= time.perf_counter() - began
+        # Other threads go on with the code that they have while one optimises it.
+        if self._seconds_left < 0.0 and _OPTIMISING.acquire(blocking=False):
+            try:
+                self.optimise()
+            finally:
+                _OPTIMISING.release()
+        return number
+
+    def optimise(self) -> None:
+        """Compile the program at the level `OPTIMISED`, if that was not done before."""
+        if isfinite(self._seconds_left):
+            stopwatch = Stopwatch()
+            self._use_optimised(_saved_object_file(self.text, self._digest, OPTIMISED))
+            stopwatch.end("optimising")
+            self.seconds = {**self.seconds, **stopwatch.seconds}
+
+    def _read_optimised(self) -> bool:
+        """Use the optimised code on disk, and return whether there is any."""
+        code = _read(self._digest, OPTIMISED) if isfinite(self._seconds_left) else None
+        if code is not None:
+            self._use_optimised(code)
+        return code is not None
+
+    def _use_optimised(self, code: bytes) -> None:
+        self._object_file, self._seconds_left = code, inf
+        vars(self).pop("_loaded", None)
 
     @functools.cached_property
     def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
         # Each object has its own engine, which takes over the target machine given to it. From
         # Python 3.12 on `cached_property` has no lock, so that concurrent first calls make an
         # engine each, which does no harm.
-        machine = _new_target_machine(FOR_LOOPS)  # The level matters only to a compilation.
+        machine = _new_target_machine(QUICK)  # The level matters only to a compilation.
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
         engine.finalize_object()
         address = engine.get_function_address("program")
         return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
+
+
+_OPTIMISING = threading.Lock()
 
 
 def _new_target_machine(optimisation: int) -> llvm.TargetMachine:
@@ -200,33 +246,40 @@ def _new_target_machine(optimisation: int) -> llvm.TargetMachine:
 _target_machine = functools.cache(_new_target_machine)
 
 
-def _saved_object_file(text: str, optimisation: int) -> bytes:
-    parts = text, str(optimisation), *_target()
-    key = digest(*parts, digits=LONG)
-    store = _store()
-    code = None if store is None else store.read(key)
+def _saved_object_file(text: str, text_digest: str, level: int) -> bytes:
+    code = _read(text_digest, level)
     if code is None:
-        code = _object_file(text, optimisation)
+        code = _object_file(text, level)
+        store = _store()
         if store is not None:
             # The program can be used even if it cannot be saved.
             with system_errors_suppressed():
-                store.write(key, code)
+                store.write(_object_key(text_digest, level), code)
     return code
 
 
-def _object_file(text: str, optimisation: int) -> bytes:
-    machine = _target_machine(optimisation)
+def _read(text_digest: str, level: int) -> bytes | None:
+    store = _store()
+    return None if store is None else store.read(_object_key(text_digest, level))
+
+
+def _object_key(text_digest: str, level: int) -> str:
+    return digest(text_digest, str(level), *_target(), digits=LONG)
+
+
+def _object_file(text: str, level: int) -> bytes:
+    machine = _target_machine(level)
     try:
         module = llvm.parse_assembly(text)
     except RuntimeError as error:
         raise UnsupportedPrimitiveError(f"a program that LLVM rejects ({error})") from error
-    options = llvm.create_pipeline_tuning_options(speed_level=optimisation)
+    options = llvm.create_pipeline_tuning_options(speed_level=level)
     # Programs are mostly straight code with few loops, on which these passes only take time.
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
     # The builder keeps results of analyses of the module, and must be freed before it. After an
     # interrupt, Python would free both in the order in which the error's traceback holds them.
     with module, options, llvm.create_pass_builder(machine, options) as builder:
-        if optimisation == FOR_LOOPS and len(text) >= LARGE:
+        if level == OPTIMISED and len(text) >= LARGE:
             passes = llvm.create_new_module_pass_manager()
             passes.add_instruction_combine_pass()
         else:
@@ -250,7 +303,6 @@ def load_or_make(
     function: Callable[..., PyTree],
     arguments: tuple[PyTree, ...],
     make: Callable[[], Program],
-    optimisation: int = FOR_LOOPS,
 ) -> Program:
     """Load the program of a function from disk, or make and save it.
 
@@ -264,12 +316,12 @@ def load_or_make(
     - if they contain other values that `digest_of` refuses;
     - if the program cannot be pickled or written.
     """
-    kept = load(function, arguments, optimisation)
+    kept = load(function, arguments)
     if kept is not None:
         return cast(Program, kept)
     # The place is determined after the program is made, so that it is `None` if the package's code
     # has changed in the meantime.
-    program, place = make(), _place(function, arguments, optimisation)
+    program, place = make(), _place(function, arguments)
     if place is not None:
         store, key = place
         with suppress(*_NOT_PICKLED), system_errors_suppressed():
@@ -277,12 +329,10 @@ def load_or_make(
     return program
 
 
-def load(
-    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int = FOR_LOOPS
-) -> object:
+def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
     """Load the program that `load_or_make` has saved for the same function and arguments; ``None``
     if there is none, or if it cannot be read."""
-    place = _place(function, arguments, optimisation)
+    place = _place(function, arguments)
     if place is None:
         return None
     store, key = place
@@ -293,18 +343,18 @@ def load(
 
 
 def _place(
-    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...]
 ) -> tuple[ProgramStore, str] | None:
     store = _store() if keeps_programs() else None
     if store is None:
         return None
     # A value that cannot be described has no key.
     with suppress(*_NOT_DESCRIBED), system_errors_suppressed():
-        return store, _key(function, arguments, optimisation)
+        return store, _key(function, arguments)
     return None
 
 
-def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimisation: int) -> str:
+def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
     """Return the key of a function's program, a text that is the same in all processes. It depends
     on the shapes and dtypes of arrays in the arguments, but not on their numbers."""
     shapes = jax.tree.map(_form, arguments)
@@ -313,8 +363,7 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...], optimis
         for name, value in sorted(jax.config.values.items())
         if not any(part in name for part in _IRRELEVANT)
     }
-    machine = optimisation, *_target()
-    return digest_of([function, shapes, source_digest(), _versions(), settings, machine])
+    return digest_of([function, shapes, source_digest(), _versions(), settings, _target()])
 
 
 def _form(leaf: PyTree) -> PyTree:

@@ -332,7 +332,7 @@ def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Conditio
     return None if conditions is None else reduce(and_, conditions, jnp.asarray(True))
 
 
-_checks = NativeFunction(_all_hold, few_runs=True)
+_checks = NativeFunction(_all_hold)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:

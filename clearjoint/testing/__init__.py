@@ -14,5 +14,6 @@ from .continuity import moving as moving
 from .films import check_film as check_film
 from .force_conformance import check_force as check_force
 from .native_times import native_seconds as native_seconds
+from .native_times import optimise_programs as optimise_programs
 
 __dir__ = _without_modules(globals())

@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 
 import clearjoint as cj
 from clearjoint.plot import style
+from clearjoint.testing import optimise_programs
 from studies.benchmark.ladder_scenes import SCENES
 from studies.benchmark.ladder_yardsticks import yardsticks
 from studies.benchmark.table import on_cores, replace_table, shown
@@ -161,6 +162,7 @@ def print_costs(scene: str, size: str, call: str, which: str) -> None:
     together, few = _timed(lambda span: [run(span) for _ in range(CALLS_COUNTED)][0], SHORT)
     again = together / CALLS_COUNTED
     say(again=again)
+    optimise_programs()
     span = LONG
     while (timed := _timed(run, span))[0] < LONG_ENOUGH and span < LONGEST:
         span *= 2.0

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from clearjoint.plot import style
+from clearjoint.testing import optimise_programs
 from studies.benchmark.yardstick import Yardstick
 
 HEAD = ("what", "clearjoint", "yardstick", "ratio", "aim")
@@ -79,13 +80,14 @@ def interleaved(
     calls: Mapping[str, Callable[[int], Sample]], rounds: int
 ) -> dict[str, list[Sample]]:
     """Return samples of calls in alternation (A B C A B C), after one call each that is not
-    counted.
+    counted, with programs as in long runs.
 
     Each is called with the number of the round. Disturbances of the machine then affect both sides
     of a ratio.
     """
     for call in calls.values():
         call(0)
+    optimise_programs()
     samples = [{name: call(k) for name, call in calls.items()} for k in range(rounds)]
     return {name: [sample[name] for sample in samples] for name in calls}
 

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint.plot import style
+from clearjoint.testing import optimise_programs
 from studies.contact_laws.models import (
     ARMS,
     BASES,
@@ -142,6 +143,7 @@ def cost(model: AbstractModel, duration: float) -> tuple[int, float]:
         return time.process_time() - start, solution
 
     _, solution = timed()
+    optimise_programs()
     return model.steps(solution), min(timed()[0] for _ in range(3))
 
 

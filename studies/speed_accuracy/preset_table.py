@@ -7,6 +7,7 @@ import diffrax
 import numpy as np
 
 import clearjoint as cj
+from clearjoint.testing import optimise_programs
 from studies.common.fresh_process import in_process
 from studies.common.output import Output
 from studies.common.report import markdown
@@ -91,6 +92,7 @@ def _largest(end: float, settings: cj.Settings) -> float:
 
 def _warmed(end: float, settings: cj.Settings) -> None:
     run(*cj.mechanisms.double_pendulum(), np.linspace(0.0, end, SAVED), settings)
+    optimise_programs()
 
 
 FIRST_CALL = """

@@ -1,19 +1,19 @@
-"""Levels of LLVM's optimisation: results do not depend on them, but saved programs do."""
+"""Levels of LLVM's optimisation: results do not depend on when a program is optimised."""
 
-import inspect
-from collections.abc import Iterator
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+from time import sleep
 
 import jax
-import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint._compilation.program_store import ProgramStore
 from clearjoint._native import Native, NativeFunction, machine_code, over_rows
 from clearjoint._native.llvm_text import LONGEST_BLOCK
-from clearjoint._native.machine_code import FOR_FEW_RUNS, FOR_LOOPS, _key
-from clearjoint._simulation.results import observe
 from clearjoint._simulation.run import host_run, simulate
+from clearjoint._simulation.run.host_run import SAVES_A_SEGMENT
 from studies.benchmark.backlash_chain import chain
 from studies.benchmark.chain import ideal_chain
 from studies.benchmark.first_calls import four_bar
@@ -28,59 +28,99 @@ SCENES = [
 ]
 
 
-@pytest.fixture
-def levels_of_users(monkeypatch) -> Iterator[None]:
-    """LLVM's levels, which fast tests replace by level 0; programs are neither saved nor read."""
-    for owner, name in (
-        (llvm, "create_pipeline_tuning_options"),
-        (llvm.Target, "create_target_machine"),
-    ):
-        monkeypatch.setattr(owner, name, inspect.unwrap(getattr(owner, name)))
+@pytest.fixture(autouse=True)
+def nothing_saved(monkeypatch) -> None:
     monkeypatch.setattr(machine_code, "_store", lambda: None)
-    machine_code._target_machine.cache_clear()
-    yield
-    machine_code._target_machine.cache_clear()
 
 
-@pytest.mark.usefixtures("levels_of_users")
+AT_ONCE, DURING, NEVER = 0.0, 1e-12, 1e6
+"""Seconds of running for each character of text after which programs are optimised. Saving divides
+the runs below into several segments, so that programs change during a run."""
+
+
 @pytest.mark.parametrize("make", SCENES)
 def test_bits_of_a_run_do_not_depend_on_the_level(make, monkeypatch):
     scene, state = make()
-    found, codes = {}, set()
-    for few_runs in (False, True):
-        programs = Native(host_run.segment, few_runs=few_runs)
+    results, codes = [], []
+    save = cj.Saving(np.linspace(0.0, 0.02, 2 * SAVES_A_SEGMENT), impacts=True)
+    for seconds in (AT_ONCE, DURING, NEVER):
+        monkeypatch.setattr(machine_code, "SECONDS_A_CHARACTER", seconds)
+        programs = Native(host_run.segment)
         monkeypatch.setattr(host_run, "segment_compiled", programs)
-        begun = Native(host_run.begin, few_runs=few_runs)
+        begun = Native(host_run.begin)
         monkeypatch.setattr(simulate, "begin_compiled", begun)
-        solution = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True), progress=False)
-        assert programs.native.count() == begun.native.count() == 1
+        solution = cj.simulate(scene, state, 0.02, save=save, progress=False)
         ((program, _),) = programs.native._programs.values()
-        codes.add(program.code._object_file)
-        arrays = jax.tree.leaves((solution.final, solution.time, solution.attempts))
-        bits = b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
+        codes.append(program.code._object_file)
+        arrays = jax.tree.leaves((solution.final, solution.saved, solution.attempts))
+        bits = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
         assert solution.impacts is not None
-        found[few_runs] = bits, solution.impacts.to_dataframe().to_csv()
-    assert found[False] == found[True] and len(codes) == 2
+        results.append((bits, solution.impacts.to_dataframe().to_csv()))
+    assert results[0] == results[1] == results[2]
+    assert codes[0] == codes[1] != codes[2]
 
 
 def product_and_sum(x):
     return x * x + 1.0
 
 
-def test_programs_of_both_levels_are_saved_apart(tmp_path, monkeypatch):
-    before = jax.config.jax_compilation_cache_dir  # pyright: ignore
-    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
-    try:
-        for few_runs in (False, True, False, True):
-            # Each is made as in another process.
-            assert NativeFunction(product_and_sum, few_runs)(np.asarray(3.0)) == 10.0
-    finally:
-        jax.config.update("jax_compilation_cache_dir", before)
-    assert len([file for file in (tmp_path / "native").rglob("*") if file.is_file()]) == 2
-    # Code that was changed while it was imported, as by a debugger, has no digest.
-    monkeypatch.setattr(machine_code, "source_digest", str)
-    keys = {_key(host_run.begin, (np.zeros(3),), level) for level in (FOR_FEW_RUNS, FOR_LOOPS)}
-    assert len(keys) == 2
+def program_of_product(monkeypatch, seconds: float) -> NativeFunction:
+    monkeypatch.setattr(machine_code, "SECONDS_A_CHARACTER", seconds)
+    function = NativeFunction(product_and_sum)
+    assert function(np.asarray(3.0)) == 10.0
+    return function
+
+
+def code_of(function: NativeFunction) -> machine_code.Code:
+    ((program, _),) = function._programs.values()
+    return program.code
+
+
+def test_later_processes_read_the_optimised_code(tmp_path, monkeypatch):
+    monkeypatch.setattr(machine_code, "_store", lambda: ProgramStore(tmp_path))
+    quick = code_of(program_of_product(monkeypatch, NEVER))
+    saved = pickle.dumps(quick)
+    optimised = code_of(program_of_product(monkeypatch, AT_ONCE))
+    assert len(list(tmp_path.iterdir())) == 2
+    # Another process traces the function again, or reads the program that was saved before.
+    again = code_of(program_of_product(monkeypatch, NEVER))
+    assert again._object_file == pickle.loads(saved)._object_file == optimised._object_file
+    assert quick._object_file != optimised._object_file
+    assert pickle.loads(saved).text == quick.text
+
+
+def test_threads_share_a_program_while_it_is_optimised(monkeypatch):
+    levels: list[int] = []
+    compiled = machine_code._object_file
+
+    def counted(text: str, level: int) -> bytes:
+        levels.append(level)
+        sleep(0.05 * level)  # so that others run meanwhile
+        return compiled(text, level)
+
+    monkeypatch.setattr(machine_code, "_object_file", counted)
+    function = program_of_product(monkeypatch, NEVER)
+    code_of(function)._seconds_left = 0.0
+    with ThreadPoolExecutor(4) as pool:
+        numbers = np.arange(400.0)
+        np.testing.assert_array_equal(list(pool.map(function, numbers)), numbers**2 + 1.0)
+    assert levels == [machine_code.QUICK, machine_code.OPTIMISED]
+
+
+def test_a_program_survives_that_its_optimisation_is_interrupted(monkeypatch):
+    function = program_of_product(monkeypatch, NEVER)
+    code, compiled = code_of(function), machine_code._object_file
+
+    def interrupted(text: str, level: int) -> bytes:
+        raise KeyboardInterrupt
+
+    code._seconds_left = 0.0
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(machine_code, "_object_file", interrupted)
+        function(np.asarray(4.0))
+    before = code._object_file
+    assert function(np.asarray(4.0)) == 17.0 and code._object_file != before
+    assert machine_code._object_file is compiled
 
 
 def test_only_the_first_rows_are_computed():
@@ -101,19 +141,6 @@ def test_only_the_first_rows_are_computed():
         assert not found["sum"][count:].any()
 
 
-@pytest.mark.slow
-def test_observations_of_few_and_many_states_have_equal_bits(monkeypatch):
-    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
-    times = np.linspace(0.0, 0.02, 700)
-    solution = cj.simulate(scene, state, 0.02, save=cj.Saving(times), progress=False)
-    bits = []
-    for few in (0, 1000):
-        monkeypatch.setattr(observe, "FEW", few)
-        leaves = jax.tree.leaves(cj.observe(scene, solution))
-        bits.append(b"".join(np.ascontiguousarray(leaf).tobytes() for leaf in leaves))
-    assert bits[0] == bits[1]
-
-
 def test_straight_code_is_written_in_short_blocks():
     """LLVM's time without optimisation grew with the square of a block's length."""
 
@@ -122,8 +149,7 @@ def test_straight_code_is_written_in_short_blocks():
             x = x * x + float(k)
         return x
 
-    function = NativeFunction(powers, few_runs=True)
+    function = NativeFunction(powers)
     function(np.asarray(0.5))
-    (program, _), *_ = function._programs.values()
-    blocks = program.code.text.split("br label")
+    blocks = code_of(function).text.split("br label")
     assert max(block.count("\n") for block in blocks) < 2 * LONGEST_BLOCK

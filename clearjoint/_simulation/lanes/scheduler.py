@@ -487,7 +487,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
 
 
-@partial(Native, few_runs=True)
+@Native
 def _begun(common: Common, task: Task) -> Lane:
     request = LaneRequest(
         task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
@@ -496,7 +496,7 @@ def _begun(common: Common, task: Task) -> Lane:
     return begin_lane(common.plan, scene, task.state, common.start_time, request)
 
 
-@partial(Native, few_runs=True)
+@Native
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
     return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
 

@@ -1,10 +1,10 @@
 """Observation of a motion: contacts, reactions, accelerations, drift and energies."""
 
 import enum
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -360,7 +360,7 @@ def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
 
 
 def in_chunks(
-    programs: "ByNumber[Parts]", fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
+    program: Native[..., Parts], fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
     """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call, and return the
     results as NumPy arrays. It is a function of `fixed`, of the number of states to look at, and of
@@ -375,31 +375,13 @@ def in_chunks(
     for first in range(0, max(count, 1), CHUNK):
         part = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
         here = np.asarray(min(CHUNK, count - first))
-        parts.append(jax.device_get(programs.of(count)(*fixed, here, *part)))
+        parts.append(jax.device_get(program(*fixed, here, *part)))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
-
-
-FEW = 4096
-"""Largest number of states for which programs are compiled fast, and then run up to four times as
-long. For ten joints with backlash, LLVM takes 0.6 s instead of 80 s, and a state 8 ms instead of
-2 ms."""
-
-
-class ByNumber(Generic[Parts]):
-    """A function of many times and states, as two programs: one that is compiled fast, for at most
-    `FEW` states, and one that runs fast, for more. The results of both have equal bits."""
-
-    def __init__(self, function: Callable[..., Parts], warns: bool = True):
-        self._few, self._many = (Native(function, warns, few_runs) for few_runs in (True, False))
-
-    def of(self, count: int) -> Native[..., Parts]:
-        """Return the program for a number of states."""
-        return self._few if count <= FEW else self._many
 
 
 # If native code cannot be made, XLA compiles this function. No warning is issued then, because an
 # observation takes little time compared with a run.
-@partial(ByNumber, warns=False)
+@partial(Native, warns=False)
 def observe_compiled(
     folded_scene: ConstantFolded,
     absolute: Formulation,
@@ -530,7 +512,7 @@ def values_along(
     return np.asarray(in_chunks(along_compiled, fixed, rows))
 
 
-@ByNumber
+@Native
 def along_compiled(
     folded_scene: ConstantFolded,
     absolute: Formulation,

@@ -307,7 +307,7 @@ def _end_of(
     return pack(final), final_result(step, end), slid_out, results
 
 
-_end_compiled = Native(_end_of, few_runs=True)
+_end_compiled = Native(_end_of)
 
 
 def _first_rows(tree: T, count: int) -> T:

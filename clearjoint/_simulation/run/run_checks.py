@@ -289,7 +289,7 @@ class _Starts:
     """Fast checks of starts by native programs, of which there is one for each structure."""
 
     def __init__(self) -> None:
-        self._function = NativeFunction(_passes, few_runs=True)
+        self._function = NativeFunction(_passes)
         # Number of starts so far, by structure; far below zero where native code cannot be used.
         self._seen: Counter[Hashable] = Counter()
         # Caches of the function `dependent`, by structure.

@@ -274,7 +274,7 @@ def _scanned(
 
 
 # The start is a program of its own: it is a quarter of the code, and runs once.
-_first_compiled = Native(_first, few_runs=True)
+_first_compiled = Native(_first)
 sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
 
 

@@ -170,7 +170,7 @@ def simulate(
     return solution
 
 
-begin_compiled = Native(begin, few_runs=True)
+begin_compiled = Native(begin)
 
 
 def _causes(scene: Scene, solution: Solution) -> list[str]:
