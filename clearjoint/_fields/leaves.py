@@ -21,10 +21,16 @@ def in_order_of_leaves(names: Iterable[str]) -> list[str]:
     return sorted(names)
 
 
-def with_leaves(tree: Tree, leaves: Sequence[PyTree]) -> Tree:
+def with_leaves(
+    tree: Tree,
+    leaves: Sequence[PyTree],
+    structure: jax.tree_util.PyTreeDef | None = None,  # pyright: ignore
+) -> Tree:
     """Return a scene, a state or a pair of both with other leaves, and with the names in their own
-    order; `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead."""
-    return ordered_like(tree, jax.tree.unflatten(jax.tree.structure(tree), leaves))
+    order; `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. The
+    `structure` of the tree may be given if it is known."""
+    structure = jax.tree.structure(tree) if structure is None else structure
+    return ordered_like(tree, jax.tree.unflatten(structure, leaves))
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:

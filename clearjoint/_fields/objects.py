@@ -303,17 +303,25 @@ def with_arrays(tree: PyTree) -> PyTree:
     or JAX arrays of floats, the PyTree itself is returned.
     """
     leaves, structure = jax.tree.flatten(tree)
-    # Usually nothing is left to convert.
-    if all(map(is_float_array, leaves)):
-        return tree
-    numbers = _number_fields(structure)
-    return with_leaves(
-        tree,
-        [
-            np.asarray(leaf, np.float64) if k in numbers and _is_other_number(leaf) else leaf
-            for k, leaf in enumerate(leaves)
-        ],
-    )
+    arrays = array_leaves(leaves, structure)
+    return tree if arrays is leaves else with_leaves(tree, arrays, structure)
+
+
+def array_leaves(
+    leaves: list[PyTree],
+    structure: jax.tree_util.PyTreeDef,  # pyright: ignore
+) -> list[PyTree]:
+    """Return the leaves of `with_arrays`, from those of its argument; the same list if there is
+    nothing to convert."""
+    # Usually few leaves are left to convert.
+    others = [k for k, leaf in enumerate(leaves) if not is_float_array(leaf)]
+    if not others:
+        return leaves
+    numbers, arrays = _number_fields(structure), leaves.copy()
+    for k in others:
+        if k in numbers and _is_other_number(leaves[k]):
+            arrays[k] = np.asarray(leaves[k], np.float64)
+    return arrays
 
 
 def is_float_array(leaf: PyTree) -> bool:

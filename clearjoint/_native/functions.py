@@ -431,7 +431,15 @@ def _folded(tree: FlatArguments, made: ConstantFolded) -> FlatArguments:
 
 
 def _newly_flattened(argument: PyTree) -> FlatArguments:
-    leaves, structure = jax.tree.flatten(argument)
+    return of_leaves(argument, *jax.tree.flatten(argument))
+
+
+def of_leaves(
+    argument: PyTree,
+    leaves: list[PyTree],
+    structure: jax.tree_util.PyTreeDef,  # pyright: ignore
+) -> FlatArguments:
+    """Return the flattened form of a single argument with known leaves and structure."""
     # Nearly all leaves are arrays of float64, of which the shape is the key. This loop takes most
     # of the time after that of flattening.
     keys: list[Hashable] = [

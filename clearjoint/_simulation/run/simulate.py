@@ -10,12 +10,12 @@ from ..._dynamics.journals import overdamped_contacts, warn_of_journals_outside
 from ..._export.datasets import setting_notes
 from ..._fields.cautions import LawRangeWarning, caution
 from ..._fields.checks import require
-from ..._fields.objects import on_device, with_arrays
+from ..._fields.objects import on_device
 from ..._math.vectors import Scalar
 from ..._model.bodies import State
 from ..._model.scene import Scene
 from ..._native import Native
-from ..._native.functions import FlatArguments, folded
+from ..._native.functions import folded
 from ..._result_codes import RESULTS, result_number
 from ..results.impact_table import beyond_law_ranges
 from ..results.solution import Solution, raise_failure
@@ -26,7 +26,14 @@ from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
 from .host_run import Run, begin, recorders_of
-from .run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
+from .run_checks import (
+    check_numbers,
+    check_precision,
+    check_start,
+    flattened_arrays,
+    in_domain,
+    is_traced,
+)
 from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
 from .terminal import RunInterrupted
 
@@ -107,11 +114,8 @@ def simulate(
     remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
     expected = "a diffrax.RecursiveCheckpointAdjoint or None"
     require(is_adjoint, "adjoint", adjoint, expected, remedy)
-    # Scene and state are flattened once, which for thirty joints takes half a millisecond.
-    flat = FlatArguments.of((scene, state))
-    if not flat.all_floats:
-        scene, state = with_arrays((scene, state))
-        flat = FlatArguments.of((scene, state))
+    flat = flattened_arrays(scene, state)
+    scene, state = flat.arguments
     traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
     times: Numbers | None = save.times
