@@ -16,7 +16,7 @@ from .._math.rotations import rotation_matrix
 from .._math.vectors import ZERO, EulerParameters, Scalar, pack, unpack
 from .._model.bodies import GROUND, BodyState, State, body_state
 from .._model.joints.base import PARALLEL, AbstractConstraint
-from .._model.joints.ideal import FixedJoint, PrismaticJoint
+from .._model.joints.ideal import AbstractOrientedJoint
 from .._model.scene import Scene
 from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
@@ -317,7 +317,7 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
     """Return the cosine of the angle from the declared orientation, for joints that declare one."""
-    oriented = {n: j for n, j in scene.joints.items() if isinstance(j, FixedJoint | PrismaticJoint)}
+    oriented = {n: j for n, j in scene.joints.items() if isinstance(j, AbstractOrientedJoint)}
     if not oriented:
         return {}
     orientations = {name: body.orientation for name, body in unpack(bodies).items()}

@@ -29,6 +29,8 @@ def optimise_programs() -> None:
     A program is compiled quickly first, and optimised when it has run for about as long as that
     takes, so that a step then takes two thirds of its time. Call this function before timing steps
     of long runs. Results have equal bits before and after.
+
+    >>> testing.optimise_programs()
     """
     for program in _programs():
         program.optimise()

@@ -343,6 +343,8 @@ def late_comparison(t):
         (lambda t: 3.0, False),
         (lambda t: jnp.where(t > 0.3, 1.0, 0.0), True),
         (lambda t: jnp.maximum(t - 0.3, 0.0), True),
+        (lambda t: jnp.max(jnp.stack([t - 0.3, 0.0 * t])), True),
+        (lambda t: jax.lax.cummin(jnp.stack([t, 0.3 + 0.0 * t]))[1], True),
         (lambda t: jnp.sin(t % 0.3), True),
         (lambda t: jnp.interp(t, jnp.arange(3.0), jnp.arange(3.0)), True),
         (lambda t: jax.lax.cond(t < 0.3, lambda: 1.0, lambda: 0.0), True),

@@ -6,6 +6,7 @@ revolute joints with clearances for dynamic analysis of multi-body systems, 2006
 
 from typing import TypeVar
 
+import equinox as eqx
 from typing_extensions import override
 
 from ..._fields.checks import require_axis, require_euler_parameters
@@ -76,14 +77,22 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
             "offset 2": self._in_plane(motions, second),
         }
 
-    def _same_orientation(self, motions: Motions, orientation: EulerParameters) -> dict[str, Row]:
-        """Return three rows that keep the frame F, to which `orientation` transforms, parallel to
-        the first's.
 
-        Their values are also zero at a few other orientations, such as after half a revolution
-        about one of the axes; `assemble` and the check of an initial state refuse these.
-        """
-        relative = rotation_matrix(orientation)
+class AbstractOrientedJoint(AbstractPairJoint):
+    """Base class of ideal joints that hold the second body at an `orientation` in the first, (4,)
+    Euler parameters, scalar first, that transform components in the second body's frame to the
+    first body's frame.
+
+    The values of its rows are also zero at a few other orientations, such as after half a
+    revolution about one of the axes; `assemble` and the check of an initial state refuse these.
+    """
+
+    orientation: eqx.AbstractVar[Quadruple]
+
+    def _same_orientation(self, motions: Motions) -> dict[str, Row]:
+        """Return three rows that keep the frame F, to which `orientation` transforms, parallel to
+        the first's."""
+        relative = rotation_matrix(self.orientation)
         # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
         # changes only the first of these products, and so on.
         return {
@@ -178,7 +187,7 @@ class RevoluteJoint(AbstractAxisJoint):
         pen.pin(*self.ends(self.axis_first, self.axis_second))
 
 
-class FixedJoint(AbstractPairJoint):
+class FixedJoint(AbstractOrientedJoint):
     """Holds two bodies rigidly together; six rows.
 
     **Arguments:**
@@ -197,7 +206,7 @@ class FixedJoint(AbstractPairJoint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        return self._coincidence(motions) | self._same_orientation(motions, self.orientation)
+        return self._coincidence(motions) | self._same_orientation(motions)
 
     @override
     def motion_subspace(self, parent: str) -> Weld:
@@ -261,7 +270,7 @@ class CylindricalJoint(AbstractAxisJoint):
         pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
 
 
-class PrismaticJoint(AbstractPairJoint):
+class PrismaticJoint(AbstractOrientedJoint):
     """Allows sliding along an axis of the first body without rotation; five rows.
 
     **Arguments:**
@@ -282,7 +291,7 @@ class PrismaticJoint(AbstractPairJoint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        rotations = self._same_orientation(motions, self.orientation)
+        rotations = self._same_orientation(motions)
         return self._point_on_line(motions, self.axis) | rotations
 
     @override

@@ -16,6 +16,7 @@ from ..._math.vectors import Condition, Scalar
 from ..._result_codes import RESULTS
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
 from .rotation_limit import LARGEST, TARGET, rotation_in
+from .settings import DEFAULT_RTOL
 from .step_length import (
     length_after_breakpoints,
     lengths_after_contacts,
@@ -36,9 +37,6 @@ agrees with the integral of its second time derivative, within the tolerance tim
 speed, and the change of its value with the integral of its rate, within the tolerance times this
 speed times the step's length. The integrals are computed by a quadrature, and the factor leaves
 room for its error."""
-FIXED_STEPS_RTOL = 1e-6
-"""Relative tolerance for drivers if the step-size controller has none, as in runs with fixed steps:
-the default `rtol` of `Settings`."""
 SHORTER = 0.2
 """Length of the next trial, relative to the last one, after a trial that is rejected because a
 driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
@@ -145,7 +143,7 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
     inner = getattr(controller, "controller", None)
     if inner is not None:
         return _relative_tolerance(inner)
-    return getattr(controller, "rtol", FIXED_STEPS_RTOL)
+    return getattr(controller, "rtol", DEFAULT_RTOL)
 
 
 def _controller_decision(

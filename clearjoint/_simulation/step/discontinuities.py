@@ -38,7 +38,8 @@ from .trial_step import Trial, term_of
 JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
 """Names of JAX primitives whose result is a float that jumps where the argument passes some value.
 Primitives whose result is not a float, such as comparisons, count as jumping too."""
-KINKED = JUMPING | {"abs", "clamp", "max", "min", "sort"}
+_EXTREMES = {"max", "min", "clamp", "sort", "reduce_max", "reduce_min", "cummax", "cummin"}
+KINKED = JUMPING | _EXTREMES | {"abs"}
 """Names of JAX primitives whose result is a float that has a jump or a kink."""
 LOOPS = frozenset(["scan", "while"])
 """Names of JAX's primitives for loops."""

@@ -24,6 +24,9 @@ from ..._math.vectors import Scalar
 from .solvers import require_ordinary
 from .types import Numbers
 
+DEFAULT_RTOL = 1e-6
+"""Default relative tolerance, also for drivers in runs with fixed steps, whose controller has
+none."""
 FIRST_SHARE = 1e-6
 """Default length of the first step, relative to the duration of the run: short enough for stiff
 contacts. The controller lengthens each of the next steps up to tenfold."""
@@ -94,7 +97,7 @@ class Settings:
 
     solver: diffrax.AbstractSolver = field(default_factory=diffrax.Tsit5)
     controller: diffrax.AbstractStepSizeController | None = None
-    rtol: float = 1e-6
+    rtol: float = DEFAULT_RTOL
     atol: float | None = None
     first_step: float | None = None
     landing_tolerance: float | None = 1e-12
