@@ -31,6 +31,7 @@ from clearjoint._math import block_matrices
 from clearjoint._math.rotations import transverse_axes
 from clearjoint._math.vectors import Matrix, Vector, pack, unpack
 from clearjoint._model.bodies import GROUND_MOTION, Motion
+from clearjoint._model.joints import ideal
 from clearjoint._model.joints.base import Row
 from clearjoint._model.joints.constraint_rows import perpendicular, point_in_plane, row_following
 from clearjoint.extend import rows_from_residual
@@ -355,3 +356,11 @@ def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
     jax.tree.map(compare, unrolled.accelerations, blocks.accelerations)
     if redundant:
         jax.tree.map(close, blocks.multipliers["hinge"], blocks.multipliers["again"])
+
+
+def test_assembly_knows_every_joint_that_holds_an_orientation():
+    """Rows of such a joint also vanish half a revolution off, which assembly must refuse."""
+    classes = [value for value in vars(ideal).values() if isinstance(value, type)]
+    oriented = [c for c in classes if "orientation" in getattr(c, "__dataclass_fields__", {})]
+    assert len(oriented) >= 2
+    assert all(issubclass(c, ideal.AbstractOrientedJoint) for c in oriented)
