@@ -163,7 +163,7 @@ def require_numbers(
 
 
 @contextmanager
-def errors_about(subject: str) -> Iterator[None]:
+def errors_about(subject: object) -> Iterator[None]:
     """Return a context in which messages of `ValueError` begin with `subject` and a colon."""
     try:
         yield
