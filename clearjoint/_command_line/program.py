@@ -3,10 +3,9 @@
 Each command imports the modules with which it computes only when it runs, so that help is fast.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from inspect import getdoc
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import click
@@ -271,19 +270,11 @@ def _prepare() -> None:
         runtime.configure()
 
 
-def _read_study(
-    file: Path,
-    changes: tuple[str, ...],
-    section: str = "",
-    options: Mapping[str, str | None] = MappingProxyType({}),
-) -> "Study":
-    """Read a study file or a scene file, with the changes of --set and the other options, which
-    replace entries of `section`."""
+def _read_study(file: Path, changes: tuple[str, ...]) -> "Study":
     _prepare()
     from .study import read_study
 
-    others = [f"{section}.{name}={value}" for name, value in options.items() if value is not None]
-    return read_study(file, (*changes, *others))
+    return read_study(file, changes)
 
 
 def _compute(
@@ -294,10 +285,12 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the function that computes a command, print its result, and exit with its code."""
+    """Call the function that computes a command, print its result, and exit with its code. The
+    options replace entries of the section of the command's name."""
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command
-    result = function(_read_study(file, changes, command, options), folder)
+    others = (f"{command}.{name}={value}" for name, value in options.items() if value is not None)
+    result = function(_read_study(file, (*changes, *others)), folder)
     click.echo(f"{result.line}: {folder / PAGE if result.wrote else 'nothing was written'}")
     raise click.exceptions.Exit(result.code)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import PyTree
 
-from .._durability.wear import check_wear, cycles_to_depth, final_state, open_wear, worn
+from .._durability.wear import CycleRun, cycles_to_depth, final_state, open_wear, worn
 from .._durability.wear import wear as compute_wear
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .folders import WEAR_STORE, Summary, remove_old, write_scene, write_summary
@@ -65,7 +65,8 @@ def wear(study: Study, folder: Path) -> CommandResult:
 def check_wear_section(study: Study, part: WearPart) -> None:
     """Check the entries of a study's section [wear] without any run."""
     with study.location.at("wear").in_errors():
-        check_wear(study.scene, **_arguments(part))
+        arguments = _arguments(part) | {"cycles": np.asarray(part.cycles)}
+        CycleRun(**arguments).check(study.scene)
 
 
 def _arguments(part: WearPart) -> dict[str, PyTree]:

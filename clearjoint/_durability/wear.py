@@ -165,33 +165,7 @@ def wear(
     ```
     """
     scene, state = with_arrays((scene, state))
-    goals = np.asarray(cycles, float)
-    check_wear(
-        scene,
-        cycle,
-        rates,
-        goals,
-        settle,
-        measured,
-        samples,
-        stages,
-        depth,
-        tolerance,
-        largest_change,
-    )
-    scene = _with_splines(scene, rates, samples)
-    directions = {}
-    if parameters is not None:
-        check_parameters(parameters)
-        of_parts = {name: (rate.bearing, rate.journal) for name, rate in rates.items()}
-        # The path to a parameter's number depends on the structure of the scene. So the profiles
-        # that wear become `MovingSpline`s, with zeros as derivatives, before the directions are
-        # made.
-        count = len(parameters) + np.count_nonzero(list(of_parts.values()))
-        unworn = np.zeros((1 + count, len(rates), len(PARTS), samples))
-        scene = _with_depths(scene, list(rates), unworn)
-        directions = directions_of(scene, state, of_parts, parameters)
-    run = _CycleRun(
+    run = CycleRun(
         rates=rates,
         cycle=cycle,
         settle=settle,
@@ -200,18 +174,33 @@ def wear(
         samples=samples,
         settings=settings,
         start_time=start_time,
-        directions=directions,
+        cycles=np.asarray(cycles, float),
+        largest_change=largest_change,
+        stages=stages,
+        depth=depth,
     )
-    stages_so_far = _Stages.first(scene, state, list(rates), list(directions), samples)
-    store = None if path is None else _Store(Path(path), _digest(scene, state, run, goals))
+    run.check(scene)
+    scene = _with_splines(scene, rates, samples)
+    if parameters is not None:
+        check_parameters(parameters)
+        # The path to a parameter's number depends on the structure of the scene. So the profiles
+        # that wear become `MovingSpline`s, with zeros as derivatives, before the directions are
+        # made.
+        count = len(parameters) + np.count_nonzero(list(run.rates_of_parts.values()))
+        unworn = np.zeros((1 + count, len(rates), len(PARTS), samples))
+        scene = _with_depths(scene, list(rates), unworn)
+        directions = directions_of(scene, state, run.rates_of_parts, parameters)
+        run = dataclasses.replace(run, directions=directions)
+    stages_so_far = _Stages.first(scene, state, list(rates), list(run.directions), samples)
+    store = None if path is None else _Store(Path(path), _digest(scene, state, run))
     if store is not None:
         stages_so_far = store.read(stages_so_far)
-    begun, last = stages_so_far.cycles[-1], float(goals.max())
+    begun, last = stages_so_far.cycles[-1], float(run.cycles.max())
     total = last if np.isfinite(last) else None
     units = {"unit": " cycles", "unit_scale": True}
     with tqdm(total=total, initial=begun, disable=not progress, **units) as bar:
-        while not stages_so_far.has_ended(last, stages, depth):
-            stages_so_far.add(run, scene, goals, largest_change)
+        while not stages_so_far.has_ended(run):
+            stages_so_far.add(run, scene)
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset())
@@ -335,9 +324,10 @@ def life_derivatives(
 
 
 @dataclass(frozen=True)
-class _CycleRun:
-    """Run of some cycles, whose wear is measured, with arguments of `wear` and the `directions` of
-    the parameters and of the logarithms of the wear rates."""
+class CycleRun:
+    """Arguments of `wear`, and the `directions` of the parameters and of the logarithms of the wear
+    rates. Its `repr`, in the digest of a store, has those that a continued computation must keep.
+    """
 
     rates: Mapping[str, WearRates]
     cycle: float
@@ -345,9 +335,52 @@ class _CycleRun:
     measured: int
     tolerance: float
     samples: int
-    settings: Settings | None
-    start_time: float
-    directions: Mapping[str, ParameterDirection]
+    settings: Settings | None = None
+    start_time: float = 0.0
+    directions: Mapping[str, ParameterDirection] = dataclasses.field(default_factory=dict)
+    cycles: Float[np.ndarray, "*n"] = dataclasses.field(kw_only=True, repr=False)
+    largest_change: float | None = dataclasses.field(kw_only=True, repr=False)
+    stages: int = dataclasses.field(kw_only=True, repr=False)
+    depth: float | None = dataclasses.field(kw_only=True, repr=False)
+
+    @property
+    def rates_of_parts(self) -> dict[str, tuple[float, float]]:
+        """Wear rates of the bearing and the journal of each joint, m^2/N."""
+        return {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
+
+    def check(self, scene: Scene) -> None:
+        """Raise an error for wrong arguments."""
+        named, expected = dict(self.rates), "of one joint at least"
+        require(len(named) > 0, "rates", named, expected, "name a joint")
+        supported = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
+        for name, of_joint in self.rates.items():
+            require_known("rates", name, supported)
+            require_bases_only("rates", name, scene.laws()[name])
+            remedy = "pass cj.WearRates(bearing=...)"
+            is_rates = isinstance(of_joint, WearRates)
+            require(is_rates, f"rates[{name!r}]", of_joint, "a WearRates", remedy)
+        require_positive("cycle", self.cycle, "give the duration of a cycle in s")
+        goals = np.atleast_1d(np.asarray(self.cycles, float))
+        row = goals.ndim == 1 and goals.size > 0
+        positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+        remedy = "give a number of cycles, such as 1e6, or a rising row of them"
+        require(positive, "cycles", self.cycles, "positive and rising", remedy)
+        if self.depth is not None:
+            require_positive("depth", self.depth, "give a depth in m, such as 1e-5")
+        # A row fixes the stages, whose lengths must be finite.
+        finite = np.isfinite(goals).all() or (self.depth is not None and np.ndim(self.cycles) == 0)
+        require(finite, "cycles", self.cycles, "finite", "give a `depth` that ends the computation")
+        require_count("settle", self.settle, "give a number of cycles", zero=True)
+        require_count("measured", self.measured, "give an even number of cycles")
+        even = self.measured % 2 == 0
+        require(even, "measured", self.measured, "even, as its two halves are compared", "add one")
+        require_count("samples", self.samples, "give a number of angles")
+        require_positive("tolerance", self.tolerance, "give a relative difference, such as 0.1")
+        if self.largest_change is not None:
+            require_positive("largest_change", self.largest_change, "give a depth in m, or None")
+        enough, expected = self.samples >= FEWEST_SAMPLES, f"at least {FEWEST_SAMPLES}"
+        require(enough, "samples", self.samples, expected, "take the default of 96")
+        require_count("stages", self.stages, "give a number of stages")
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
         """Return the wear per cycle, its derivatives and the state after the run. They are zero if
@@ -367,7 +400,7 @@ class _CycleRun:
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
         extremes = np.zeros((2, len(self.rates), 2))
-        rates = {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
+        rates = self.rates_of_parts
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
             # of the short time in which the contact passes it, which the quadrature must resolve.
@@ -470,18 +503,11 @@ class _Stages:
             areas[k] = 2.0 * np.pi * radii * float(joint.journal_length)
         return _Stages(names, parameters, areas, [0.0], [depths], [], [], state)
 
-    def add(
-        self,
-        run: _CycleRun,
-        scene: Scene,
-        goals: Float[np.ndarray, "*n"],
-        largest_change: float | None,
-    ) -> None:
+    def add(self, run: CycleRun, scene: Scene) -> None:
         """Measure the wear of the last stage and extrapolate it to a new one.
 
         Where this fails, the first stage raises an error, and later ones set `failure`, so that the
-        results so far are kept. `goals` is one number of cycles, or those before each further
-        stage.
+        results so far are kept.
         """
         scene = _with_depths(scene, self.names, self.depths[-1])
         try:
@@ -500,7 +526,7 @@ class _Stages:
             self._refuse(measured.failure, difference, run)
             return
         # Number of cycles to the next of several goals, or to the only one.
-        goal = float(goals[goals > self.cycles[-1]].min())
+        goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
         # Without wear, no number of cycles leads to a depth.
         if np.isinf(left) and not measured.halves[:, 0].any():
@@ -513,27 +539,27 @@ class _Stages:
         self.rates.append(measured.halves.mean(axis=0))
         self.extremes.append(measured.extremes)
         # Several goals prescribe the stages, so that no limit shortens them.
-        length = left if goals.ndim == 1 else self._length(scene, left, largest_change)
+        length = left if run.cycles.ndim == 1 else self._length(scene, left, run)
         self._extrapolate(length)
         # By rounding, the sum could be below the goal, and a needless stage would follow.
         if length == left:
             self.cycles[-1] = goal
 
-    def has_ended(self, cycles: float, stages: int, depth: float | None) -> bool:
+    def has_ended(self, run: CycleRun) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so."""
         if self.failure:
             self.ending = self.failure
-        elif self.cycles[-1] >= cycles:
+        elif self.cycles[-1] >= run.cycles.max():
             self.ending = "reached the cycles"
-        elif depth is not None and self.depths[-1][0].max() >= depth:
+        elif run.depth is not None and self.depths[-1][0].max() >= run.depth:
             self.ending = "reached the depth"
-        elif len(self.cycles) >= stages:
-            self.ending = f"{stages} stages"
+        elif len(self.cycles) >= run.stages:
+            self.ending = f"{run.stages} stages"
         else:
             self.ending = ""
         return self.ending != ""
 
-    def _refuse(self, failure: str, difference: float, run: _CycleRun) -> None:
+    def _refuse(self, failure: str, difference: float, run: CycleRun) -> None:
         """Set `failure` for a run that can't be extrapolated, or raise an error in the first
         stage."""
         reason = f"the run of a stage failed: {failure}"
@@ -550,7 +576,7 @@ class _Stages:
         )
         self.failure = reason
 
-    def _length(self, scene: Scene, left: float, largest_change: float | None) -> float:
+    def _length(self, scene: Scene, left: float, run: CycleRun) -> float:
         """Return how many cycles the next stage has, `left` at most, so that no depth changes by
         more than the limit. The first stage has a tenth of that."""
         length = left
@@ -559,7 +585,7 @@ class _Stages:
         for name, rate, (penetration, _) in rows:
             if not rate.max() > 0.0:
                 continue
-            limit = largest_change
+            limit = run.largest_change
             if limit is None:
                 joint = scene.joints[name]
                 assert isinstance(joint, ClearanceJoint)
@@ -567,7 +593,7 @@ class _Stages:
                 limit = CHANGE_BY_PENETRATION * float(penetration + joint.law.onset_offset())
                 expected = f"given, as the force of {name!r} begins before its law's onset_offset()"
                 remedy = "give a depth in m, or mend the law"
-                require(limit > 0.0, "largest_change", largest_change, expected, remedy)
+                require(limit > 0.0, "largest_change", run.largest_change, expected, remedy)
             length = min(length, limit / rate.max())
         return length * FIRST_STAGE if len(self.rates) == 1 else length
 
@@ -747,7 +773,7 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
     return np.stack(of_parts, axis=3)
 
 
-def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> str:
+def _digest(scene: Scene, state: State, run: CycleRun) -> str:
     """Return a digest of scene, state and arguments, by which a store recognises its computation;
     without `largest_change`, `stages` and `depth`, which a user may change to continue."""
     # The text of a direction may contain an address in memory, which differs from process to
@@ -758,8 +784,8 @@ def _digest(scene: Scene, state: State, run: _CycleRun, goals: np.ndarray) -> st
         for along in run.directions.values()
     ]
     parts: list[str | bytes] = [
-        repr(named),
-        repr(goals.tolist()),
+        f"_{named!r}",  # with the name that the class had when the first stores were written
+        repr(run.cycles.tolist()),
         str(jax.tree.structure((scene, state))),
     ]
     leaves = jax.tree.leaves((scene, state, effects))
@@ -826,49 +852,3 @@ def _with_depths(
                 )
                 joints[name] = _with_profiles(joints[name], {field: changed})
     return dataclasses.replace(scene, joints=joints)
-
-
-def check_wear(
-    scene: Scene,
-    cycle: float,
-    rates: Mapping[str, WearRates],
-    cycles: float | ArrayLike,
-    settle: int,
-    measured: int,
-    samples: int,
-    stages: int,
-    depth: float | None,
-    tolerance: float,
-    largest_change: float | None,
-) -> None:
-    """Check arguments of `wear`."""
-    require(len(rates) > 0, "rates", dict(rates), "of one joint at least", "name a joint")
-    supported = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
-    for name, of_joint in rates.items():
-        require_known("rates", name, supported)
-        require_bases_only("rates", name, scene.laws()[name])
-        remedy = "pass cj.WearRates(bearing=...)"
-        is_rates = isinstance(of_joint, WearRates)
-        require(is_rates, f"rates[{name!r}]", of_joint, "a WearRates", remedy)
-    require_positive("cycle", cycle, "give the duration of a cycle in s")
-    goals = np.atleast_1d(np.asarray(cycles, float))
-    row = goals.ndim == 1 and goals.size > 0
-    positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
-    remedy = "give a number of cycles, such as 1e6, or a rising row of them"
-    require(positive, "cycles", cycles, "positive and rising", remedy)
-    if depth is not None:
-        require_positive("depth", depth, "give a depth in m, such as 1e-5")
-    # A row fixes the stages, whose lengths must be finite.
-    finite = np.isfinite(goals).all() or (depth is not None and np.ndim(cycles) == 0)
-    require(finite, "cycles", cycles, "finite", "give a `depth` that ends the computation")
-    require_count("settle", settle, "give a number of cycles", zero=True)
-    require_count("measured", measured, "give an even number of cycles")
-    even = measured % 2 == 0
-    require(even, "measured", measured, "even, as its two halves are compared", "add one")
-    require_count("samples", samples, "give a number of angles")
-    require_positive("tolerance", tolerance, "give a relative difference, such as 0.1")
-    if largest_change is not None:
-        require_positive("largest_change", largest_change, "give a depth in m, or None")
-    enough = samples >= FEWEST_SAMPLES
-    require(enough, "samples", samples, f"at least {FEWEST_SAMPLES}", "take the default of 96")
-    require_count("stages", stages, "give a number of stages")

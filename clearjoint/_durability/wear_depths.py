@@ -12,7 +12,7 @@ from jaxtyping import Float
 from .._math.vectors import Scalar
 from .._model.clearance_joints.clearance import ClearanceJoint
 from .._model.clearance_joints.journal_bases import BASES
-from .._model.profiles import PlanarAxes, overlaps
+from .._model.profiles import JournalInBearing, PlanarAxes
 from .._model.scene import Scene
 from .._simulation.reductions.joints import sliding_speed
 from .._simulation.results.observe import values_along
@@ -193,7 +193,8 @@ def _shares(
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()
-    overlap = overlaps(x, y, angles, joint.bearing_profile, joint.journal_profile, axes)
+    profiles = joint.bearing_profile, joint.journal_profile
+    overlap = JournalInBearing(x, y, *profiles, axes).overlap(angles)
     part = jnp.maximum(overlap + excess, 0.0)
     total = part.sum(axis=1, keepdims=True)
     # Without contact all of `part` may be zero. The shares are then zero rather than 0/0.

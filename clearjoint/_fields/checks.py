@@ -23,6 +23,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
+from .._math.vectors import is_of_package as is_of_package
 from .cautions import UnusualValueWarning, caution, quiet
 from .types import ArrayLike
 
@@ -163,7 +164,7 @@ def require_numbers(
 
 
 @contextmanager
-def errors_about(subject: str) -> Iterator[None]:
+def errors_about(subject: object) -> Iterator[None]:
     """Return a context in which messages of `ValueError` begin with `subject` and a colon."""
     try:
         yield
@@ -367,14 +368,9 @@ def conditions_of_changes(
     program, or ``None`` if a class to be checked is not of this package: its checks may need known
     numbers."""
     for path in _paths_to_changed(structure, changed):
-        if not is_of_package(reduce(_child, path, tree)):
+        if not is_of_package(type(reduce(_child, path, tree))):
             return None
     return conditions_of(lambda: recheck_changes(tree, structure, changed))
-
-
-def is_of_package(module: eqx.Module) -> bool:
-    """Return whether the class of a module belongs to this package."""
-    return type(module).__module__.split(".")[0] == __name__.split(".")[0]
 
 
 @lru_cache(maxsize=256)
@@ -390,7 +386,7 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
             near, anywhere = (any(change[k] for change in changes) for k in range(2))
             # The checks of a user-defined class may read the entries of its dictionaries and lists.
-            if near or (anywhere and not is_of_package(tree)):
+            if near or (anywhere and not is_of_package(type(tree))):
                 paths.append(path)
             return near, anywhere
         if isinstance(tree, dict | list | tuple):

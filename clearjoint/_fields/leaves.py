@@ -6,7 +6,7 @@ down. Columns, rows and lists that are paired by position must not mix the two: 
 names, or take them from one object.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -14,11 +14,6 @@ import jax
 from jaxtyping import PyTree
 
 Tree = TypeVar("Tree")
-
-
-def in_order_of_leaves(names: Iterable[str]) -> list[str]:
-    """Return the keys of a dictionary in the order in which JAX flattens it."""
-    return sorted(names)
 
 
 def with_leaves(

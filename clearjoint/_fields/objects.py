@@ -345,7 +345,7 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
     def visit(node: PyTree, is_number: bool) -> None:
         if isinstance(node, eqx.Module):
-            ours = is_of_package(node)
+            ours = is_of_package(type(node))
             for field in fields(node):
                 if not field.metadata.get("static", False):
                     visit(getattr(node, field.name), ours or "converter" in field.metadata)

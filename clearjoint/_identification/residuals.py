@@ -20,6 +20,7 @@ from .._fields.checks import require
 from .._fields.objects import on_device
 from .._fields.types import ArrayLike
 from .._information.fisher_information import covariance
+from .._math.smoothing import wrapped
 from .._math.vectors import Scalar
 from .._measurements.series import Measurements
 from .._model.bodies import State
@@ -170,7 +171,7 @@ def _delayed(
         change = output_values[after] - output_values[before]
         period = getattr(output, "period", None)
         if period is not None:  # An angle that jumps from pi to -pi has not changed by -2 pi.
-            change = change - period * jnp.round(change / period)
+            change = wrapped(change, period)
         # Where both times are clipped to the start they are equal; 1 replaces a division by zero.
         apart = rising[after] - rising[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
@@ -255,7 +256,7 @@ class Samples(eqx.Module):
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
         rows = [
-            row if period is None else row - period * jnp.round(row / period)
+            row if period is None else wrapped(row, period)
             for row, period in zip(difference, self.periods, strict=True)
         ]
         weighted = jnp.stack(rows) * self.weights

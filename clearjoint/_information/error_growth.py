@@ -104,10 +104,4 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
     """Return the root mean square distance of each body's mass from its centre of mass, by name."""
-    # The trace of the inertia is twice the integral of the squared distance over the mass.
-    radii = {}
-    for name, body in scene.bodies.items():
-        inertia = np.asarray(body.inertia)
-        trace = inertia.sum() if inertia.ndim == 1 else np.trace(inertia)
-        radii[name] = float(np.sqrt(trace / (2.0 * float(body.mass))))
-    return radii
+    return {name: body.gyration_radius() for name, body in scene.bodies.items()}

@@ -264,107 +264,92 @@ class PlanarAxes(NamedTuple):
 _ROUND = Deviation(0.0, 0.0, 0.0)
 
 
-def closest_approach(
-    x: Scalar,
-    y: Scalar,
-    clearance: Scalar,
-    bearing: AbstractProfile | None,
-    journal: AbstractProfile | None,
-    axes: PlanarAxes,
-) -> Approach:
-    """Return where a journal comes closest to the wall of its bearing, or penetrates it most.
+class JournalInBearing(NamedTuple):
+    """Position and profiles of a journal and its bearing in the bearing's cross-section.
 
-    The search begins at the best of evenly spaced angles and ends with Newton steps, so it finds
-    the largest of several maxima of `overlaps` if the angles resolve them. At least one of
-    `bearing` and `journal` must be given, since two circles need no search.
-
-    **Arguments:**
-
-    - `x`, `y`: position of the journal's centre in the bearing's cross-section, m.
-    - `clearance`: radius of the bearing's circle less that of the journal's, m.
+    - `x`, `y`: position of the journal's centre, m.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
     """
-    # JAX does not differentiate the search, except for its last Newton step.
-    shapes = x, y, bearing, journal, axes
-    constant = jax.lax.stop_gradient(shapes)
-    counts = [profile.angles() for profile in (bearing, journal) if profile is not None]
-    count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
-    spacing = 2.0 * np.pi / count
-    angles = np.arange(count) * spacing
-    overlap = overlaps(*constant[:2], angles, *constant[2:])
-    # The angle of the largest overlap; of equal ones the largest angle. An argmax is avoided, since
-    # XLA aborts when it compiles two of them in one program (jaxlib 0.10).
-    start = jnp.max(jnp.where(overlap == jnp.max(overlap), angles, 0.0))
 
-    # A loop, since steps that are written out would take longer to compile.
-    def refine(k: jax.Array, angle: Scalar) -> Scalar:
-        del k
-        # Within one spacing, a step can't leave the highest maximum for another one.
-        closer = angle + _newton_step(angle, *constant)
-        return jnp.clip(closer, start - spacing, start + spacing)
+    x: NumberOrArray
+    y: NumberOrArray
+    bearing: AbstractProfile | None
+    journal: AbstractProfile | None
+    axes: PlanarAxes
 
-    angle = jax.lax.fori_loop(0, NEWTON_STEPS - 1, refine, start)
-    # The derivative of one step is that of the maximum (implicit function theorem).
-    angle = angle + _newton_step(angle, *shapes)
-    cosine, sine = jnp.cos(angle), jnp.sin(angle)
-    part, _, _ = _of_journal(cosine, sine, journal, axes)
-    depth = overlaps(x, y, angle, bearing, journal, axes) - clearance
-    return Approach(cosine, sine, depth, part)
+    def closest_approach(self, clearance: Scalar) -> Approach:
+        """Return where the journal comes closest to the wall of its bearing, or penetrates it most.
 
+        The search begins at the best of evenly spaced angles and ends with Newton steps, so it
+        finds the largest of several maxima of `overlap` if the angles resolve them. At least one
+        profile must be given, since two circles need no search. `clearance`, m, is the radius of
+        the bearing's circle less that of the journal's.
+        """
+        # JAX does not differentiate the search, except for its last Newton step.
+        constant = jax.lax.stop_gradient(self)
+        profiles = self.bearing, self.journal
+        counts = [profile.angles() for profile in profiles if profile is not None]
+        count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
+        spacing = 2.0 * np.pi / count
+        angles = np.arange(count) * spacing
+        overlap = constant.overlap(angles)
+        # The angle of the largest overlap; of equal ones the largest angle. An argmax is avoided,
+        # since XLA aborts when it compiles two of them in one program (jaxlib 0.10).
+        start = jnp.max(jnp.where(overlap == jnp.max(overlap), angles, 0.0))
 
-def _newton_step(
-    angle: Scalar,
-    x: Scalar,
-    y: Scalar,
-    bearing: AbstractProfile | None,
-    journal: AbstractProfile | None,
-    axes: PlanarAxes,
-) -> Scalar:
-    """Return the change of an angle, rad, that leads to the maximum of `overlaps`."""
-    # First and second derivative of the penetration by the angle. Those of the journal's deviation
-    # contain the rate of the angle about the journal's own axis, which may be tilted.
-    cosine, sine = jnp.cos(angle), jnp.sin(angle)
-    wall = _ROUND if bearing is None else bearing.at(angle)
-    part, rate, change = _of_journal(cosine, sine, journal, axes)
-    slope = y * cosine - x * sine - wall.slope + part.slope * rate
-    bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
-    # The inner `where` avoids a division by zero, whose derivative would be NaN even if not used.
-    return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
+        # A loop, since steps that are written out would take longer to compile.
+        def refine(k: jax.Array, angle: Scalar) -> Scalar:
+            del k
+            # Within one spacing, a step can't leave the highest maximum for another one.
+            closer = angle + constant._newton_step(angle)
+            return jnp.clip(closer, start - spacing, start + spacing)
 
+        angle = jax.lax.fori_loop(0, NEWTON_STEPS - 1, refine, start)
+        # The derivative of one step is that of the maximum (implicit function theorem).
+        angle = angle + self._newton_step(angle)
+        cosine, sine = jnp.cos(angle), jnp.sin(angle)
+        part, _, _ = self._deviation_of_journal(cosine, sine)
+        return Approach(cosine, sine, self.overlap(angle) - clearance, part)
 
-def overlaps(
-    x: NumberOrArray,
-    y: NumberOrArray,
-    angle: NumberOrArray,
-    bearing: AbstractProfile | None,
-    journal: AbstractProfile | None,
-    axes: PlanarAxes,
-) -> Scalar:
-    """Return the overlap of journal and wall at an angle, rad, m, if the clearance were zero."""
-    numpy = library((angle,))
-    cosine, sine = numpy.cos(angle), numpy.sin(angle)
-    wall = _ROUND if bearing is None else bearing.at(angle)
-    part, _, _ = _of_journal(cosine, sine, journal, axes)
-    return x * cosine + y * sine - wall.value + part.value
+    def overlap(self, angle: NumberOrArray) -> Scalar:
+        """Return how much journal and wall overlap at an angle, rad, m, with no clearance."""
+        numpy = library((angle,))
+        cosine, sine = numpy.cos(angle), numpy.sin(angle)
+        part, _, _ = self._deviation_of_journal(cosine, sine)
+        return self.x * cosine + self.y * sine - self._wall(angle).value + part.value
 
+    def _newton_step(self, angle: Scalar) -> Scalar:
+        """Return the change of an angle, rad, that leads to the maximum of `overlap`."""
+        # First and second derivative of the penetration by the angle. Those of the journal's
+        # deviation contain the rate of the angle about the journal's own axis, which may be tilted.
+        x, y, cosine, sine = self.x, self.y, jnp.cos(angle), jnp.sin(angle)
+        wall, (part, rate, change) = self._wall(angle), self._deviation_of_journal(cosine, sine)
+        slope = y * cosine - x * sine - wall.slope + part.slope * rate
+        bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
+        # The inner `where` avoids a division by zero, whose derivative would be NaN even if unused.
+        return jnp.where(bend < 0.0, -slope / jnp.where(bend < 0.0, bend, -1.0), 0.0)
 
-def _of_journal(
-    cosine: Scalar, sine: Scalar, journal: AbstractProfile | None, axes: PlanarAxes
-) -> tuple[Deviation, Scalar, Scalar]:
-    """Return the journal's deviation in a direction, and two derivatives of its own angle."""
-    if journal is None:
-        return _ROUND, 0.0, 0.0
-    # Components of the direction along the journal's axes. Their polar angle is that about the
-    # journal's axis; for a journal that is not tilted, its rate is 1 or -1.
-    along_x = axes.x_along_x * cosine + axes.x_along_y * sine
-    along_y = axes.y_along_x * cosine + axes.y_along_y * sine
-    square = along_x * along_x + along_y * along_y
-    rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
-    # Half the derivative of `square` by the angle. The numerator of `rate` is constant, so that the
-    # derivative of `rate` is -2 rate change/square.
-    change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
-    change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
-    return journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
+    def _wall(self, angle: NumberOrArray) -> Deviation:
+        return _ROUND if self.bearing is None else self.bearing.at(angle)
+
+    def _deviation_of_journal(
+        self, cosine: Scalar, sine: Scalar
+    ) -> tuple[Deviation, Scalar, Scalar]:
+        """Return the journal's deviation in a direction, and two derivatives of its own angle."""
+        if self.journal is None:
+            return _ROUND, 0.0, 0.0
+        axes = self.axes
+        # Components of the direction along the journal's axes. Their polar angle is that about the
+        # journal's axis; for a journal that is not tilted, its rate is 1 or -1.
+        along_x = axes.x_along_x * cosine + axes.x_along_y * sine
+        along_y = axes.y_along_x * cosine + axes.y_along_y * sine
+        square = along_x * along_x + along_y * along_y
+        rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
+        # Half the derivative of `square` by the angle. The numerator of `rate` is constant, so that
+        # the derivative of `rate` is -2 rate change/square.
+        change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
+        change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
+        return self.journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
 
 
 def require_room(

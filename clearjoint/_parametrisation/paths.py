@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._fields.checks import as_number, concrete, nearest, require
-from .._fields.leaves import in_order_of_leaves, with_leaves
+from .._fields.leaves import with_leaves
 
 NumberPath = Callable[[PyTree], PyTree]
 """Function of a scene or a state that returns one of its numbers, or several tied numbers."""
@@ -201,7 +201,7 @@ def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[st
                 unit = field.metadata.get("unit", "1")
                 yield from _named_leaves(inner, f"{name}.{field.name}".lstrip("."), unit)
     elif isinstance(tree, dict):
-        for key in in_order_of_leaves(tree):
+        for key in sorted(tree):  # the order in which JAX flattens a dictionary
             yield from _named_leaves(tree[key], f"{name}[{key!r}]", unit)
     elif isinstance(tree, list | tuple):
         for index, inner in enumerate(tree):

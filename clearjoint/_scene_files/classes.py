@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from .._fields.checks import nearest, require
+from .._fields.checks import is_of_package, nearest, require
 from .._fields.objects import AbstractReadable
 from .._model.bodies import BodyState, body_state
 from ..quantities.base import AbstractQuantity, Quantity
@@ -67,12 +67,7 @@ ANYTHING = Expectation(is_text=True, is_flag=True, allows_anything=True)
 
 def class_name(kind: type) -> str:
     """Return the name of a class in files: "Class" in the package, else "module:Class"."""
-    return kind.__name__ if is_from_package(kind) else f"{kind.__module__}:{kind.__qualname__}"
-
-
-def is_from_package(kind: type) -> bool:
-    """Return whether a class belongs to this package."""
-    return kind.__module__.split(".")[0] == __name__.split(".")[0]
+    return kind.__name__ if is_of_package(kind) else f"{kind.__module__}:{kind.__qualname__}"
 
 
 def is_abstract(kind: type) -> bool:
@@ -94,7 +89,7 @@ def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
     is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
     remedy = "pass for example classes=[MyLaw]"
     require(is_valid, "classes", classes, "a list of classes", remedy)
-    included = filter(is_from_package, (*families, *_subclasses(AbstractReadable)))
+    included = filter(is_of_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*classes, *included)}
     named |= {class_name(kind): kind for kind in classes}

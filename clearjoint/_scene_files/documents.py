@@ -11,8 +11,8 @@ import reprlib
 import tomllib
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from functools import reduce
 from itertools import count, islice
@@ -23,7 +23,7 @@ from typing import NoReturn, TypeAlias
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from .._fields.checks import require
+from .._fields.checks import errors_about, require
 
 Keys: TypeAlias = tuple[str | int, ...]
 NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
@@ -149,13 +149,9 @@ class FileLocation:
         """Raise a `ValueError` that names this location, the `value` found, and the `remedy`."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
-    @contextmanager
-    def in_errors(self) -> Iterator[None]:
+    def in_errors(self) -> AbstractContextManager[None]:
         """Return a context in which messages of `ValueError` begin with this location."""
-        try:
-            yield
-        except ValueError as error:
-            raise ValueError(f"{self}: {error}") from error
+        return errors_about(self)
 
 
 def _shown(value: object) -> str:

@@ -16,7 +16,7 @@ from jaxtyping import PyTree
 
 from .._dynamics.assembly import assemble, check_names
 from .._fields.cautions import quiet
-from .._fields.checks import nearest
+from .._fields.checks import is_of_package, nearest
 from .._model.bodies import State
 from .._model.scene import Scene
 from .classes import (
@@ -26,7 +26,6 @@ from .classes import (
     Expectation,
     arguments,
     class_name,
-    is_from_package,
     makers,
 )
 from .documents import (
@@ -58,7 +57,7 @@ class Writer:
         default is empty or ``None``, and arguments that have a default but no field.
         """
         kind = type(instance)
-        if not is_from_package(kind):
+        if not is_of_package(kind):
             self.user_classes.add(kind)
         if KIND in arguments(kind):  # the key of a table that names its class
             remedy = "rename it: `kind` names classes"

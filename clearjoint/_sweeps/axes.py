@@ -120,7 +120,9 @@ class Axis:
 
     def described(self) -> str:
         """Return a text for the notes of a sweep, such as "StateNumber <lambda>"."""
-        return f"{type(self.variation).__name__} {describe(self.variation.function)}"
+        # The function is the field `path` of a number, and `make` of a change by a function.
+        function = getattr(self.variation, "path", None) or getattr(self.variation, "make", None)
+        return f"{type(self.variation).__name__} {describe(function)}"
 
 
 @dataclass(frozen=True)

@@ -298,8 +298,7 @@ class SketchingPen(AbstractPen):
         plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
         for side in (-0.5, 0.5):
             at = centre + across * (side * (gap + self._bar))
-            self._add(middle.body, plate.moved(pose_at(at, frame)))
-        self._shaped.add(middle.body)
+            self.shape(middle.body, plate.moved(pose_at(at, frame)))
         self._hold(middle._replace(point=centre))
 
     @override
@@ -307,8 +306,7 @@ class SketchingPen(AbstractPen):
         along, across = centre.along(), _unit(normal)
         frame = np.stack([along, across, np.cross(along, across)], axis=1)
         box = meshes.box((float(length), float(height), 5.0 * self._bar))
-        self._add(centre.body, box.moved(pose_at(centre.point, frame)))
-        self._shaped.add(centre.body)
+        self.shape(centre.body, box.moved(pose_at(centre.point, frame)))
         self._hold(centre)
 
     @override
@@ -324,8 +322,7 @@ class SketchingPen(AbstractPen):
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
         frame = _transverse_frame(centre.along(), float(phase))
         wheel = meshes.gear(float(radius), round(abs(float(teeth))), 2.4 * self._bar)
-        self._add(centre.body, wheel.moved(pose_at(centre.point, frame)))
-        self._shaped.add(centre.body)
+        self.shape(centre.body, wheel.moved(pose_at(centre.point, frame)))
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
@@ -363,7 +360,7 @@ class SketchingPen(AbstractPen):
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def shape(self, name: str, mesh: Mesh) -> None:
-        """Draw a mesh that the user passes, in body axes, as the shape of a body."""
+        """Draw a mesh, in body axes, as the shape of a body."""
         self._add(name, mesh)
         self._shaped.add(name)
 

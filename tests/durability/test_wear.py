@@ -457,10 +457,16 @@ def test_the_last_stage_ends_at_the_goal_without_rounding():
     )
     found = SimpleNamespace(failure="", halves=of_run, extremes=np.zeros((0, 2)), state=None)
     run = SimpleNamespace(
-        measure=lambda scene, state: found, difference=lambda found: 0.0, tolerance=0.1
+        measure=lambda scene, state: found,
+        difference=lambda found: 0.0,
+        tolerance=0.1,
+        cycles=np.array(goal),
+        largest_change=None,
+        stages=9,
+        depth=None,
     )
-    stages.add(run, whirling()[0], np.array(goal), None)
-    assert stages.cycles == [0.0, begun, goal] and stages.has_ended(goal, 9, None)
+    stages.add(run, whirling()[0])
+    assert stages.cycles == [0.0, begun, goal] and stages.has_ended(run)
 
 
 PIN_CLEARANCE = cj.Parameter(lambda scene: scene.joints["pin"].clearance)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint._math.vectors import pack, unpack
 from clearjoint._model.bodies import GROUND, GROUND_MOTION
-from clearjoint._model.profiles import PlanarAxes, closest_approach
+from clearjoint._model.profiles import JournalInBearing, PlanarAxes
 from clearjoint.extend import AbstractProfile, Deviation
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
@@ -203,7 +203,7 @@ def test_of_many_waves_the_deepest_is_found():
     t = np.linspace(0.0, 2.0 * np.pi, 20_001)
     wall = 50e-6 * np.cos(6 * t)
     for x, y in rng.normal(size=(5, 2)) * 0.4e-3:
-        found = closest_approach(x, y, CLEARANCE, profile, None, ALIGNED)
+        found = JournalInBearing(x, y, profile, None, ALIGNED).closest_approach(CLEARANCE)
         expected = (x * np.cos(t) + y * np.sin(t) - wall).max() - CLEARANCE
         assert float(found.depth) == pytest.approx(expected, abs=1e-10)
 
@@ -215,7 +215,7 @@ def test_a_journal_rests_where_its_load_presses_it():
     joint = pin(profile)
     ideal = joint.resting_joint(load)
     x, y, _ = ideal.attachments()[0][2]
-    found = closest_approach(x, y, CLEARANCE, profile, None, ALIGNED)
+    found = JournalInBearing(x, y, profile, None, ALIGNED).closest_approach(CLEARANCE)
     gap = cj.extend.Gap(found.depth, 0.0, joint.bearing_radius, joint.clearance)
     push = float(joint.law.elastic_force(gap))
     assert 2.0 * push == pytest.approx(np.hypot(*load[:2]), rel=1e-9)

@@ -47,9 +47,9 @@ from ..joints.ideal import CylindricalJoint, RevoluteJoint
 from ..pen import AbstractPen, Marker
 from ..profiles import (
     AbstractProfile,
+    JournalInBearing,
     PlanarAxes,
     caution_two_contacts,
-    closest_approach,
     require_room,
 )
 from .common import (
@@ -441,14 +441,13 @@ class ClearanceJoint(AbstractCentredJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
-        near = closest_approach(
+        near = JournalInBearing(
             eccentricity.dot(x_axis),
             eccentricity.dot(y_axis),
-            self.clearance,
             self.bearing_profile,
             self.journal_profile,
             self.planar_axes(bearing, journal),
-        )
+        ).closest_approach(self.clearance)
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is

@@ -166,7 +166,7 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     search covers their constraint rows but not their contact forces."""
 
     def is_foreign(part: PyTree) -> bool:
-        return isinstance(part, eqx.Module) and not is_of_package(part)
+        return isinstance(part, eqx.Module) and not is_of_package(type(part))
 
     return any(
         isinstance(element, AbstractContactJoint)
