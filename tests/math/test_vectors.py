@@ -1,11 +1,13 @@
 """Vectors, rotations and linear solvers against numpy and scipy."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import clearjoint as cj
 from clearjoint._math.block_matrices import BlockMatrix
 from clearjoint._math.linear_solvers import (
     Exact,
@@ -320,3 +322,15 @@ def test_ordered_factorisation_of_an_arrow_matrix_has_no_fill_in():
         for kind in (OrderedFactorisation, UnrolledFactorisation)
     )
     assert ordered < 12 * n and given > 2 * ordered
+
+
+def test_arrays_of_modules_of_other_packages_are_no_vectors():
+    """A bias of a network with three or four neurons became a vector or Euler parameters."""
+    network = eqx.nn.MLP(3, 4, 3, 1, key=jax.random.key(0))
+    spring = cj.SpringDamper("ground", "arm", (0, 0, 1), (0, 0, 0), stiffness=1.0)
+    unpacked, inside = unpack((spring, {"inside": network}))
+    assert isinstance(unpacked.point_first, Vector)
+    for before, after in zip(
+        jax.tree.leaves(network), jax.tree.leaves(inside["inside"]), strict=True
+    ):
+        assert after is before
