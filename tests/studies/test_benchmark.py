@@ -86,6 +86,7 @@ def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
     assert "No C++ compiler" in printed and "failed: rows with C++ have no ratio" in printed
 
 
+@pytest.mark.slow
 def test_rows_of_sweeps(plan):
     rows = sweeps.rows(plan)
     ratios(rows)
@@ -95,6 +96,7 @@ def test_rows_of_sweeps(plan):
     assert len(on_two) == (0 if len(cores()) == 1 else 3)
 
 
+@pytest.mark.slow
 def test_rows_of_derivatives(plan):
     rows = derivatives.rows(plan)
     assert [one.aim for one in rows] == [3.2, 4.0, 3.5, None]
@@ -108,12 +110,14 @@ def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
     np.testing.assert_allclose(found.derivatives["height"][0], known, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_rows_of_others(plan):
     rows = runs.others(plan)
     assert len(rows) == 1 + bool(find_spec("exudyn"))
     ratios(rows)
 
 
+@pytest.mark.slow
 def test_rows_of_backlash(plan):
     (one,) = backlash_chain.rows(plan)
     assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))

@@ -20,6 +20,7 @@ def found(output):
     return run(output)
 
 
+@pytest.mark.slow
 def test_quick_study_draws_and_finds_the_largest_for_both_limits(found, output):
     for name in ("margin", "motion"):
         assert (output.folder / f"{name}.png").stat().st_size > 3000
