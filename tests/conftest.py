@@ -4,12 +4,14 @@ import ctypes
 import gc
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import jax
 import psutil
 import pytest
+from jax._src.interpreters import mlir
 
 if jax.__version_info__ < (0, 11):  # A later jaxlib ends the process for a flag that it dropped.
     # Tests evaluate thousands of small expressions, each a program of its own, which compile in
@@ -24,6 +26,19 @@ check_shapes()
 
 import clearjoint as cj  # noqa: E402
 from clearjoint._compilation import keep_programs  # noqa: E402
+
+_make_context, _of_thread = mlir.make_ir_context, threading.local()
+
+
+def context_of_thread() -> object:
+    """The context in which this thread's programs are lowered to XLA. JAX makes another one for
+    every program, which takes a third of the time of a small one."""
+    if not hasattr(_of_thread, "context"):
+        _of_thread.context = _make_context()
+    return _of_thread.context
+
+
+mlir.make_ir_context = context_of_thread
 
 gc.freeze()
 gc.set_threshold(50_000, 50, 100)
