@@ -133,6 +133,7 @@ def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
     return 0.5 * (points[0] + points[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axial", "least", "most"),
     [
@@ -265,6 +266,7 @@ def test_assembly_says_if_only_clearances_let_a_driven_mechanism_move():
     assert (cj.assemble(scene, guess, moving=False).bodies["plate"].velocity == 0.0).all()
 
 
+@pytest.mark.slow
 def test_assembly_needs_no_jacobian_of_all_rows(monkeypatch):
     """Its rank takes time that grows with the cube of the number of bodies."""
     scene, guess = cj.mechanisms.slider_crank()

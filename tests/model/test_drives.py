@@ -307,7 +307,7 @@ def test_a_table_of_angles_is_followed_however_many_there_are(points):
     assert shaft_angle(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-5])
+@pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.slow), 1e-5])
 @pytest.mark.parametrize(
     "drive",
     [

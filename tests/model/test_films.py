@@ -166,6 +166,7 @@ class Pulling(cj.extend.AbstractFilm):
         return gap.spin
 
 
+@pytest.mark.slow
 def test_a_broken_film_is_refused():
     complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
     for words in (

@@ -52,7 +52,7 @@ def assert_close(one: Any, other: Any, name: str, relative: float = CLOSE) -> No
     ("name", "settings"),
     [
         pytest.param(REPRESENTATIVE[0], FEW_STAGES, marks=pytest.mark.slow),
-        (REPRESENTATIVE[1], FEW_STAGES),
+        pytest.param(REPRESENTATIVE[1], FEW_STAGES, marks=pytest.mark.slow),
         *(pytest.param(name, FINE, marks=pytest.mark.slow) for name in SCENES),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
