@@ -51,6 +51,7 @@ def found(parameters=VELOCITY, data=None, **options):
     return cj.posterior(SCENE, STATE, data, parameters, **options)
 
 
+@pytest.mark.slow
 def test_a_free_flight_has_the_posterior_and_the_evidence_of_the_closed_form():
     data = flights()
     values = np.asarray(data["x"].values)

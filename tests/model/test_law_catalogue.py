@@ -151,6 +151,7 @@ def test_integrated_impacts_of_dashpots(law, requested, delivered):
     assert found == pytest.approx(delivered, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_a_force_that_is_largest_at_the_onset_is_found():
     law, log = cj.laws.KelvinVoigt(0.02, 1e9, MASS), np.log(0.02)
     damping = -2.0 * log / np.hypot(np.pi, log) * np.sqrt(1e9 * MASS)
@@ -231,6 +232,7 @@ def test_an_unusable_law_conforms():
     check_law(law)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [
