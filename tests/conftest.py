@@ -95,6 +95,7 @@ def bounded_memory() -> Iterator[None]:
     yield
     if psutil.Process().memory_info().rss > MEMORY:
         jax.clear_caches()
+        vars(_of_thread).clear()
         gc.collect()
         if sys.platform == "linux":
             ctypes.CDLL("libc.so.6").malloc_trim(0)

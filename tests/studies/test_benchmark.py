@@ -64,6 +64,7 @@ def test_run_has_its_impact_where_free_fall_ends(plan):
     assert found.speeds[0] == pytest.approx(9.81 * fall, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_rows_of_runs(plan):
     whole, step, call = runs.rows(plan)
     # The time of a step is a difference, which noise may make negative in a single short round.
@@ -203,6 +204,7 @@ def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
 
 def test_command_writes_table_records_and_picture(tmp_path, monkeypatch, capsys):
     rows = [Row("run", 2.0, "C++", 1.0, 2.0, (1.9, 2.1), 1.5)]
+    monkeypatch.setattr(benchmark, "build", lambda folder: None)
     monkeypatch.setitem(benchmark.GROUPS, "runs", lambda plan: rows)
     benchmark.main(["runs", "--quick", "--output", str(tmp_path)])
     assert "| run | 2 s | 1 s, C++ | 2 (1.9 … 2.1) | 1.5 |" in capsys.readouterr().out

@@ -50,6 +50,7 @@ def linkage():
     return four_bar_checks(quick=True)
 
 
+@pytest.mark.slow
 def test_the_linkage_of_siconos_moves_as_published(linkage):
     torque, *angles = linkage.checks
     assert torque.difference < 1e-9
@@ -57,6 +58,7 @@ def test_the_linkage_of_siconos_moves_as_published(linkage):
     assert [check for check in angles if not abs(check.ours - check.published) < 6e-5] == []
 
 
+@pytest.mark.slow
 def test_its_error_is_proportional_to_the_step(linkage):
     ratios = [a / b for a, b in zip(linkage.differences[:-1], linkage.differences[1:], strict=True)]
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
