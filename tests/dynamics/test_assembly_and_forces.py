@@ -137,14 +137,9 @@ def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
 @pytest.mark.parametrize(
     ("axial", "least", "most"),
     [
-        pytest.param(cj.FreeAxially(), 1e-3, 1.0, marks=pytest.mark.slow),
+        (cj.FreeAxially(), 1e-3, 1.0),
         (cj.FixedAxially(), 0.0, 1e-9),
-        pytest.param(
-            cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)),
-            0.99e-4,
-            1.2e-4,
-            marks=pytest.mark.slow,
-        ),
+        (cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)), 0.99e-4, 1.2e-4),
     ],
     ids=["free", "fixed", "end play"],
 )

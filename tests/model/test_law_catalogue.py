@@ -233,13 +233,7 @@ def test_an_unusable_law_conforms():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "law",
-    [
-        cj.laws.KelvinVoigt(0.6, 1e8, 2.0),
-        pytest.param(cj.laws.Ristow(STEEL, 50.0), marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("law", [cj.laws.KelvinVoigt(0.6, 1e8, 2.0), cj.laws.Ristow(STEEL, 50.0)])
 def test_laws_that_jump_say_so(law):
     assert law.force_jumps
     with pytest.warns(UserWarning, match="where contact begins or ends"):

@@ -46,11 +46,7 @@ def _height(solution):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "saving",
-    [None, pytest.param(jnp.linspace(0.0, END, 5), marks=pytest.mark.slow)],
-    ids=["plain", "saving"],
-)
+@pytest.mark.parametrize("saving", [None, jnp.linspace(0.0, END, 5)], ids=["plain", "saving"])
 def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     """Every while loop of the program but the outer ones that save is a call of native code."""
     scene, state = pendulum
