@@ -49,14 +49,15 @@ gc.set_threshold(50_000, 50, 100)
 
 LONGEST = (
     "wear",
-    "symmetries_of_elements",
     "conformance",
-    "sweep",
-    "sweep_resume",
     "posterior",
-    "simulate",
-    "command_line",
-    "profiles",
+    "symmetries_of_elements",
+    "benchmark",
+    "identify",
+    "assembly_and_forces",
+    "drives",
+    "sweep_resume",
+    "nonsmooth",
 )
 """Files of tests that take longest: begun first, they leave no worker waiting."""
 

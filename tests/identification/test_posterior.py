@@ -126,6 +126,7 @@ def test_scales_need_not_accept_arrays():
     assert all(row.min() > 0.0 for row in seen)
 
 
+@pytest.mark.slow
 def test_few_effective_runs_are_reported():
     result = found(number=64)
     assert result.warnings == [] and result.effective_sample_size >= 64.0
