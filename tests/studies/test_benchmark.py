@@ -9,7 +9,15 @@ import pytest
 
 import clearjoint as cj
 from studies.benchmark import __main__ as benchmark
-from studies.benchmark import backlash_chain, derivatives, first_calls, runs, sweeps, yardstick
+from studies.benchmark import (
+    backlash_chain,
+    derivatives,
+    first_calls,
+    runs,
+    sweeps,
+    table,
+    yardstick,
+)
 from studies.benchmark.chain import chain
 from studies.benchmark.table import (
     BEGIN,
@@ -24,6 +32,12 @@ from studies.benchmark.table import (
     row,
     shown,
 )
+
+
+@pytest.fixture(autouse=True)
+def programs_as_they_are(monkeypatch):
+    """Or those of all tests before would be optimised."""
+    monkeypatch.setattr(table, "optimise_programs", lambda: None)
 
 
 @pytest.fixture(scope="module")
