@@ -27,7 +27,8 @@ check_shapes()
 import clearjoint as cj  # noqa: E402
 from clearjoint._compilation import keep_programs  # noqa: E402
 
-_make_context, _of_thread = mlir.make_ir_context, threading.local()
+_make_context = getattr(mlir, "make_ir_context", None)
+_of_thread = threading.local()
 
 
 def context_of_thread() -> object:
@@ -41,7 +42,8 @@ def context_of_thread() -> object:
     return _of_thread.context
 
 
-mlir.make_ir_context = context_of_thread
+if jax.__version_info__ < (0, 11):  # An internal function, as it is in these versions.
+    mlir.make_ir_context = context_of_thread
 
 gc.freeze()
 gc.set_threshold(50_000, 50, 100)
