@@ -4,12 +4,14 @@ import ctypes
 import gc
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import jax
 import psutil
 import pytest
+from jax._src.interpreters import mlir
 
 if jax.__version_info__ < (0, 11):  # A later jaxlib ends the process for a flag that it dropped.
     # Tests evaluate thousands of small expressions, each a program of its own, which compile in
@@ -25,20 +27,39 @@ check_shapes()
 import clearjoint as cj  # noqa: E402
 from clearjoint._compilation import keep_programs  # noqa: E402
 
+_make_context = getattr(mlir, "make_ir_context", None)
+_of_thread = threading.local()
+
+
+def context_of_thread() -> object:
+    """The context in which this thread's programs are lowered to XLA. JAX makes another one for
+    every program, which takes a third of the time of a small one. A program that is computed while
+    another one is lowered has a context of its own, or it would become a part of the other."""
+    if mlir.ir.Context.current is not None:
+        return _make_context()
+    if not hasattr(_of_thread, "context"):
+        _of_thread.context = _make_context()
+    return _of_thread.context
+
+
+if jax.__version_info__ < (0, 11):  # An internal function, as it is in these versions.
+    mlir.make_ir_context = context_of_thread
+
 gc.freeze()
 gc.set_threshold(50_000, 50, 100)
 """Tracing makes so many objects that collecting garbage at the usual rate takes a third of it."""
 
 LONGEST = (
-    "wear",
-    "symmetries_of_elements",
     "conformance",
-    "sweep",
-    "sweep_resume",
     "posterior",
-    "simulate",
-    "command_line",
-    "profiles",
+    "symmetries_of_elements",
+    "benchmark",
+    "identify",
+    "assembly_and_forces",
+    "drives",
+    "wear",
+    "sweep_resume",
+    "nonsmooth",
 )
 """Files of tests that take longest: begun first, they leave no worker waiting."""
 
@@ -77,6 +98,7 @@ def bounded_memory() -> Iterator[None]:
     yield
     if psutil.Process().memory_info().rss > MEMORY:
         jax.clear_caches()
+        vars(_of_thread).clear()
         gc.collect()
         if sys.platform == "linux":
             ctypes.CDLL("libc.so.6").malloc_trim(0)

@@ -235,11 +235,11 @@ def test_jumps_inside_the_contact_are_refused(law, complaint):
 @pytest.mark.parametrize(
     "friction",
     [
-        cj.frictions.LinearCoulomb(0.1),
         cj.frictions.Stribeck(0.15, 0.1, stribeck_speed=1e-2),
         *(
             pytest.param(friction, marks=pytest.mark.slow)
             for friction in (
+                cj.frictions.LinearCoulomb(0.1),
                 cj.frictions.RegularisedCoulomb(0.1),
                 cj.frictions.Threlfall(0.1),
                 cj.frictions.Ambrosio(0.1),

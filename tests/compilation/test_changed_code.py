@@ -173,6 +173,7 @@ print(json.dumps([traced, float(force(cj.laws.HuntCrossley(0.8, 1e9), gap, 0.1))
 """
 
 
+@pytest.mark.slow
 def test_an_upgrade_in_an_open_process_leaves_no_program_of_old_code(tmp_path):
     shutil.copytree(PACKAGE, tmp_path / "clearjoint")
     opened, fresh = (process(tmp_path, UPGRADED, *words) for words in (["edit"], []))

@@ -133,17 +133,13 @@ def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
     return 0.5 * (points[0] + points[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axial", "least", "most"),
     [
-        pytest.param(cj.FreeAxially(), 1e-3, 1.0, marks=pytest.mark.slow),
+        (cj.FreeAxially(), 1e-3, 1.0),
         (cj.FixedAxially(), 0.0, 1e-9),
-        pytest.param(
-            cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)),
-            0.99e-4,
-            1.2e-4,
-            marks=pytest.mark.slow,
-        ),
+        (cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)), 0.99e-4, 1.2e-4),
     ],
     ids=["free", "fixed", "end play"],
 )
@@ -265,6 +261,7 @@ def test_assembly_says_if_only_clearances_let_a_driven_mechanism_move():
     assert (cj.assemble(scene, guess, moving=False).bodies["plate"].velocity == 0.0).all()
 
 
+@pytest.mark.slow
 def test_assembly_needs_no_jacobian_of_all_rows(monkeypatch):
     """Its rank takes time that grows with the cube of the number of bodies."""
     scene, guess = cj.mechanisms.slider_crank()

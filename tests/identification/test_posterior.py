@@ -51,6 +51,7 @@ def found(parameters=VELOCITY, data=None, **options):
     return cj.posterior(SCENE, STATE, data, parameters, **options)
 
 
+@pytest.mark.slow
 def test_a_free_flight_has_the_posterior_and_the_evidence_of_the_closed_form():
     data = flights()
     values = np.asarray(data["x"].values)
@@ -125,6 +126,7 @@ def test_scales_need_not_accept_arrays():
     assert all(row.min() > 0.0 for row in seen)
 
 
+@pytest.mark.slow
 def test_few_effective_runs_are_reported():
     result = found(number=64)
     assert result.warnings == [] and result.effective_sample_size >= 64.0

@@ -175,6 +175,7 @@ def test_gear_backlash_changes_with_the_centre_distance(wider, teeth_second):
         assert found == pytest.approx(PLAY + sense * wider * math.tan(ALPHA), rel=2e-2)
 
 
+@pytest.mark.slow
 def test_centred_joints_conform_and_hold_the_middle():
     play = backlash(middle=0.4)
     check_constraint(play.centred_joint(), MOTIONS)

@@ -87,7 +87,7 @@ def test_johnson_ends_at_half_a_clearance_under_the_load_of_the_fold():
     [
         *list(FORMULAS)[:1],
         *(pytest.param(law, marks=pytest.mark.slow) for law in list(FORMULAS)[1:]),
-        cj.laws.LiuCylinder,
+        pytest.param(cj.laws.LiuCylinder, marks=pytest.mark.slow),
         pytest.param(cj.laws.PereiraCylinder, marks=pytest.mark.slow),
         cj.laws.PerssonCylinder,
     ],

@@ -62,6 +62,7 @@ def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle)
     assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
 
 
+@pytest.mark.slow
 def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
     """At 60 000 rpm: angle, violation and, since nothing accelerates, no moment."""
     speed, start = 60_000 * np.pi / 30, 2.5
@@ -307,7 +308,7 @@ def test_a_table_of_angles_is_followed_however_many_there_are(points):
     assert shaft_angle(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-5])
+@pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.slow), 1e-5])
 @pytest.mark.parametrize(
     "drive",
     [

@@ -167,6 +167,12 @@ class Pulling(cj.extend.AbstractFilm):
 
 
 def test_a_broken_film_is_refused():
+    with pytest.raises(AssertionError, match="not finite"):
+        check_film(Pulling(1.0))
+
+
+@pytest.mark.slow
+def test_all_faults_of_a_broken_film_are_named():
     complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
     for words in (
         "force is not finite",
@@ -175,8 +181,6 @@ def test_a_broken_film_is_refused():
         "derivative by offset",
     ):
         assert words in complaints
-    with pytest.raises(AssertionError, match="not finite"):
-        check_film(Pulling(1.0))
 
 
 def test_negative_viscosity_is_refused():

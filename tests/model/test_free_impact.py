@@ -22,7 +22,7 @@ LAWS = {
 }
 
 
-FAST = {"Lankarani-Nikravesh", "memoryless"}
+FAST = {"Lankarani-Nikravesh"}
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,7 @@ def test_infinite_breakpoints_never_occur(at):
     assert not occurs and since == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [np.inf, -np.inf])
 def test_runs_with_infinite_breakpoints(at):
     scene, state = switched(at), cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})

@@ -151,6 +151,7 @@ def test_integrated_impacts_of_dashpots(law, requested, delivered):
     assert found == pytest.approx(delivered, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_a_force_that_is_largest_at_the_onset_is_found():
     law, log = cj.laws.KelvinVoigt(0.02, 1e9, MASS), np.log(0.02)
     damping = -2.0 * log / np.hypot(np.pi, log) * np.sqrt(1e9 * MASS)
@@ -231,15 +232,16 @@ def test_an_unusable_law_conforms():
     check_law(law)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        cj.laws.KelvinVoigt(0.6, 1e8, 2.0),
-        pytest.param(cj.laws.Ristow(STEEL, 50.0), marks=pytest.mark.slow),
-    ],
-)
-def test_laws_that_jump_say_so(law):
-    assert law.force_jumps
+JUMPING = [cj.laws.KelvinVoigt(0.6, 1e8, 2.0), cj.laws.Ristow(STEEL, 50.0)]
+
+
+def test_laws_that_jump_say_so():
+    assert all(law.force_jumps for law in JUMPING)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", JUMPING)
+def test_their_jump_is_noticed(law):
     with pytest.warns(UserWarning, match="where contact begins or ends"):
         check_law(law)
 

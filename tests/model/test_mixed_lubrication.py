@@ -124,6 +124,7 @@ def test_an_equilibrium_at_a_wall_with_a_profile_is_refused():
     np.testing.assert_allclose(found.offset, expected.offset, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_ledger_of_a_run_closes():
     bodies = {"rotor": cj.Body(5.0, (5e-3, 5e-3, 1e-2))}
     push = {"load": cj.AppliedLoad("rotor", force=(0.0, -LOAD, 0.0))}

@@ -114,7 +114,7 @@ def test_stacked_trees_have_the_results_of_their_leaves(size):
 
 
 @pytest.mark.parametrize("is_linear", [True, False])
-@pytest.mark.parametrize("count", [1, 3, 8])
+@pytest.mark.parametrize("count", [1, 3, pytest.param(8, marks=pytest.mark.slow)])
 def test_stacked_trees_have_the_derivatives_of_their_leaves(count, is_linear):
     rng = np.random.default_rng(count)
     names = [f"x{k:03}" for k in range(FEWEST + 1)]

@@ -38,6 +38,7 @@ def test_every_guide_and_study_has_a_page():
     assert missing == [], WHERE
 
 
+@pytest.mark.slow
 def test_links_of_guides_and_studies_lead_to_pages(tmp_path):
     pytest.importorskip("griffe")
     pytest.importorskip("nbconvert")

@@ -218,6 +218,7 @@ def test_run_without_bristles_has_none():
     assert dynamics.contact_forces["floor"]["belt"].bristle_rate is None
 
 
+@pytest.mark.slow
 def test_rigid_contacts_take_the_friction_of_long_slip():
     """The block slows down at mu_C g, as it slides far above the Stribeck speed; observations of
     rigid runs have bristles at rest."""

@@ -159,6 +159,7 @@ def test_an_overflowing_trial_does_not_affect_reverse_derivatives(overflowing):
     assert all(slope == 1.0 for slope in jax.tree.leaves(slopes))
 
 
+@pytest.mark.slow
 def test_without_adjoint_the_program_has_no_checkpoints(overflowing):
     scheme, form, now = overflowing
     arguments = (scheme, form, {}, now, None, jnp.asarray(1.0), jnp.asarray(9))

@@ -1,8 +1,6 @@
 """Landing of steps on contact events, including contacts shorter than a step."""
 
-import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -88,20 +86,18 @@ def rebounds():
     at_rest = cj.State({"rod": cj.body_state(np.zeros(3))})
 
     def rebound(side, angle):
-        way = jnp.stack([jnp.cos(angle), jnp.sin(angle), jnp.zeros(())])
+        way = np.array([np.cos(angle), np.sin(angle), 0.0])
         state = eqx.tree_at(
             lambda s: (s.bodies["rod"].position, s.bodies["rod"].velocity),
             at_rest,
             (CLEARANCE * side * way, speed * way),
         )
-        few_stages = cj.Settings(solver=diffrax.Bosh3())  # compiles in half the time
-        final = cj.simulate(SCENE, state, 1e-3, few_stages).final
+        final = cj.simulate(SCENE, state, 1e-3, progress=False).final
         return -(final.bodies["rod"].velocity @ way) / speed
 
     angles, sides = np.linspace(0.0, 5.0, 6), 1.0 + 4e-16 * np.array([-1.0, 0.0, 1.0])
-    over_angles = jax.vmap(rebound, in_axes=(None, 0))
-    result = jax.jit(jax.vmap(over_angles, in_axes=(0, None)))(sides, angles)
-    return result, LAW.delivered_restitution()
+    result = [[rebound(side, angle) for angle in angles] for side in sides]
+    return np.array(result), LAW.delivered_restitution()
 
 
 def test_a_start_at_the_wall_is_an_onset_on_either_side(rebounds):

@@ -308,6 +308,11 @@ def test_the_double_pendulum_is_within_its_penetration_of_the_reference(pendulum
     apart = np.abs(found.saved.states.bodies["arm 2"].position[:, 1] - height)
     assert apart.max() < 60e-6
     assert apart[:3].max() < 15e-6
+
+
+@pytest.mark.slow
+def test_both_coordinates_give_the_same_motion_with_rigid_contacts(pendulum):
+    found = swung(*pendulum)
     absolute = swung(*pendulum, coordinates=cj.AbsoluteCoordinates())
     for name, body in found.saved.states.bodies.items():
         other = absolute.saved.states.bodies[name].position
@@ -325,6 +330,7 @@ def test_the_ledger_closes(pendulum):
     assert booked[-1] > 3e-3
 
 
+@pytest.mark.slow
 def test_lanes_of_a_batch_are_single_runs(pendulum):
     scene, state = pendulum
     clearances = np.array([4e-4, 5e-4])

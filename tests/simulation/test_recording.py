@@ -147,6 +147,7 @@ def test_onset_and_peak_of_a_contact_that_begins_inside_a_step_are_those_in_the_
     assert float(row.largest_penetration) == pytest.approx(1e-6, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_impacts_of_steps_across_onsets_are_those_of_steps_that_end_there():
     scene, state = dropped_rod()
     scene = eqx.tree_at(lambda scene: scene.joints["pin"].law, scene, cj.laws.Hertz(1e9))

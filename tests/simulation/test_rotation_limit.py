@@ -25,15 +25,6 @@ def impacts(kind: str, seed: int, settings: cj.Settings) -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
-)
-def test_impacts_of_a_free_rotor_in_all_coordinates(seed):
-    found = [impacts(KINDS[0], seed, settings) for settings in (cj.Settings(), ABSOLUTE)]
-    assert found[0] == found[1] > 0, f"seed {seed}: impacts in joint, absolute coordinates {found}"
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_impacts_in_all_coordinates_and_in_short_steps(kind):
     """25 mechanisms of each kind, 200 in all."""

@@ -111,6 +111,7 @@ def test_tolerances_may_be_those_of_lanes():
     assert lanes.tolist() == [int(attempts(1e-4)), int(attempts(1e-10))]
 
 
+@pytest.mark.slow
 def test_a_list_of_times_may_contain_traced_numbers():
     scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))})
     state = cj.State({"ball": cj.body_state((0, 0, 0), velocity=(2.0, 0, 0))})

@@ -45,11 +45,8 @@ def _height(solution):
     return float(solution.final.bodies["arm 2"].position[1])
 
 
-@pytest.mark.parametrize(
-    "saving",
-    [None, pytest.param(jnp.linspace(0.0, END, 5), marks=pytest.mark.slow)],
-    ids=["plain", "saving"],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("saving", [None, jnp.linspace(0.0, END, 5)], ids=["plain", "saving"])
 def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     """Every while loop of the program but the outer ones that save is a call of native code."""
     scene, state = pendulum
@@ -177,6 +174,7 @@ def test_split_solvers_are_refused(pendulum):
         cj.simulate(*pendulum, 0.02, cj.Settings(solver=diffrax.KenCarp4()))
 
 
+@pytest.mark.slow
 def test_vmapped_lanes_equal_single_runs(pendulum):
     """Batched clearances, each with its own steps and impacts, equal the runs one by one within the
     tolerance: rounding differs, and the choice of steps amplifies it."""

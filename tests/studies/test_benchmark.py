@@ -9,7 +9,15 @@ import pytest
 
 import clearjoint as cj
 from studies.benchmark import __main__ as benchmark
-from studies.benchmark import backlash_chain, derivatives, first_calls, runs, sweeps, yardstick
+from studies.benchmark import (
+    backlash_chain,
+    derivatives,
+    first_calls,
+    runs,
+    sweeps,
+    table,
+    yardstick,
+)
 from studies.benchmark.chain import chain
 from studies.benchmark.table import (
     BEGIN,
@@ -24,6 +32,12 @@ from studies.benchmark.table import (
     row,
     shown,
 )
+
+
+@pytest.fixture(autouse=True)
+def programs_as_they_are(monkeypatch):
+    """Or those of all tests before would be optimised."""
+    monkeypatch.setattr(table, "optimise_programs", lambda: None)
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +78,7 @@ def test_run_has_its_impact_where_free_fall_ends(plan):
     assert found.speeds[0] == pytest.approx(9.81 * fall, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_rows_of_runs(plan):
     whole, step, call = runs.rows(plan)
     # The time of a step is a difference, which noise may make negative in a single short round.
@@ -86,6 +101,7 @@ def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
     assert "No C++ compiler" in printed and "failed: rows with C++ have no ratio" in printed
 
 
+@pytest.mark.slow
 def test_rows_of_sweeps(plan):
     rows = sweeps.rows(plan)
     ratios(rows)
@@ -95,6 +111,7 @@ def test_rows_of_sweeps(plan):
     assert len(on_two) == (0 if len(cores()) == 1 else 3)
 
 
+@pytest.mark.slow
 def test_rows_of_derivatives(plan):
     rows = derivatives.rows(plan)
     assert [one.aim for one in rows] == [3.2, 4.0, 3.5, None]
@@ -108,12 +125,14 @@ def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
     np.testing.assert_allclose(found.derivatives["height"][0], known, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_rows_of_others(plan):
     rows = runs.others(plan)
     assert len(rows) == 1 + bool(find_spec("exudyn"))
     ratios(rows)
 
 
+@pytest.mark.slow
 def test_rows_of_backlash(plan):
     (one,) = backlash_chain.rows(plan)
     assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))
@@ -199,6 +218,7 @@ def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
 
 def test_command_writes_table_records_and_picture(tmp_path, monkeypatch, capsys):
     rows = [Row("run", 2.0, "C++", 1.0, 2.0, (1.9, 2.1), 1.5)]
+    monkeypatch.setattr(benchmark, "build", lambda folder: None)
     monkeypatch.setitem(benchmark.GROUPS, "runs", lambda plan: rows)
     benchmark.main(["runs", "--quick", "--output", str(tmp_path)])
     assert "| run | 2 s | 1 s, C++ | 2 (1.9 … 2.1) | 1.5 |" in capsys.readouterr().out

@@ -17,11 +17,13 @@ def checks():
     return [check for family in FAMILIES.values() for check in family.checks(True)]
 
 
+@pytest.mark.slow
 def test_errors_are_within_the_allowed_ones(checks):
     assert len(checks) > 25
     assert [check for check in checks if not check.error <= check.within] == []
 
 
+@pytest.mark.slow
 def test_readme_has_every_checked_entry(checks):
     listed = {tuple(row[:3]) for row in ROWS}
     assert [check.entry for check in checks if tuple(check.cells()[:3]) not in listed] == []

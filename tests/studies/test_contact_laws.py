@@ -27,12 +27,14 @@ def test_the_area_of_a_loop_is_the_energy_lost(law):
     assert lost == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_rigid_contact_is_near_the_reference():
     (found,) = accuracies([RIGID], reference(), DURATION)
     assert found.steps == 40_000 and found.seconds > 0.0
     assert 0.0 < found.early_error < 15e-6
 
 
+@pytest.mark.slow
 def test_rigid_contact_has_no_derivative_by_the_clearance():
     (found,) = slopes([RIGID])
     near, far = found.differences

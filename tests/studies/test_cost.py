@@ -74,6 +74,7 @@ def test_quick_features_have_times(tmp_path):
     assert len(features.table(found)) == 3
 
 
+@pytest.mark.slow
 def test_joint_coordinates_do_not_drift_and_take_fewer_steps():
     absolute, joint = coordinates.measure([coordinates.IDEAL])
     assert (absolute.coordinates, joint.coordinates) == ("absolute", "joint")

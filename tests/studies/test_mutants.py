@@ -149,6 +149,7 @@ def test_an_interrupted_command_continues(part, expected, in_order, tmp_path, mo
     assert {mutants.index(mutant) for mutant in run} == expected
 
 
+@pytest.mark.slow
 def test_the_quick_study_catches_a_wrong_friction_law(in_order, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(study, "in_random_order", lambda *arguments: in_order)
     *_, whole = study.main(["--quick", "--output", str(tmp_path)])

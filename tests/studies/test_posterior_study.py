@@ -66,6 +66,7 @@ def test_runs_of_the_exact_posterior_are_spread_around_points_with_the_stated_de
     np.testing.assert_allclose(area, 16.0, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_the_quick_study_prints_a_row_and_draws_the_intervals(tmp_path, capsys):
     assert parse([]).draws == 50
     main(["--quick", "--output", str(tmp_path)])

@@ -98,6 +98,7 @@ def test_true_friction_is_recovered_within_its_errors(pieces):
         assert other.standard_errors[name] == pytest.approx(found.naive[name], rel=0.02), name
 
 
+@pytest.mark.slow
 def test_quick_study_predicts_the_validation_piece(pieces):
     fitted = study(prepared(pieces, quick=True))
     predicted_rms = {name: tests[0].rms for name, tests in fitted.tests.items()}

@@ -9,6 +9,7 @@ from studies.slider_crank.runs import run
 from studies.slider_crank.sweep import periods, with_ratios
 
 
+@pytest.mark.slow
 def test_quick_study_writes_its_files_and_finds_the_closed_forms(tmp_path):
     found = run(*parse(["--quick", "--output", str(tmp_path)]))
     written = {file.name for file in tmp_path.iterdir()}

@@ -85,6 +85,7 @@ def test_a_family_is_dominated_if_a_cheaper_item_is_as_exact_everywhere():
     assert (found["c"].least, found["c"].nearest) == (2.0, "(4.0, 0.1)")
 
 
+@pytest.mark.slow
 def test_error_falls_and_work_grows_with_the_tolerance():
     points = [measured(setting, QUICK) for setting in settings.quick_grid()]
     assert len(points) == 3

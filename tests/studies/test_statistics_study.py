@@ -20,18 +20,21 @@ def lines(folder):
     return main(["--quick", "--output", str(folder)])
 
 
+@pytest.mark.slow
 def test_the_quick_study_draws(lines, folder):
     for name in ("ensemble", "derivatives", "sensitivity"):
         assert (folder / f"{name}.png").stat().st_size > 3000
     assert len(lines) == 8 + 4 + 5
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_differences(lines):
     counts = [re.search(r"(\d+) of 3 intervals hold", line) for line in lines]
     held = [int(count[1]) for count in counts if count]
     assert len(held) == 3 and sum(held) >= 6
 
 
+@pytest.mark.slow
 def test_the_clearance_drives_the_peak_of_the_first_revolution(lines):
     (line,) = [line for line in lines if line.startswith("first peak, total order")]
     shares = {name: float(share) for name, share in re.findall(r"(\w+) (-?[\d.]+) \(", line)}

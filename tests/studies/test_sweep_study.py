@@ -28,12 +28,14 @@ def pictures(output, *names):
     return all((output.folder / f"{name}.png").stat().st_size > 3000 for name in names)
 
 
+@pytest.mark.slow
 def test_sweep_draws_and_stores_what_does_not_fail(output, swept):
     assert pictures(output, "summary", "impacts", "orbits")
     assert (swept["result"] == 0).all()
     assert swept.sizes["clearance"] == 16
 
 
+@pytest.mark.slow
 def test_journal_falls_freely_at_first(swept):
     """The offset is g t^2 / 2 up to the wall, which is met at sqrt(2 g c) after sqrt(2 c / g)."""
     clearance = swept["clearance"].values
@@ -47,17 +49,20 @@ def test_journal_falls_freely_at_first(swept):
         assert float(np.abs(error).max()) < 1e-12
 
 
+@pytest.mark.slow
 def test_restitution_is_the_delivered_one(swept):
     """It is that of impacts 1 and 2; the extended-precision reference has 0.9115 at 0.5 mm."""
     half = swept["impact_entry_speed"].sel(clearance=0.5e-3, method="nearest").values
     assert half[1] / half[0] == pytest.approx(0.9115, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_journal_stays_in_its_bearing(swept):
     eccentricity = np.hypot(swept["orbit_x"], swept["orbit_y"])
     assert float((eccentricity - swept["clearance"]).max()) < 20e-6
 
 
+@pytest.mark.slow
 def test_a_finished_sweep_is_read_and_not_computed(output, swept, capsys, monkeypatch):
     def refuse(*arguments, **settings):
         raise AssertionError("computed again")
@@ -100,6 +105,7 @@ def test_limit_is_another_joint_if_it_is_not(output):
     assert float(free["deviation"][0]) > 0.04
 
 
+@pytest.mark.slow
 def test_a_store_of_another_sweep_is_refused(output, swept, monkeypatch):
     monkeypatch.setattr(clearance_sweep, "QUICK_DURATION", 0.25)
     with pytest.raises(SystemExit, match="end_time"):

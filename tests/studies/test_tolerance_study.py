@@ -20,6 +20,7 @@ def found(output):
     return run(output)
 
 
+@pytest.mark.slow
 def test_quick_study_draws_and_finds_the_largest_for_both_limits(found, output):
     for name in ("margin", "motion"):
         assert (output.folder / f"{name}.png").stat().st_size > 3000
@@ -32,6 +33,7 @@ def test_quick_study_draws_and_finds_the_largest_for_both_limits(found, output):
     assert len(found.lines()) == 3 + len(found.growths)
 
 
+@pytest.mark.slow
 def test_the_slider_is_off_by_clearance_and_penetration():
     design = start()
     furthest = design.position_tolerance * np.exp(-design.margins(np.array([20e-6]))[POSITION])

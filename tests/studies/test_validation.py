@@ -24,12 +24,14 @@ def checks(tmp_path_factory):
     return main(["--quick", "--output", str(tmp_path_factory.mktemp("validation"))])
 
 
+@pytest.mark.slow
 def test_modelica_examples_agree_to_the_tolerance_of_their_solver(checks):
     examples = [check for check in checks if "Examples" in check.source]
     assert len(examples) == 12
     assert [check for check in examples if not check.difference < 2e-4] == []
 
 
+@pytest.mark.slow
 def test_the_wheel_is_free_between_the_flanks(checks):
     """Closed form: the gap of pi/4 rad is crossed at constant speed."""
     found = {check.name: check.ours for check in checks}
@@ -48,6 +50,7 @@ def linkage():
     return four_bar_checks(quick=True)
 
 
+@pytest.mark.slow
 def test_the_linkage_of_siconos_moves_as_published(linkage):
     torque, *angles = linkage.checks
     assert torque.difference < 1e-9
@@ -55,6 +58,7 @@ def test_the_linkage_of_siconos_moves_as_published(linkage):
     assert [check for check in angles if not abs(check.ours - check.published) < 6e-5] == []
 
 
+@pytest.mark.slow
 def test_its_error_is_proportional_to_the_step(linkage):
     ratios = [a / b for a, b in zip(linkage.differences[:-1], linkage.differences[1:], strict=True)]
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
@@ -68,18 +72,21 @@ def test_the_ball_of_siconos_bounces_as_published():
     assert abs(impulse.ours - impulse.published) < 5e-4
 
 
+@pytest.mark.slow
 def test_friction_and_inertia_are_identified_from_starts_near_zero(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3284")}
     assert list(found) == ["mass", "inertia", "friction", "damping"]
     assert [check for check in found.values() if not check.difference < 2e-5] == []
 
 
+@pytest.mark.slow
 def test_a_fit_of_the_whole_record_at_once_stalls_and_says_so():
     with pytest.warns(cj.PoorFitWarning):
         fit = fitted(driven_link(), LINK_GUESS)
     assert fit.ending.name != "CONVERGED"
 
 
+@pytest.mark.slow
 def test_lugre_friction_is_identified(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
     assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
@@ -114,6 +121,7 @@ def test_the_bounce_of_mujoco_converges_with_the_order_of_its_method():
     assert mujoco_orders() == pytest.approx([4.0, 4.0], abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("checks_of_others", [double_pendulum, bounce])
 def test_without_other_programs_their_rows_are_left_out(checks_of_others, monkeypatch, capsys):
     monkeypatch.setattr("studies.validation.programs.has", lambda package: False)
@@ -121,6 +129,7 @@ def test_without_other_programs_their_rows_are_left_out(checks_of_others, monkey
     assert capsys.readouterr().out.count("not installed") == 2
 
 
+@pytest.mark.slow
 def test_the_first_benchmark_ends_at_its_reference(checks):
     found = [check for check in checks if check.source.startswith("IFToMM")]
     assert len(found) == 2
@@ -197,5 +206,6 @@ def test_play_and_friction_of_a_made_up_record_are_found(damper_record):
     assert fit.rms < 0.02 * FORWARDS
 
 
+@pytest.mark.slow
 def test_each_value_has_a_row(checks):
     assert len(table(checks)) == 1 + len(checks)

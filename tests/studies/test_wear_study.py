@@ -8,6 +8,7 @@ import pytest
 from studies.wear.__main__ import main
 
 
+@pytest.mark.slow
 def test_stages_of_two_lengths_agree(tmp_path):
     lines = main(["profile", "--quick", "--output", str(tmp_path)])
     assert (tmp_path / "profile.png").stat().st_size > 3000

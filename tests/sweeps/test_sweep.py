@@ -59,7 +59,8 @@ def grid():
     )
 
 
-@pytest.mark.parametrize("count", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
 def test_neither_threads_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_path):
     """Of fifteen lanes in one thread, four alone, in one and in two; nor does a store."""
     kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}

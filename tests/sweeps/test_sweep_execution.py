@@ -52,7 +52,7 @@ def write(store, chunk: int, arrays) -> None:
 
 @pytest.fixture(scope="module")
 def processes():
-    with ProcessPoolExecutor(2, mp_context=SPAWN) as executor:
+    with ProcessPoolExecutor(1, mp_context=SPAWN) as executor:
         yield executor
 
 
@@ -83,14 +83,13 @@ class Decoded:
         (self.folder / f"{os.getpid()} {time.monotonic_ns()}").touch()
 
 
-def test_processes_compute_a_closure_that_each_decodes_once(processes, store, tmp_path):
+def test_a_process_computes_a_closure_that_it_decodes_once(processes, store, tmp_path):
     (tmp_path / "decoded").mkdir()
     decoded = Decoded(tmp_path / "decoded")
     swept(lambda chunk: decoded and results_of(chunk), processes, store)
     identical_to_uninterrupted(store)
     pids = [file.name.split()[0] for file in (tmp_path / "decoded").iterdir()]
-    assert 1 <= len(pids) == len(set(pids)) <= 2
-    assert str(os.getpid()) not in pids
+    assert len(pids) == 1 and pids != [str(os.getpid())]
 
 
 def settings(chunk):
@@ -131,7 +130,9 @@ def test_error_in_a_chunk_is_named_and_the_others_are_kept(kind, processes, stor
         assert isinstance(raised.value.__cause__, FloatingPointError)
         assert raised.value.chunks == (1,)
         missing = store.missing()
-        assert {0, 2, 3}.isdisjoint(missing) and {1, 11} <= set(missing)
+        # The one process ends with the failed chunk; of two threads, the other one goes on.
+        kept = {0, 2, 3} if kind == "threads" else {0}
+        assert kept.isdisjoint(missing) and {1, 11} <= set(missing)
         begun = []
         swept(lambda chunk: begun.append(chunk) or results_of(chunk), threads, store)
     assert sorted(begun) == list(missing)

@@ -40,9 +40,16 @@ FURTHER = {
     "in both, in any order": axes([2e-3, *CLEARANCE.values[::-1]], [0.9, 0.2, 0.5, 0.1]),
     "twice": axes(restitution=[0.1, 0.5, 0.9, 0.9]),
 }
+FAST = {"in both, in any order", "twice"}
 
 
-@pytest.mark.parametrize("further", FURTHER.values(), ids=FURTHER)
+@pytest.mark.parametrize(
+    "further",
+    [
+        pytest.param(further, id=name, marks=() if name in FAST else pytest.mark.slow)
+        for name, further in FURTHER.items()
+    ],
+)
 def test_further_values_leave_the_lanes_there_are(path, further):
     before = open_sweep(path)
     files = {file: file.read_bytes() for file in path.glob("by_lane/position/c/*/*/*")}
@@ -163,7 +170,7 @@ def test_further_variables_are_pending_until_their_lanes_have_run_again(path):
 @pytest.mark.parametrize(
     "steps",
     [
-        pytest.param(steps, marks=() if steps % 12 == 0 else pytest.mark.slow)
+        pytest.param(steps, marks=() if steps % 24 == 12 else pytest.mark.slow)
         for steps in range(0, 40, 3)
     ],
 )

@@ -109,19 +109,15 @@ def test_only_what_is_read_counts(usual, monkeypatch):
     assert of(*pendulum()) == usual
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "others",
     [
         {"rtol": 1e-7},
-        *(
-            pytest.param(others, marks=pytest.mark.slow)
-            for others in (
-                {"landing_tolerance": 1e-10},
-                {"controller": diffrax.PIDController(1e-6, 1e-9, pcoeff=0.1)},
-                {"solver": diffrax.Dopri5()},
-                {"ledger": True},
-            )
-        ),
+        {"landing_tolerance": 1e-10},
+        {"controller": diffrax.PIDController(1e-6, 1e-9, pcoeff=0.1)},
+        {"solver": diffrax.Dopri5()},
+        {"ledger": True},
     ],
 )
 def test_settings_make_another_program(usual, others):
@@ -142,6 +138,7 @@ def test_a_worker_that_would_run_other_code_refuses():
         Chunks(work, {0: [0]}, lambda: {RUN: "other"})(0)
 
 
+@pytest.mark.slow
 def test_numbers_of_scene_and_state_are_none_of_the_program(usual):
     scene, state = pendulum()
     scene = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1e-4)

@@ -369,6 +369,7 @@ def test_killed_during_creation_it_leaves_nothing_in_the_way(path):
     assert list(opened(path, layout()).missing()) == [0, 1, 2]
 
 
+@pytest.mark.slow
 def test_what_killed_processes_have_left_goes_and_what_is_being_made_stays(path):
     with python(CREATE_AND_DIE, path) as process:
         process.wait()
