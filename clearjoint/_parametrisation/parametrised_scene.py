@@ -2,6 +2,7 @@
 
 import abc
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -178,9 +179,10 @@ def parametrised(
     scales = tuple(p.scale for p in parameters.values())
     # Constants are folded only in leaves that no parameter changes. A first object without folded
     # constants finds these leaves.
-    unfolded = ParametrisedScene(values, (scene, state), changes, scales, ())
-    patterns = fold_constants(scene, unfolded.varied()).patterns
-    return ParametrisedScene(values, (scene, state), changes, scales, patterns)
+    unfolded = ParametrisedScene(
+        values=values, base=(scene, state), changes=changes, scales=scales, patterns=()
+    )
+    return replace(unfolded, patterns=fold_constants(scene, unfolded.varied()).patterns)
 
 
 class DirectedScene(AbstractSceneFamily):

@@ -3,13 +3,14 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from .._fields.checks import require, require_names, require_type
+from .._fields.checks import require, require_names
 from .._fields.leaves import with_leaves
 from .._model.bodies import State
 from .._model.scene import Scene
@@ -56,7 +57,8 @@ def parts_of(
             numbers[name] = np.asarray(path.scale.value(coordinate), float)
             changes.append((name, path.variation.setter(scene, state, 0.0)))
             continue
-        require_type(argument, path, Callable, "a function of a scene or a Parameter", _EXAMPLE)
+        expected = "a function of a scene or a Parameter"
+        require(callable(path), argument, path, expected, _EXAMPLE)
         numbers[name], change = _selected(scene, state, path, argument)
         changes.append((name, change))
     return numbers, tuple(changes)
@@ -72,7 +74,7 @@ def _selected(
     if element is None or isinstance(element, Number | list | tuple):
         variation: AbstractVariation = SceneNumber(path)
         assert isinstance(variation, AbstractNumber)
-        value = np.asarray(value_at(scene, path), float)
+        value: Any = np.asarray(value_at(scene, path), float)
         return value, variation.setter(scene, state, value)
     places, structure = jax.tree.flatten(element)
     leaves = jax.tree.leaves(scene)

@@ -29,9 +29,11 @@ from ...quantities.base import Instant, Quantity
 from ..results.solution import SUCCESSFUL
 from ..step.dense_output import look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
+from ..step.solvers import UnrolledExplicit
 from ..step.step_state import Attempt, Method, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
-from ..step.trial_step import Trial, solved_step
+from ..step.trial_step import solved_step
+from ..step.types import Numbers
 from .recorders import RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
 from .sampling import first_step_of, look_at_tangents
@@ -39,7 +41,7 @@ from .sampling import first_step_of, look_at_tangents
 ROWS = 1024
 """Number of accepted steps that a segment of the run records, and that a call of the backward loop
 takes."""
-Values = dict[str, Scalar]
+Values = dict[str, Numbers]
 
 
 class StepRow(NamedTuple):
@@ -95,7 +97,7 @@ def in_one_array(tree: PyTree) -> jax.Array:
     return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, float)) for leaf in leaves])
 
 
-def like(example: PyTree, numbers: jax.Array) -> PyTree:
+def like(example: PyTree, numbers: Numbers) -> PyTree:
     """Return the PyTree of which `in_one_array` is `numbers`, with the structure, shapes and types
     of an example."""
     leaves, structure = jax.tree.flatten(example)
@@ -132,7 +134,7 @@ class Adjoint(eqx.Module):
 
     scheme: Scheme
     family: DirectedScene
-    origin: Scalar
+    origin: Numbers
 
     def systems(self, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion with derivatives along the guard's direction, or along
@@ -147,13 +149,13 @@ STEPS = "steps"
 
 
 @Native
-def _begun(run: Adjoint, end: Scalar, first_step: Scalar) -> Progress:
+def _begun(run: Adjoint, end: Numbers, first_step: Numbers) -> Progress:
     start = first_step_of(run.scheme, run.family, run.origin, end, first_step)
     return _loop(run, end).start(start)
 
 
 @Native
-def _segment(run: Adjoint, now: Progress, end: Scalar, attempts: Scalar) -> Progress:
+def _segment(run: Adjoint, now: Progress, end: Numbers, attempts: Numbers) -> Progress:
     """Continue a run to its end, a failure, the limit of `attempts` since its start, or a full
     buffer of accepted steps."""
     own_end = end - run.origin
@@ -162,7 +164,7 @@ def _segment(run: Adjoint, now: Progress, end: Scalar, attempts: Scalar) -> Prog
     )
 
 
-def _loop(run: Adjoint, end: Scalar) -> RunLoop:
+def _loop(run: Adjoint, end: Numbers) -> RunLoop:
     systems = run.systems()
     recorders = {STEPS: AcceptedSteps(ROWS)}
     tried = traced_once(attempt)
@@ -174,36 +176,35 @@ def _loop(run: Adjoint, end: Scalar) -> RunLoop:
 
 def _linear_step(
     run: Adjoint, step: Step, t1: Scalar, tangents: Tangents, direction: PyTree
-) -> Attempt:
-    """Repeat the accepted step from `step` to `t1`, s, with the tangents and the direction of the
-    parameters, of which the tangents of the result are a linear function."""
+) -> tuple[Tangents, TangentsInside]:
+    """Return the tangents at the end of the accepted step from `step` to `t1`, s, and inside of it,
+    as a linear function of those at its start and of the direction of the parameters."""
     method, systems = run.scheme.method, run.systems(direction)
     system, step = systems.system(), replace(step, tangents=tangents)
     trial = solved_step(method, system, step, t1, systems)
-    following = accepted_state(method, system, systems, step, trial, jnp.asarray(True))
-    return _attempt_of(step, trial, following)
+    end = accepted_state(method, system, systems, step, trial, jnp.asarray(True)).tangents
+    assert end is not None and trial.tangents is not None
+    return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
 
 
-def _attempt_of(step: Step, trial: Trial, following: Step) -> Attempt:
-    inside = None
-    if step.tangents is not None and trial.tangents is not None:
-        inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
+def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt:
+    """Repeat an accepted step without tangents."""
+    trial = solved_step(method, system, step, t1, None)
     return Attempt(
-        step=following,
+        step=accepted_state(method, system, None, step, trial, jnp.asarray(True)),
         kept=jnp.asarray(True),
         t_start=step.t,
         entry_speeds_start=step.entry_speeds,
         information=trial.outcome.information,
         time_map=trial.time_map,
-        tangents=inside,
     )
 
 
 def _observed(
     systems: SystemFamily, method: Method, tried: Attempt, time: Scalar, outputs: Mapping
-) -> tuple[Values, Values]:
-    """Return quantities at a time, s since the start of the run, in an accepted step, and their
-    derivatives along the direction."""
+) -> Values:
+    """Return the derivatives along the direction of quantities at a time, s since the start of the
+    run, in an accepted step."""
     dense = look_inside(method, systems.system(), tried, time)
     along = look_at_tangents(method, tried, time, dense[1])
 
@@ -212,8 +213,7 @@ def _observed(
         instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
         return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
-    values, _, derivatives = systems.with_derivatives(observed, dense, along)
-    return values, derivatives
+    return systems.with_derivatives(observed, dense, along)[2]
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
@@ -226,8 +226,8 @@ def _values_at(
     run: Adjoint,
     example: Step,
     outputs: Mapping[str, Quantity],
-    rows: jax.Array,
-    times: jax.Array,
+    rows: Numbers,
+    times: Numbers,
 ) -> Values:
     """Return quantities, (N,) each, at N times, s since the start of the run, of which each lies in
     the step of its row."""
@@ -235,14 +235,26 @@ def _values_at(
     system = systems.system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
-        step, t1 = _row_of(example, pair[0])
-        trial = solved_step(method, system, step, t1, None)
-        following = accepted_state(method, system, None, step, trial, jnp.asarray(True))
-        y, entry_speeds = look_inside(method, system, _attempt_of(step, trial, following), pair[1])
+        tried = _repeated(method, system, *_row_of(example, pair[0]))
+        y, entry_speeds = look_inside(method, system, tried, pair[1])
         instant = Instant(system, pair[1], y.motion, entry_speeds, y.work, y.bristles)
         return None, {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}
 
     return jax.lax.scan(at, None, (rows, times))[1]
+
+
+class StepTangents(NamedTuple):
+    """Tangents of an accepted step: those of the state at its end, and inside of it."""
+
+    end: Tangents
+    inside: TangentsInside
+
+
+def _example_of(run: Adjoint, example: Step) -> StepTangents:
+    tangents, solver = example.tangents, run.scheme.method.solver
+    assert tangents is not None and isinstance(solver, UnrolledExplicit)
+    information = solver.information_like(tangents.y)
+    return StepTangents(tangents, TangentsInside(tangents.entry_speeds, information))
 
 
 @Native
@@ -250,24 +262,26 @@ def _pulled_outputs(
     run: Adjoint,
     example: Step,
     outputs: Mapping[str, Quantity],
-    rows: jax.Array,
-    times: jax.Array,
-    cotangents: Values,
+    rows: Numbers,
+    times: Numbers,
+    cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Return the transpose of `_observed` for N times as in `_values_at`: the cotangents of the
-    tangents at the start of each step, (N, n), and the sum of those of the direction."""
-    method, tangents = run.scheme.method, example.tangents
+    """Return the transpose of the map from the tangents of steps, and the direction, to the
+    derivatives of quantities at N times as in `_values_at`: the cotangents of the tangents of each
+    step, (N, n), and the sum of those of the direction."""
+    method, system = run.scheme.method, run.systems().system()
     none = jax.tree.map(jnp.zeros_like, run.family.values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
         row, time, seeds = parts
-        step, t1 = _row_of(example, row)
+        tried = _repeated(method, system, *_row_of(example, row))
 
-        def along(tangents: Tangents, direction: PyTree) -> Values:
-            tried = _linear_step(run, step, t1, tangents, direction)
-            return _observed(run.systems(direction), method, tried, time, outputs)[1]
+        def along(tangents: StepTangents, direction: PyTree) -> Values:
+            step = replace(tried.step, tangents=tangents.end)
+            attempt = replace(tried, step=step, tangents=tangents.inside)
+            return _observed(run.systems(direction), method, attempt, time, outputs)
 
-        pulled, by_direction = jax.linear_transpose(along, tangents, none)(
+        pulled, by_direction = jax.linear_transpose(along, _example_of(run, example), none)(
             {name: seed[None] for name, seed in seeds.items()}
         )
         return jax.tree.map(jnp.add, total, by_direction), in_one_array(pulled)
@@ -280,37 +294,39 @@ def _pulled_outputs(
 def _backward(
     run: Adjoint,
     example: Step,
-    rows: jax.Array,
-    added: jax.Array,
-    count: Scalar,
-    cotangents: jax.Array,
+    rows: Numbers,
+    added: Numbers,
+    count: Numbers,
+    cotangents: Numbers,
     total: PyTree,
 ) -> tuple[jax.Array, PyTree]:
     """Return the cotangents of the tangents before the first of `count` steps, and those of the
     direction, from the ones after the last step. The cotangents `added`, (rows, n), belong to the
-    tangents at the start of each step."""
-    tangents = example.tangents
+    `StepTangents` of each step."""
+    tangents, of_steps = example.tangents, _example_of(run, example)
     none = jax.tree.map(jnp.zeros_like, run.family.values)
 
     def pull(k: Scalar, now: tuple[jax.Array, PyTree]) -> tuple[jax.Array, PyTree]:
         cotangents, total = now
         index = count - 1 - k
-        step, t1 = _row_of(example, jax.lax.dynamic_index_in_dim(rows, index, keepdims=False))
-
-        def along(tangents: Tangents, direction: PyTree) -> Tangents | None:
-            return _linear_step(run, step, t1, tangents, direction).step.tangents
-
-        pulled, by_direction = jax.linear_transpose(along, tangents, none)(
-            like(tangents, cotangents)
+        row, here = (
+            jax.lax.dynamic_index_in_dim(array, index, keepdims=False) for array in (rows, added)
         )
-        here = jax.lax.dynamic_index_in_dim(added, index, keepdims=False)
-        return in_one_array(pulled) + here, jax.tree.map(jnp.add, total, by_direction)
+        step, t1 = _row_of(example, row)
+
+        def along(tangents: Tangents, direction: PyTree) -> tuple[Tangents, TangentsInside]:
+            return _linear_step(run, step, t1, tangents, direction)
+
+        seeds = like(of_steps, here)
+        end = jax.tree.map(jnp.add, seeds.end, like(tangents, cotangents))
+        pulled, by_direction = jax.linear_transpose(along, tangents, none)((end, seeds.inside))
+        return in_one_array(pulled), jax.tree.map(jnp.add, total, by_direction)
 
     return jax.lax.fori_loop(0, count, pull, (cotangents, total))
 
 
 @Native
-def _pulled_start(run: Adjoint, end: Scalar, first_step: Scalar, cotangents: Tangents) -> PyTree:
+def _pulled_start(run: Adjoint, end: Numbers, first_step: Numbers, cotangents: Tangents) -> PyTree:
     """Return the transpose of the map from the direction to the tangents before the first step."""
 
     def along(direction: PyTree) -> Tangents | None:
@@ -319,7 +335,7 @@ def _pulled_start(run: Adjoint, end: Scalar, first_step: Scalar, cotangents: Tan
         return first_step_of(run.scheme, family, run.origin, end, first_step).tangents
 
     none = jax.tree.map(jnp.zeros_like, run.family.values)
-    return jax.vjp(along, none)[1](cotangents)[0]
+    return jax.linear_transpose(along, none)(cotangents)[0]
 
 
 KEPT_BYTES = 40_000_000
@@ -402,7 +418,8 @@ class RecordedRun:
         run, example = self._run, self._example
         at_times = self._chosen, self._times, cotangents
         pulled, total = _pulled_outputs(run, example, self._outputs, *at_times)
-        now, ends = np.zeros(pulled.shape[1]), np.concatenate([s.ends for s in self._segments])
+        now = np.zeros(sum(map(np.size, jax.tree.leaves(example.tangents))))
+        ends = np.concatenate([segment.ends for segment in self._segments])
         places = np.minimum(np.searchsorted(ends, self._times), len(ends) - 1)
         last = len(ends)
         for segment in reversed(self._segments):

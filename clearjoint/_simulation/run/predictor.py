@@ -43,6 +43,11 @@ class Predictor:
 
     - `values`: the parameters of the scene and state that were given to `predictor`, as the
       function takes them: a dictionary by name, SI.
+
+    >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
+    >>> predict = cj.predictor(scene, state, 0.3, paths, {"x": x}, times)
+    >>> float(predict.values["stiffness"])
+    100.0
     """
 
     def __init__(
@@ -61,7 +66,9 @@ class Predictor:
         numbers, changes = parts_of(scene, state, paths)
         self.values: dict[str, PyTree] = numbers
         scene, state = with_arrays((scene, state))
-        family = DirectedScene(numbers, numbers, (scene, state), changes, ())
+        family = DirectedScene(
+            values=numbers, direction=numbers, base=(scene, state), changes=changes, patterns=()
+        )
         self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
         self._shapes = {name: jax.ShapeDtypeStruct(times.shape, float) for name in outputs}
@@ -157,12 +164,16 @@ def predictor(
     """Return a function of parameters that simulates a scene and returns outputs, with derivatives
     in reverse mode.
 
+    >>> import jax, optax
     >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
     >>> predict = cj.predictor(scene, state, 0.3, paths, {"x": x}, times)
-    >>> loss = lambda values: jnp.sum((predict(values)["x"] - measured) ** 2)
-    >>> optimiser = optax.adam(1.0); values = predict.values; memory = optimiser.init(values)
-    >>> change, memory = optimiser.update(jax.grad(loss)(values), memory)
-    >>> values = optax.apply_updates(values, change)
+    >>> loss = lambda values: jnp.sum((predict(values)["x"] - 0.1 * jnp.cos(11.0 * times)) ** 2)
+    >>> values, optimiser = predict.values, optax.adam(1.0)
+    >>> gradient, memory = jax.grad(loss)(values), optimiser.init(values)
+    >>> change, memory = optimiser.update(gradient, memory)
+    >>> values = optax.apply_updates(values, change)  # and again, until the loss is small
+    >>> print(f"{values['stiffness']:.1f} N/m")  # on the way from 100 to 121
+    101.0 N/m
 
     The derivatives are those of the exact motion, as those of `sensitivities`, of which this is the
     reverse mode: a gradient costs as much as a few runs, whatever the number of parameters.
