@@ -199,6 +199,8 @@ from ._simulation.reductions.quantities import Statistics as Statistics
 from ._simulation.results.impact_table import beyond_law_ranges as beyond_law_ranges
 from ._simulation.results.observe import observe as observe
 from ._simulation.results.solution import SimulationError as SimulationError
+from ._simulation.run.predictor import Predictor as Predictor
+from ._simulation.run.predictor import predictor as predictor
 from ._simulation.run.saving import Saving as Saving
 from ._simulation.run.sections import Section as Section
 from ._simulation.run.sensitivities import sensitivities as sensitivities

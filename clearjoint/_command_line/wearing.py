@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import PyTree
 
 from .._durability.wear import CycleRun, cycles_to_depth, final_state, open_wear, worn
 from .._durability.wear import wear as compute_wear
@@ -69,7 +68,7 @@ def check_wear_section(study: Study, part: WearPart) -> None:
         CycleRun(**arguments).check(study.scene)
 
 
-def _arguments(part: WearPart) -> dict[str, PyTree]:
+def _arguments(part: WearPart) -> dict[str, Any]:
     """Return those entries of the section that are arguments of `clearjoint.wear`, by name."""
     others = ("start", "preset", "settings")
     return {name: entry for name, entry in vars(part).items() if name not in others}

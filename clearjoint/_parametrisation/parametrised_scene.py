@@ -1,6 +1,8 @@
 """A scene and its initial state as functions of parameters, and derivatives by the parameters."""
 
+import abc
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -8,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._compilation import tell_tangents
 from .._fields.objects import with_arrays
@@ -21,14 +24,80 @@ from .variations import Change, NumberSetter
 Coordinates = jax.Array | np.ndarray
 
 
-class ParametrisedScene(eqx.Module):
-    """A scene and its initial state, in which p parameters set or change some of the numbers.
+class AbstractSceneFamily(eqx.Module):
+    """Base class of a scene and its initial state as functions of parameters, with derivatives of
+    what a run computes along one or more directions of the parameters, called tangents.
 
-    - `values`: (p,) coordinates of the parameters on their scales, at which derivatives are
-      computed.
+    - `values`: the parameters at which derivatives are computed, a PyTree of arrays.
+    - `patterns`: folded constants of the scene, see `ConstantFolded`.
+    """
+
+    values: eqx.AbstractVar[PyTree]
+    patterns: eqx.AbstractVar[tuple[PyTree, ...]]
+
+    @property
+    @abc.abstractmethod
+    def seeds(self) -> PyTree:
+        """The directions: for each array of `values`, an array with a first axis over tangents."""
+
+    @property
+    def tangents(self) -> int:
+        """Number of tangents."""
+        return len(jax.tree.leaves(self.seeds)[0])
+
+    @abc.abstractmethod
+    def scene_and_state(self, values: PyTree) -> tuple[Scene, State]:
+        """Return scene and initial state at parameters, with vectors as arrays (3,)."""
+
+    @abc.abstractmethod
+    def with_derivatives(
+        self,
+        function: Callable[..., tuple[PyTree, PyTree]],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[PyTree, PyTree, PyTree]:
+        """Compute a function of the scene and its derivatives along the directions.
+
+        The arguments of the function are the scene, in the form of the method `scene`, and
+        `primals`, earlier results of a run, whose derivatives are `tangents`. It returns a value,
+        which is differentiated, and an auxiliary result. Returned are the value, the auxiliary
+        result, and the value's derivatives, with a first axis over tangents in each array.
+        """
+
+    def scene(self, values: PyTree) -> Scene:
+        """Return the scene at parameters, with vectors and matrices as separate scalars and folded
+        constants as Python numbers."""
+        return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
+
+    def start(self, values: PyTree) -> State:
+        """Return the initial state at parameters, with vectors as separate scalars."""
+        return unpack(self.scene_and_state(values)[1])
+
+    def varied(self) -> PyTree[bool]:
+        """Return, in the structure of the scene, whether a parameter may change each leaf."""
+        # A user's function may change any leaf. JAX traces the functions here without computing
+        # numbers, and each leaf that depends on a parameter becomes a tracer.
+        is_traced: list[bool] = []
+
+        def trace(values: PyTree) -> PyTree:
+            scene, _ = self.scene_and_state(values)
+            leaves, structure = jax.tree.flatten(scene)
+            is_traced[:] = [isinstance(leaf, Tracer) for leaf in leaves]
+            structures[:] = [structure]
+            return values
+
+        structures: list[PyTree] = []
+        jax.eval_shape(trace, self.values)
+        return jax.tree.unflatten(structures[0], is_traced)
+
+
+class ParametrisedScene(AbstractSceneFamily):
+    """A scene and its initial state, in which p parameters set or change some of the numbers, with
+    derivatives by each of them.
+
+    - `values`: (p,) coordinates of the parameters on their scales.
     - `base`: scene and initial state before any change.
     - `changes`, `scales`: of each parameter.
-    - `patterns`: folded constants of the scene, see `ConstantFolded`.
     """
 
     values: Coordinates
@@ -41,15 +110,20 @@ class ParametrisedScene(eqx.Module):
         """Return a copy with other coordinates."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
+    @property
+    @override
+    def seeds(self) -> jax.Array:
+        return jnp.eye(len(self.values))
+
+    @override
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        """Return scene and initial state at coordinates, with vectors as arrays (3,)."""
         scene, state = self.base
         for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
             scene, state = change(scene, state, scale.value(values[k]))
         return scene, state
 
+    @override
     def varied(self) -> PyTree[bool]:
-        """Return, in the structure of the scene, whether a parameter may change each leaf."""
         structure = jax.tree.structure(self.base[0])
         # If all parameters are numbers, their locations tell which leaves change: each
         # `NumberSetter` has the indices of the leaves that it sets.
@@ -61,42 +135,15 @@ class ParametrisedScene(eqx.Module):
             return jax.tree.unflatten(
                 structure, [k in changed_leaves for k in range(structure.num_leaves)]
             )
-        # A user's function may change any leaf. JAX traces the functions here without computing
-        # numbers, and each leaf that depends on a parameter becomes a tracer.
-        is_traced: list[bool] = []
+        return super().varied()
 
-        def trace(values: jax.Array) -> jax.Array:
-            leaves = jax.tree.leaves(self.scene_and_state(values)[0])
-            is_traced[:] = [isinstance(leaf, Tracer) for leaf in leaves]
-            return values
-
-        jax.eval_shape(trace, np.zeros(len(self.changes)))
-        return jax.tree.unflatten(structure, is_traced)
-
-    def scene(self, values: Coordinates) -> Scene:
-        """Return the scene at coordinates, with vectors and matrices as separate scalars and folded
-        constants as Python numbers."""
-        return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
-
-    def start(self, values: Coordinates) -> State:
-        """Return the initial state at coordinates, with vectors as separate scalars."""
-        return unpack(self.scene_and_state(values)[1])
-
+    @override
     def with_derivatives(
         self,
         function: Callable[..., tuple[PyTree, PyTree]],
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute a function of the scene and its derivatives by the parameters, in forward mode.
-
-        The arguments of the function are the scene, in the form of the method `scene`, and
-        `primals`, earlier results of a run, whose derivatives by the parameters are `tangents`. It
-        returns a value, which is differentiated, and an auxiliary result. Returned are the value,
-        the auxiliary result, and the value's derivatives by the coordinates, (p, ...) for each
-        array, at `self.values`.
-        """
-
         def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
             return jax.jvp(
                 lambda values, *rest: function(self.scene(values), *rest),
@@ -132,6 +179,62 @@ def parametrised(
     scales = tuple(p.scale for p in parameters.values())
     # Constants are folded only in leaves that no parameter changes. A first object without folded
     # constants finds these leaves.
-    unfolded = ParametrisedScene(values, (scene, state), changes, scales, ())
-    patterns = fold_constants(scene, unfolded.varied()).patterns
-    return ParametrisedScene(values, (scene, state), changes, scales, patterns)
+    unfolded = ParametrisedScene(
+        values=values, base=(scene, state), changes=changes, scales=scales, patterns=()
+    )
+    return replace(unfolded, patterns=fold_constants(scene, unfolded.varied()).patterns)
+
+
+class DirectedScene(AbstractSceneFamily):
+    """A scene and its initial state, in which any number of parameters set numbers, with
+    derivatives along a single direction of all parameters.
+
+    - `values`, `direction`: numbers by name of the parameter, SI, an array or a PyTree of arrays
+      each.
+    - `base`: scene and initial state before any change.
+    - `changes`: pairs of the name of a parameter and the function that sets it.
+    - `transposable`: whether derivatives are computed as linear functions of direction and
+      tangents, which `jax.linear_transpose` can transpose, and which take longer to trace.
+    """
+
+    values: dict[str, PyTree]
+    direction: dict[str, PyTree]
+    base: tuple[Scene, State]
+    changes: tuple[tuple[str, Change], ...] = eqx.field(static=True)
+    patterns: tuple[PyTree, ...] = eqx.field(static=True)
+    transposable: bool = eqx.field(static=True, default=False)
+
+    @property
+    @override
+    def seeds(self) -> PyTree:
+        return _with_axis(self.direction)
+
+    @override
+    def scene_and_state(self, values: dict[str, PyTree]) -> tuple[Scene, State]:
+        scene, state = self.base
+        for name, change in self.changes:
+            scene, state = change(scene, state, values[name])
+        return scene, state
+
+    @override
+    def with_derivatives(
+        self,
+        function: Callable[..., tuple[PyTree, PyTree]],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[PyTree, PyTree, PyTree]:
+        def at(values: PyTree, *rest: PyTree) -> tuple[PyTree, PyTree]:
+            return function(self.scene(values), *rest)
+
+        places = self.values, *primals
+        directions = self.direction, *jax.tree.map(lambda leaf: leaf[0], tangents)
+        if self.transposable:
+            value, along, auxiliary = jax.linearize(at, *places, has_aux=True)
+            derivatives = along(*directions)
+        else:
+            value, derivatives, auxiliary = jax.jvp(at, places, directions, has_aux=True)
+        return value, auxiliary, _with_axis(derivatives)
+
+
+def _with_axis(tree: PyTree) -> PyTree:
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], tree)

@@ -62,7 +62,7 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
         # locations instead of values.
-        result = path(_marked(jax.tree.structure(tree)))
+        result = path(marked(jax.tree.structure(tree)))
         numbers: list[PyTree] = [*result] if isinstance(result, list | tuple) else [result]
     except (AttributeError, KeyError) as error:
         _refuse_missing(tree, error)
@@ -84,7 +84,7 @@ def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
 
 
 @lru_cache(maxsize=256)
-def _marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
+def marked(structure: jax.tree_util.PyTreeDef) -> PyTree:  # pyright: ignore
     return jax.tree.unflatten(structure, [Number(k) for k in range(structure.num_leaves)])
 
 

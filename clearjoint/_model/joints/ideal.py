@@ -87,7 +87,7 @@ class AbstractOrientedJoint(AbstractPairJoint):
     revolution about one of the axes; `assemble` and the check of an initial state refuse these.
     """
 
-    orientation: eqx.AbstractVar[Quadruple]
+    orientation: eqx.AbstractVar[Quadruple]  # pyright: ignore[reportGeneralTypeIssues]
 
     def _same_orientation(self, motions: Motions) -> dict[str, Row]:
         """Return three rows that keep the frame F, to which `orientation` transforms, parallel to

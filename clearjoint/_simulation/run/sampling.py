@@ -25,7 +25,11 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ..._model.joints.base import each_label
 from ..._native import Native
-from ..._parametrisation.parametrised_scene import Coordinates, ParametrisedScene
+from ..._parametrisation.parametrised_scene import (
+    AbstractSceneFamily,
+    Coordinates,
+    ParametrisedScene,
+)
 from ..._result_codes import RESULTS
 from ...quantities.base import Instant, Quantity
 from ..step.dense_output import dense_time, look_inside, stabilised
@@ -103,12 +107,12 @@ def start_with_tangents(
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
-    # `with_derivatives` evaluates a function of the system, and differentiates it with respect to
-    # the parameters. For this it takes the derivatives of the function's other arguments, which for
-    # the parameters themselves are the identity matrix.
-    family_of_scenes, count = family.family, len(family.family.values)
+    # `with_derivatives` evaluates a function of the system, and differentiates it along directions
+    # of the parameters. For this it takes the derivatives of the function's other arguments, which
+    # for the parameters themselves are these directions.
+    family_of_scenes, count = family.family, family.family.tangents
     (y, entry_speeds), _, (y_along, entry_speeds_along) = family.with_derivatives(
-        initial, (family_of_scenes.values,), (jnp.eye(count),)
+        initial, (family_of_scenes.values,), (family_of_scenes.seeds,)
     )
     # Entry speeds and energy ledger, which the initial state may lack, are added here.
     system = family.system()
@@ -164,8 +168,8 @@ def look_at_tangents(
     return y, each_label(speed_along, entry_speeds)
 
 
-def _first(
-    scheme: Scheme, family: ParametrisedScene, t0: Scalar, t_end: Scalar, first_step: Scalar
+def first_step_of(
+    scheme: Scheme, family: AbstractSceneFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
     # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
     # than the rounding errors of large times.
@@ -274,7 +278,7 @@ def _scanned(
 
 
 # The start is a program of its own: it is a quarter of the code, and runs once.
-_first_compiled = Native(_first)
+first_compiled = Native(first_step_of)
 sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
 
 
@@ -297,7 +301,7 @@ def sampled(
     `t_end` are not reached. `kept`: results to keep besides the values of the quantities. If a
     contact has more impacts than `kept.impacts`, the record lacks some of them; see `recorded_run`.
     """
-    first = _first_compiled(scheme, family, t0, t_end, first_step)
+    first = first_compiled(scheme, family, t0, t_end, first_step)
     return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
 
 

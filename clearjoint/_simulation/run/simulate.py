@@ -68,7 +68,8 @@ def simulate(
 
     Derivatives by these transformations are derivatives of the computed steps, not of the exact
     motion. Their error is far above the error of the states, and falls slowly with the tolerance.
-    Prefer `clearjoint.sensitivities`, or at least use `clearjoint.presets.derivatives`.
+    Prefer `clearjoint.sensitivities`, or `clearjoint.predictor` for reverse mode, or at least use
+    `clearjoint.presets.derivatives`.
 
     **Arguments:**
 

@@ -15,7 +15,7 @@ from ..._fields.caching import cached_by_numbers
 from ..._math.vectors import ConstantFolded, Scalar, unpack
 from ..._model.scene import Scene
 from ..._native.functions import keep_flattened
-from ..._parametrisation.parametrised_scene import ParametrisedScene
+from ..._parametrisation.parametrised_scene import AbstractSceneFamily
 from .landing import Landing
 from .settings import Settings
 from .solvers import default_controller, ready_solver
@@ -90,7 +90,7 @@ class SystemFamily(eqx.Module):
     p parameters, such as the logarithm of a parameter on a logarithmic scale. The time of the
     systems is zero at `origin`, s; it is the scene's time if `origin` is ``None``."""
 
-    family: ParametrisedScene
+    family: AbstractSceneFamily
     formulation: Formulation
     origin: Scalar | None = None
 

@@ -191,7 +191,7 @@ def attempt(
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
     keep, proposal, result = decide_step(method, system, step, trial, t_end)
     inside = None
-    accepted = _accepted_state(method, system, family, step, trial, keep)
+    accepted = accepted_state(method, system, family, step, trial, keep)
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
     # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
@@ -213,7 +213,7 @@ def attempt(
     )
 
 
-def _accepted_state(
+def accepted_state(
     method: Method,
     system: System,
     family: SystemFamily | None,

@@ -122,8 +122,25 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
+    """Compute `solved_step`, and have the controller reject a result that is not finite."""
+    trial = solved_step(method, system, step, t1, family)
+    outcome, tangents = trial.outcome, trial.tangents
+    if tangents is None:
+        finite = all_finite((outcome.y, outcome.error))
+    else:
+        assert step.tangents is not None
+        finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
+        tangents = _or_rejected(finite, tangents, step.tangents.y)
+    outcome = _or_rejected(finite, outcome, step.y)
+    gaps = system.contact_gaps(outcome.y.motion)
+    return replace(trial, outcome=outcome, tangents=tangents, gaps=gaps, finite=finite)
+
+
+def solved_step(
+    method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
+) -> Trial:
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables."""
+    the constraints, and normalise the variables. All numbers are taken to be finite."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -162,20 +179,17 @@ def try_step(
 
     # The arguments of `advance` after the system; not the tuple `start` inside of that function.
     start = step.y, step.entry_speeds, step.solver_state
+    tangents = None
     if family is None:
         outcome, result = advance(system, *start)
-        finite, tangents = all_finite((outcome.y, outcome.error)), None
     else:
         # Runge-Kutta methods commute with differentiation: differentiating the step, error estimate
         # included, is the same step of the variational equations.
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.with_derivatives(advance, start, along)
-        finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
-        tangents = _or_rejected(finite, tangents, step.tangents.y)
-    outcome = _or_rejected(finite, outcome, step.y)
     gaps = system.contact_gaps(outcome.y.motion)
-    return Trial(t1, time_map, outcome, tangents, gaps, finite, result)
+    return Trial(t1, time_map, outcome, tangents, gaps, jnp.asarray(True), result)
 
 
 def _without_drift(

@@ -1,0 +1,114 @@
+"""Parts of a scene or of an initial state, of any number of numbers, that parameters set."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from .._fields.checks import require, require_names
+from .._fields.leaves import with_leaves
+from .._model.bodies import State
+from .._model.scene import Scene
+from .parameter import Parameter
+from .paths import Number, marked, value_at
+from .variations import AbstractNumber, AbstractVariation, Change, SceneNumber
+
+Part = Callable[[Scene], PyTree] | Parameter
+"""A function of a scene that selects a number, an array or a whole element, or a `Parameter`."""
+_EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].clearance}'
+
+
+@dataclass(frozen=True)
+class PartSetter:
+    """Function that sets the leaves of a scene with the indices `leaves`."""
+
+    leaves: tuple[int, ...]
+
+    def __call__(self, scene: Scene, state: State, value: PyTree) -> tuple[Scene, State]:
+        """Return the scene with the arrays of `value`, and the state."""
+        leaves = jax.tree.leaves(scene)
+        for k, array in zip(self.leaves, jax.tree.leaves(value), strict=True):
+            leaves[k] = array
+        return with_leaves(scene, leaves), state
+
+
+def parts_of(
+    scene: Scene, state: State, paths: Mapping[str, Part]
+) -> tuple[dict[str, PyTree], tuple[tuple[str, Change], ...]]:
+    """Return the numbers that paths select, SI, by name, and the functions that set them. The
+    numbers of an element are its arrays of floats; all other leaves stay as in the scene.
+
+    **Raises:** `ValueError` for names or paths of other types, for a path that selects no number,
+    and for a parameter that is neither a number of the scene or initial state nor has a value.
+    """
+    require_names("paths", paths, _EXAMPLE)
+    require(len(paths) > 0, "paths", {}, "not empty", _EXAMPLE)
+    numbers: dict[str, PyTree] = {}
+    changes: list[tuple[str, Change]] = []
+    for name, path in paths.items():
+        argument = f"paths[{name!r}]"
+        if isinstance(path, Parameter):
+            coordinate = path.coordinate_in(scene, state)
+            numbers[name] = np.asarray(path.scale.value(coordinate), float)
+            changes.append((name, path.variation.setter(scene, state, 0.0)))
+            continue
+        expected = "a function of a scene or a Parameter"
+        require(callable(path), argument, path, expected, _EXAMPLE)
+        numbers[name], change = _selected(scene, state, path, argument)
+        changes.append((name, change))
+    return numbers, tuple(changes)
+
+
+def _selected(
+    scene: Scene, state: State, path: Callable[[Scene], PyTree], argument: str
+) -> tuple[PyTree, Change]:
+    element = None
+    # `value_at` raises these errors with a remedy.
+    with suppress(AttributeError, KeyError, IndexError, TypeError):
+        element = path(marked(jax.tree.structure(scene)))
+    if element is None or isinstance(element, Number | list | tuple):
+        variation: AbstractVariation = SceneNumber(path)
+        assert isinstance(variation, AbstractNumber)
+        value: Any = np.asarray(value_at(scene, path), float)
+        return value, variation.setter(scene, state, value)
+    places, structure = jax.tree.flatten(element)
+    leaves = jax.tree.leaves(scene)
+    stored = all(isinstance(place, Number) and not place.component for place in places)
+    remedy = "return a number, an array or an element of the scene, not a value computed from them"
+    require(stored and bool(places), argument, element, "a part of the scene", remedy)
+    chosen = [p.leaf for p in places if eqx.is_inexact_array(leaves[p.leaf])]
+    require(bool(chosen), argument, element, "a part with numbers", remedy)
+    value = jax.tree.unflatten(structure, [leaves[place.leaf] for place in places])
+    arrays = jax.tree.map(
+        lambda leaf: np.asarray(leaf, float), eqx.filter(value, eqx.is_inexact_array)
+    )
+    return arrays, PartSetter(tuple(chosen))
+
+
+def _as_floats(array: PyTree) -> np.ndarray:
+    return np.asarray(array, float)
+
+
+def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
+    """Return a random direction in the space of all numbers, always the same. Numbers of a
+    `Parameter` change by about a unit of the coordinate on its scale; those of an array by their
+    root mean square, or by 1 if all are zero."""
+    random = np.random.default_rng(0)
+
+    def of_array(array: np.ndarray) -> np.ndarray:
+        size = float(np.sqrt(np.mean(np.square(array)))) if array.size else 0.0
+        return (size or 1.0) * random.standard_normal(array.shape)
+
+    def of(name: str, path: Part) -> PyTree:
+        if not isinstance(path, Parameter):
+            return jax.tree.map(of_array, numbers[name])
+        scale = path.scale
+        slope = scale.slope(scale.coordinate(numbers[name]))
+        return np.asarray(slope * random.standard_normal(), float)
+
+    return {name: of(name, path) for name, path in paths.items()}

@@ -1,0 +1,207 @@
+"""Outputs of runs as a function of parameters that JAX differentiates in reverse mode."""
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from ..._fields.checks import require
+from ..._fields.objects import with_arrays
+from ..._fields.types import ArrayLike
+from ..._math.vectors import Scalar, fold_constants
+from ..._model.bodies import State
+from ..._model.scene import Scene
+from ..._parametrisation.parametrised_scene import DirectedScene
+from ..._parametrisation.parts import Part, guard_direction, parts_of
+from ..._result_codes import RESULTS, result_number
+from ...quantities.base import Quantity
+from ..results.solution import SUCCESSFUL, raise_failure
+from ..step import presets
+from ..step.settings import Settings, check_span, checked_times, settings_or
+from .adjoint import Adjoint, RecordedRun
+from .run_checks import derivative_scheme
+from .sensitivities import check_outputs
+
+KEPT_RUNS = 4
+"""Number of the latest runs that a predictor keeps, so that a gradient does not repeat the run that
+has computed the values."""
+
+
+@dataclass(frozen=True)
+class _Failed:
+    time: Scalar
+    result: RESULTS
+
+
+class Predictor:
+    """Function of parameters that returns the outputs of a run; see `predictor`.
+
+    - `values`: the parameters of the scene and state that were given to `predictor`, as the
+      function takes them: a dictionary by name, SI.
+
+    >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
+    >>> predict = cj.predictor(scene, state, 0.3, paths, {"x": x}, times)
+    >>> float(predict.values["stiffness"])
+    100.0
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        state: State,
+        span: tuple[float, float],
+        paths: Mapping[str, Part],
+        outputs: Mapping[str, Quantity],
+        times: Float[np.ndarray, " times"],
+        settings: Settings,
+    ):
+        self._settings, self._span, self._times = settings, span, times
+        self._outputs, self._paths = dict(outputs), dict(paths)
+        derivative_scheme(scene, state, settings, span[0])
+        numbers, changes = parts_of(scene, state, paths)
+        self.values: dict[str, PyTree] = numbers
+        scene, state = with_arrays((scene, state))
+        family = DirectedScene(
+            values=numbers, direction=numbers, base=(scene, state), changes=changes, patterns=()
+        )
+        self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
+        self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
+        self._shapes = {name: jax.ShapeDtypeStruct(times.shape, float) for name in outputs}
+
+        @jax.custom_vjp
+        def predict(values: dict[str, PyTree]) -> dict[str, jax.Array]:
+            return jax.pure_callback(self._values, self._shapes, values, vmap_method="sequential")
+
+        def backward(values: PyTree, cotangents: PyTree) -> tuple[PyTree]:
+            shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, float), values)
+            found = jax.pure_callback(
+                self._gradient, shapes, values, cotangents, vmap_method="sequential"
+            )
+            return (found,)
+
+        predict.defvjp(lambda values: (predict(values), values), backward)
+        self._predict = predict
+
+    def __call__(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, " times"]]:
+        """Return the outputs, (N,) each, for `values` of the parameters, SI, which have the form of
+        the attribute `values`. Leaves that are no arrays of floats, such as functions of a network,
+        are ignored.
+
+        **Raises:** `ValueError` for values of another form, and for numbers that the scene can't
+        have; `SimulationError` if the run fails. Inside of `jax.jit`, JAX raises an error of its
+        own with the text of these.
+        """
+        expected = sorted(self.values)
+        remedy = "pass a dictionary with a value for each of the paths"
+        given = sorted(values) if isinstance(values, Mapping) else values
+        require(given == expected, "values", given, f"a dictionary with {expected}", remedy)
+        numbers = {name: self._numbers(name, values[name]) for name in self.values}
+        return self._predict(numbers)
+
+    def _numbers(self, name: str, value: PyTree) -> PyTree:
+        leaves, structure = jax.tree.flatten(self.values[name])
+        given = jax.tree.leaves(value)
+        if not eqx.is_array(self.values[name]):
+            # Of an element, only the arrays of floats are parameters.
+            given = jax.tree.leaves(eqx.filter(value, eqx.is_inexact_array))
+        shapes, expected = [np.shape(g) for g in given], [np.shape(leaf) for leaf in leaves]
+        remedy = "pass numbers of the shapes of the scene's, for example those of predict.values"
+        require(
+            shapes == expected, f"values[{name!r}]", shapes, f"arrays of shapes {expected}", remedy
+        )
+        return jax.tree.unflatten(structure, [jnp.asarray(leaf, float) for leaf in given])
+
+    def _values(self, values: dict[str, PyTree]) -> dict[str, np.ndarray]:
+        return self._run(values).values()
+
+    def _gradient(self, values: dict[str, PyTree], cotangents: dict[str, PyTree]) -> PyTree:
+        along = {name: np.asarray(cotangent, float) for name, cotangent in cotangents.items()}
+        return self._run(values).gradient(along)
+
+    def _run(self, values: dict[str, PyTree]) -> RecordedRun:
+        values = jax.tree.map(lambda leaf: np.asarray(leaf, float), values)
+        key = b"".join(leaf.tobytes() for leaf in jax.tree.leaves(values))
+        run = self._runs.pop(key, None)
+        if run is None:
+            run = self._recorded(values)
+        self._runs[key] = run
+        while len(self._runs) > KEPT_RUNS:
+            self._runs.popitem(last=False)
+        return run
+
+    def _recorded(self, values: dict[str, PyTree]) -> RecordedRun:
+        settings, (start, end) = self._settings, self._span
+        scene, state = self._family.scene_and_state(values)
+        scheme = derivative_scheme(scene, state, settings, start)
+        direction = guard_direction(self._paths, values)
+        family = replace(self._family, values=values, direction=direction)
+        first_step = settings.length_of_first_step(start, end)
+        adjoint = Adjoint(scheme, family, np.asarray(start, float))
+        run = RecordedRun(adjoint, self._outputs, self._times, end, first_step, settings.max_steps)
+        if result_number(run.last.result) != SUCCESSFUL or float(run.last.t) < end - start:
+            failed = result_number(run.last.result) != SUCCESSFUL
+            result = run.last.result if failed else RESULTS.max_steps_reached
+            raise_failure(_Failed(start + float(run.last.t), result))
+        return run
+
+
+def predictor(
+    scene: Scene,
+    state: State,
+    end_time: float,
+    paths: Mapping[str, Part],
+    outputs: Mapping[str, Quantity],
+    times: ArrayLike,
+    settings: Settings | None = None,
+    *,
+    start_time: float = 0.0,
+) -> Predictor:
+    """Return a function of parameters that simulates a scene and returns outputs, with derivatives
+    in reverse mode.
+
+    >>> import jax, optax
+    >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
+    >>> predict = cj.predictor(scene, state, 0.3, paths, {"x": x}, times)
+    >>> loss = lambda values: jnp.sum((predict(values)["x"] - 0.1 * jnp.cos(11.0 * times)) ** 2)
+    >>> values, optimiser = predict.values, optax.adam(1.0)
+    >>> gradient, memory = jax.grad(loss)(values), optimiser.init(values)
+    >>> change, memory = optimiser.update(gradient, memory)
+    >>> values = optax.apply_updates(values, change)  # and again, until the loss is small
+    >>> print(f"{values['stiffness']:.1f} N/m")  # on the way from 100 to 121
+    101.0 N/m
+
+    The derivatives are those of the exact motion, as those of `sensitivities`, of which this is the
+    reverse mode: a gradient costs as much as a few runs, whatever the number of parameters.
+    `sensitivities` costs about one run for each parameter, so that it is faster for up to about
+    five. The function works under `jax.grad`, `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`,
+    which calls it for one element of a batch after the other; not under `jax.jvp`.
+
+    The steps of a run are controlled by the errors of the state and of its derivative along one
+    random direction of all parameters, which is always the same. If the parameters hardly move the
+    first impacts, the steps may be too long for the derivatives by others: compare with
+    `sensitivities` once, and lower `rtol` in the settings if they differ.
+
+    **Arguments:**
+
+    - `scene`, `state`, `start_time`, `end_time`: as in `simulate`.
+    - `paths`: the parameters by names of your choice. Each is a `Parameter`, whose scale then
+      serves only to choose the random direction, or a function of the scene that selects a number,
+      an array, or a whole element, such as an `equinox.nn.MLP` inside of your friction law; of an
+      element all arrays of floats are parameters.
+    - `outputs`: quantities by name, as in `sensitivities`.
+    - `times`: (N,) s, not decreasing, between start and end, at which outputs are evaluated.
+    - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
+
+    **Raises:** `ValueError` for invalid arguments, as `sensitivities`.
+    """
+    check_outputs(outputs, scene)
+    settings = settings_or(settings, presets.derivatives)
+    check_span(start_time, end_time)
+    checked = checked_times(start_time, end_time, times, "times")
+    span = float(start_time), float(end_time)
+    return Predictor(scene, state, span, paths, outputs, checked, settings)

@@ -1,0 +1,257 @@
+"""Reverse mode across impacts: gradients of `predictor` against forward mode and closed forms."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+import clearjoint as cj
+from clearjoint._simulation.run import adjoint
+from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
+
+SCENES = catalogue_scenes()
+REPRESENTATIVE = (
+    "mechanism double_pendulum",
+    "friction LuGre",
+    "mechanism four_bar with two plays",
+    "mechanism slider_crank under a torque that is switched",
+)
+"""An impact, bristles, a closed loop with plays, and breakpoints."""
+SETTINGS = replace(cj.presets.derivatives, rtol=1e-9)
+
+
+def parameters(scene: cj.Scene, body: str) -> dict[str, cj.Parameter]:
+    """Numbers of the scene and of the state that the motion of a body depends on."""
+    found = {
+        "mass": cj.Parameter(lambda s: s.bodies[body].mass, cj.Log()),
+        "inertia": cj.Parameter(lambda s: s.bodies[body].inertia[2], cj.Log()),
+        "speed": cj.Parameter.initial(lambda s: s.bodies[body].velocity[0]),
+    }
+    if scene.gravity is not None:
+        found["gravity"] = cj.Parameter(lambda s: s.gravity[1])
+    for name, joint in scene.contact_joints().items():
+        if getattr(joint, "clearance", None) is not None:
+            found[f"clearance of {name}"] = cj.Parameter(
+                lambda s, name=name: s.joints[name].clearance, cj.Log()
+            )
+    return found
+
+
+def differences(scene: CatalogueScene) -> float:
+    """Return the largest difference of a gradient from forward mode, relative to the largest
+    derivative of the same output."""
+    made, state = scene.make()
+    body = scene.body or list(made.bodies)[-1]
+    outputs = {
+        "x": cj.quantities.Position(body, "x"),
+        "v": cj.quantities.Velocity(body, "y"),
+    }
+    times = np.linspace(0.0, scene.end, 9)
+    chosen = parameters(made, body)
+    forward = cj.sensitivities(
+        made, state, scene.end, chosen, outputs, times, SETTINGS, progress=False
+    )
+    predict = cj.predictor(made, state, scene.end, chosen, outputs, times, SETTINGS)
+    slopes = {
+        name: float(p.scale.slope(p.scale.coordinate(predict.values[name])))
+        for name, p in chosen.items()
+    }
+    values, pull = jax.vjp(predict, predict.values)
+    worst = 0.0
+    for output, expected in forward.derivatives.items():
+        np.testing.assert_allclose(values[output], forward.values[output], rtol=1e-6, atol=1e-9)
+        for k in (3, 8):
+            seeds = {name: np.zeros(len(times)) for name in outputs}
+            seeds[output][k] = 1.0
+            (gradient,) = pull(seeds)
+            reverse = np.array([gradient[name] * slopes[name] for name in chosen])
+            size = np.abs(expected).max()
+            worst = max(worst, np.abs(reverse - expected[k]).max() / (size or 1.0))
+    return worst
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in REPRESENTATIVE else pytest.param(name, marks=pytest.mark.slow)
+        for name in SCENES
+    ],
+)
+def test_gradients_are_those_of_forward_mode(name):
+    assert differences(SCENES[name]) < 1e-6
+
+
+TIMES = np.array([0.0, 0.1, 0.1, 0.25, 0.3])
+POSITION = {"x": cj.quantities.Position("ball", "x"), "v": cj.quantities.Velocity("ball", "x")}
+
+
+def oscillator() -> tuple[cj.Scene, cj.State]:
+    """A ball of 1 kg on a spring of 100 N/m: x = 0.1 cos(10 t)."""
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    return scene, cj.State({"ball": cj.body_state((0.1, 0, 0))})
+
+
+@pytest.fixture(scope="module")
+def predict():
+    paths = {
+        "stiffness": lambda scene: scene.forces["spring"].stiffness,
+        "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
+    }
+    return cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, SETTINGS)
+
+
+def test_closed_form_of_an_oscillator(predict):
+    values = predict.values
+    assert float(values["stiffness"]) == 100.0 and float(values["start"]) == 0.1
+    jacobian = jax.jit(jax.jacrev(predict))(values)
+    c, s = np.cos(10.0 * TIMES), np.sin(10.0 * TIMES)
+    # The frequency is w = sqrt(k/m), so that dw/dk = 0.05 at k = 100 N/m.
+    expected = {
+        ("x", "stiffness"): -0.1 * 0.05 * TIMES * s,
+        ("x", "start"): c,
+        ("v", "stiffness"): -0.1 * 0.05 * (s + 10.0 * TIMES * c),
+        ("v", "start"): -10.0 * s,
+    }
+    for (output, name), derivative in expected.items():
+        np.testing.assert_allclose(jacobian[output][name], derivative, rtol=1e-7, atol=1e-8)
+
+
+def loss(predict, values):
+    return jnp.sum(jnp.square(predict(values)["x"] - 0.1 * jnp.cos(11.0 * TIMES)))
+
+
+def test_a_batch_has_the_gradients_of_its_elements(predict):
+    batch = {"stiffness": jnp.array([90.0, 110.0]), "start": jnp.array([0.1, 0.2])}
+    gradient = jax.grad(loss, argnums=1)
+    together = jax.vmap(lambda values: gradient(predict, values))(batch)
+    for k in range(2):
+        alone = gradient(predict, {name: values[k] for name, values in batch.items()})
+        assert {n: float(v[k]) for n, v in together.items()} == {
+            n: float(v) for n, v in alone.items()
+        }
+
+
+def test_optax_finds_the_stiffness(predict):
+    optimiser = optax.adam(2.0)
+    values = {**predict.values, "start": jnp.asarray(0.1)}
+    memory = optimiser.init(values)
+    step = jax.jit(jax.value_and_grad(lambda values: loss(predict, values)))
+    for _ in range(60):
+        _, gradient = step(values)
+        change, memory = optimiser.update({**gradient, "start": jnp.zeros(())}, memory)
+        values = optax.apply_updates(values, change)
+    assert abs(float(values["stiffness"]) - 121.0) < 2.0
+
+
+def gradient_in_segments(monkeypatch, scene, state, end, path, kept, rows) -> float:
+    monkeypatch.setattr(adjoint, "KEPT_BYTES", kept)
+    monkeypatch.setattr(adjoint, "ROWS", rows)
+    for program in (adjoint._begun, adjoint._segment, adjoint._backward):
+        program.native._programs.clear()
+    outputs = {"x": cj.quantities.Position(list(scene.bodies)[-1], "x")}
+    times = np.linspace(0.0, end, 7)
+    made = cj.predictor(scene, state, end, {"number": path}, outputs, times, SETTINGS)
+    return float(jax.grad(lambda values: jnp.sum(made(values)["x"]))(made.values)["number"])
+
+
+def test_segments_that_are_computed_again_give_the_same_bits(monkeypatch):
+    def gradient(kept: float, rows: int) -> float:
+        path = lambda scene: scene.forces["spring"].stiffness  # noqa: E731
+        return gradient_in_segments(monkeypatch, *oscillator(), 0.3, path, kept, rows)
+
+    whole = gradient(1e9, 1024)
+    assert whole != 0.0
+    assert gradient(0, 10) == gradient(3e3, 10) == whole
+
+
+@pytest.mark.slow
+def test_segments_across_impacts_give_the_same_bits(monkeypatch):
+    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
+
+    def gradient(kept: float, rows: int) -> float:
+        path = lambda scene: scene.joints["shoulder"].clearance  # noqa: E731
+        return gradient_in_segments(monkeypatch, scene, state, 0.05, path, kept, rows)
+
+    whole = gradient(1e9, 1024)
+    assert whole != 0.0
+    assert gradient(0, 1024) == gradient(0, 50) == gradient(2e4, 50) == whole
+
+
+class Network(cj.extend.AbstractForce):
+    """A force along X on a ball, from its position and velocity by a network."""
+
+    network: eqx.nn.MLP
+
+    def body_names(self):
+        return ("ball",)
+
+    def wrenches(self, motions, t):
+        motion = motions["ball"]
+        inputs = jnp.stack([10.0 * motion.position.x, motion.velocity.x])
+        force = self.network(inputs)
+        zero = cj.extend.ZERO
+        return {"ball": cj.extend.Wrench(cj.extend.Vector(force, 0.0, 0.0), zero)}
+
+
+def with_network(seed: int) -> tuple[cj.Scene, cj.State]:
+    scene, state = oscillator()
+    network = eqx.nn.MLP(2, "scalar", 4, 1, jax.nn.tanh, key=jax.random.key(seed))
+    return replace(scene, forces={**scene.forces, "network": Network(network)}), state
+
+
+def test_weights_of_a_network_are_parameters():
+    scene, state = with_network(0)
+    paths = {"network": lambda scene: scene.forces["network"].network}
+    predict = cj.predictor(scene, state, 0.3, paths, POSITION, TIMES, SETTINGS)
+
+    def total(network):
+        return jnp.sum(predict({"network": network})["x"])
+
+    network = scene.forces["network"].network
+    gradient = eqx.filter_grad(total)(network)
+    weights = gradient.layers[0].weight
+    assert weights.shape == (4, 2)
+    # Against forward mode by single weights.
+    chosen = {
+        f"{i}{j}": cj.Parameter(
+            lambda s, i=i, j=j: s.forces["network"].network.layers[0].weight[i, j]
+        )
+        for i, j in ((0, 0), (2, 1), (3, 0))
+    }
+    forward = (
+        cj.sensitivities(scene, state, 0.3, chosen, POSITION, TIMES, SETTINGS, progress=False)
+        .derivatives["x"]
+        .sum(axis=0)
+    )
+    reverse = [weights[0, 0], weights[2, 1], weights[3, 0]]
+    np.testing.assert_allclose(reverse, forward, rtol=1e-6, atol=1e-10)
+
+
+def test_errors(predict):
+    with pytest.raises(ValueError, match=r"values.*dictionary with .*'start', 'stiffness'"):
+        predict({"stiffness": 100.0})
+    with pytest.raises(ValueError, match=r"values\['start'\].*shapes"):
+        predict({"stiffness": 100.0, "start": np.zeros(3)})
+    with pytest.raises(Exception, match="stiffness"):
+        predict({"stiffness": np.nan, "start": 0.1})
+    scene, state = oscillator()
+    with pytest.raises(ValueError, match=r"paths.*not empty"):
+        cj.predictor(scene, state, 0.3, {}, POSITION, TIMES)
+    with pytest.raises(ValueError, match=r"paths\['k'\].*a function"):
+        cj.predictor(scene, state, 0.3, {"k": 3.0}, POSITION, TIMES)
+    with pytest.raises(ValueError, match="stiffnes"):
+        path = {"k": lambda s: s.forces["spring"].stiffnes}
+        cj.predictor(scene, state, 0.3, path, POSITION, TIMES)
+
+
+def test_a_run_that_fails_raises_what_simulate_raises():
+    few = replace(SETTINGS, max_steps=5)
+    paths = {"k": lambda s: s.forces["spring"].stiffness}
+    short = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    with pytest.raises(Exception, match="step limit was reached"):
+        short(short.values)
