@@ -1,7 +1,7 @@
 """`clearjoint wear`: compute how joints wear over many cycles of a periodic motion."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -64,7 +64,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
 def check_wear_section(study: Study, part: WearPart) -> None:
     """Check the entries of a study's section [wear] without any run."""
     with study.location.at("wear").in_errors():
-        arguments = _arguments(part) | {"cycles": np.asarray(part.cycles)}
+        arguments: dict[str, Any] = _arguments(part) | {"cycles": np.asarray(part.cycles)}
         CycleRun(**arguments).check(study.scene)
 
 
