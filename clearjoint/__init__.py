@@ -199,6 +199,7 @@ from ._simulation.reductions.quantities import Statistics as Statistics
 from ._simulation.results.impact_table import beyond_law_ranges as beyond_law_ranges
 from ._simulation.results.observe import observe as observe
 from ._simulation.results.solution import SimulationError as SimulationError
+from ._simulation.run.outputs import ImpactTable as ImpactTable
 from ._simulation.run.saving import Saving as Saving
 from ._simulation.run.sections import Section as Section
 from ._simulation.run.sensitivities import sensitivities as sensitivities
@@ -216,8 +217,6 @@ from ._statistics.uncertain import design as design
 from ._sweeps.axes import Axis as Axis
 from ._sweeps.executors import ChunkError as ChunkError
 from ._sweeps.largest import largest_feasible as largest_feasible
-from ._sweeps.outputs import ImpactTable as ImpactTable
-from ._sweeps.outputs import Saved as Saved
 from ._sweeps.store.store import open_sweep as open_sweep
 from ._sweeps.sweep import sweep as sweep
 from ._views.viewing import View as View

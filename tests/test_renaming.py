@@ -116,7 +116,7 @@ def outputs(n: Names) -> dict[str, Any]:
         n["lost"]: cj.DissipatedEnergy(),
         n["hits"]: cj.ImpactTable(5),
         n["crossings"]: cj.Section(looks[n["offset"]], channels, count=4),
-        n["path"]: cj.Saved(TIMES, channels),
+        **looks,
     }
 
 
@@ -124,18 +124,8 @@ def outputs(n: Names) -> dict[str, Any]:
 def solved(n: "Key") -> tuple[cj.Scene, Any]:
     """The rig and a run of it."""
     scene, state = renamed(rig(), n.names)
-    recorded = outputs(n.names)
-    save = cj.Saving(
-        TIMES,
-        steps=True,
-        impacts=True,
-        sections={key: o for key, o in recorded.items() if isinstance(o, cj.Section)},
-        outputs={
-            key: o for key, o in recorded.items() if isinstance(o, cj.extend.AbstractReduction)
-        },
-    )
-    settings = cj.Settings(ledger=True)
-    return scene, cj.simulate(scene, state, 0.04, settings, save, progress=False)
+    save, settings = cj.Saving(TIMES, steps=True, impacts=True), cj.Settings(ledger=True)
+    return scene, cj.simulate(scene, state, 0.04, settings, save, outputs=outputs(n.names), **QUIET)
 
 
 class Key:
@@ -164,11 +154,10 @@ def observe(n: Names) -> Any:
 def sensitivities(n: Names) -> Any:
     scene, state = renamed(rig(), n)
     settings = cj.Settings(coordinates=cj.AbsoluteCoordinates())
-    section = outputs(n)[n["crossings"]]
-    save = cj.Saving(TIMES, impacts=True, sections={n["crossings"]: section})
-    looks = quantities(n)
+    recorded = {n[name]: outputs(n)[n[name]] for name in ("crossings", "hits")}
+    wanted, save = {**quantities(n), **recorded}, cj.Saving(TIMES, impacts=True)
     found = cj.sensitivities(
-        scene, state, 0.04, parameters(n), looks, TIMES, settings, save, progress=False
+        scene, state, 0.04, parameters(n), wanted, TIMES, settings, save, progress=False
     )
     return found, found.to_xarray()
 
@@ -305,10 +294,10 @@ def _mass(n: Names) -> Callable[[cj.Scene], Any]:
 def sweep(n: Names) -> Any:
     save = cj.Saving(TIMES[:3])
     start = renamed(rig(), n)
-    wanted = {name: o for name, o in outputs(n).items() if not isinstance(o, cj.Saved)}
+    wanted = {name: o for name, o in outputs(n).items() if name not in quantities(n)}
     run = partial(cj.sweep, *start, 0.04, axes(n), settings=cj.Settings(ledger=True), **QUIET)
     found = run(wanted, save=save, path="sweep.zarr")
-    again = run(outputs(n))
+    again = run(outputs(n), save=save)
     return found, cj.open_sweep("sweep.zarr"), again
 
 

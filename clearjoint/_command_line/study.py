@@ -49,10 +49,10 @@ from .._scene_files.schema import Catalogue, Schema, scene_properties
 from .._simulation.reductions import joints
 from .._simulation.reductions import quantities as of_quantities
 from .._simulation.reductions.base import AbstractReduction
+from .._simulation.run.outputs import ImpactTable
 from .._simulation.run.sections import Section
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
-from .._sweeps.outputs import ImpactTable
 from ..quantities.base import AbstractQuantity
 
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]

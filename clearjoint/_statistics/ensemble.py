@@ -20,11 +20,11 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.variations import SceneNumber
 from .._simulation.results.solution import SUCCESSFUL
+from .._simulation.run.outputs import Output
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
 from .._sweeps.axes import Axis
-from .._sweeps.outputs import Output
 from .._sweeps.sweep import SweepOptions, sweep
 
 PARTS = ("velocity", "spin")

@@ -13,8 +13,8 @@ from .._fields.checks import require, require_count
 from .._fields.objects import with_arrays
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._simulation.run.outputs import Output
 from .._simulation.step.settings import Settings
-from .._sweeps.outputs import Output
 from .._sweeps.sweep import SweepOptions, sweep
 from .ensemble import number_failed, scalar_outputs
 from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube

@@ -755,7 +755,7 @@ def test_a_fit_finds_the_true_value(folder):
     times = np.linspace(1e-3, 0.02, 40)
     clearance = {"c": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
     height = {"height": cj.quantities.Position("rod", "y")}
-    values = cj.sensitivities(scene, state, 0.02, clearance, height, times).values["height"]
+    values = cj.sensitivities(scene, state, 0.02, clearance, height, times).outputs["height"]
     noisy = values * 1e6 + np.random.default_rng(0).normal(size=40)
     pd.DataFrame({"time [ms]": times * 1e3, "height [um]": noisy}).to_csv("rig.csv", index=False)
     outcome = invoke("fit", "study.toml")

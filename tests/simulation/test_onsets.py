@@ -53,7 +53,7 @@ SPEED = {"speed": (cj.quantities.EntrySpeed("pin", "V"), "m/s")}
 def kept(times):
     """Return what all runs of an arm keep, so that they share one program."""
     sections = {"onsets": cj.Section(depth, SPEED, 4), "ends": cj.Section(height, SPEED, 4)}
-    return cj.Saving(times, impacts=True, sections=sections)
+    return {"save": cj.Saving(times, impacts=True), "outputs": sections}
 
 
 def restarts_agree(scene, state, rng, count):
@@ -62,7 +62,7 @@ def restarts_agree(scene, state, rng, count):
 
     def run(state, times, start=0.0):
         options = {"start_time": start, "progress": False}
-        return cj.simulate(scene, state, end, settings, kept(times), **options)
+        return cj.simulate(scene, state, end, settings, **kept(times), **options)
 
     whole = run(state, [end])
     onset = whole.impacts.onset[0]
@@ -92,12 +92,12 @@ def test_runs_continue_from_any_instant_of_their_onsets(seed):
 
 
 def test_sections_at_the_onset_and_the_end_of_contacts_have_their_entry_speeds():
-    solution = cj.simulate(*arm(damped()), 0.05, save=kept([0.05]), progress=False)
+    solution = cj.simulate(*arm(damped()), 0.05, **kept([0.05]), progress=False)
     impacts = solution.impacts.of("pin", "V")
     expected = impacts.entry_speed[:3]
     assert np.all(expected > 0.01)
     for name, times in {"onsets": impacts.onset, "ends": impacts.separation}.items():
-        crossings = solution.sections[name]
+        crossings = solution.outputs[name]
         np.testing.assert_allclose(crossings.values["speed"][:3], expected, rtol=1e-12)
         np.testing.assert_allclose(crossings.times[:3], times[:3], atol=2e-11)
 
@@ -109,9 +109,9 @@ def test_a_section_at_an_onset_has_the_force_after_its_jump():
     law = cj.laws.KelvinVoigt(0.5, 1e7, 3.0)
     depth, force = cj.quantities.Penetration("pin", "V"), cj.quantities.ContactForce("pin", "V")
     section = cj.Section(depth, {"force": (force, "N")}, 3)
-    save = cj.Saving(impacts=True, sections={"onsets": section})
-    solution = cj.simulate(*arm(law), 0.03, save=save, progress=False)
-    crossings, impacts = solution.sections["onsets"], solution.impacts.of("pin", "V")
+    options = {"save": cj.Saving(impacts=True), "outputs": {"onsets": section}}
+    solution = cj.simulate(*arm(law), 0.03, progress=False, **options)
+    crossings, impacts = solution.outputs["onsets"], solution.impacts.of("pin", "V")
     np.testing.assert_allclose(crossings.times[:2], impacts.onset[:2], atol=2e-11)
     gap = cj.extend.Gap(1e-300, impacts.entry_speed[:2])
     expected = law.force(gap, None)

@@ -23,8 +23,9 @@ from ..._result_codes import RESULTS
 from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction
 from ..results.solution import contact_label
-from ..run.host_run import IMPACTS, LATEST, REDUCTIONS, SECTIONS
+from ..run.host_run import LATEST
 from ..run.impact_recorder import ImpactRecorder
+from ..run.outputs import REDUCTIONS, SECTIONS, TABLES
 from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
 from ..run.run_checks import assembled
 from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
@@ -62,7 +63,7 @@ class Plan(eqx.Module):
                 name: replace(recorder, wanted=request.wanted.get(name))
                 for name, recorder in self.sections.items()
             },
-            IMPACTS: {
+            TABLES: {
                 name: replace(recorder, wanted=_under(f"{name}/", request.wanted))
                 for name, recorder in self.impacts.items()
             },
@@ -103,7 +104,7 @@ class Lane(eqx.Module):
         """Return the buffers of crossings and of impacts, by name of the log."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
-        for name, record in records[IMPACTS].items():
+        for name, record in records[TABLES].items():
             for joint, family in record.items():
                 for contact, contact_record in family.items():
                     buffers[impact_log(name, joint, contact)] = contact_record.rows

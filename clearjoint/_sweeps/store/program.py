@@ -45,11 +45,11 @@ from ..._simulation.lanes.lane import (
     step_lane,
 )
 from ..._simulation.results.impact_table import IMPACT_UNITS
-from ..._simulation.run.host_run import IMPACTS
+from ..._simulation.run.outputs import TABLES
 from ..._simulation.step.dense_output import Snapshot
 from ...quantities.base import Instant, Quantity
 from ..axes import Lanes
-from ..work import variable_name
+from ..outputs import variable_name
 
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
@@ -288,7 +288,7 @@ class _Traced:
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
         return {
             variable_name(name, key): record
-            for name, record in after.run.records[IMPACTS].items()
+            for name, record in after.run.records[TABLES].items()
             for key in (*IMPACT_UNITS, "count")
         }
 
