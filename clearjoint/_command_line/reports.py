@@ -58,7 +58,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     outputs = read_table(folder, OUTPUTS)
     for name, values in ({} if outputs is None else outputs).items():
         _save(folder, f"output {name}", _over_time(values))
-    for name, crossings in solution.sections.items():
+    for name, crossings in solution.outputs.items():
         if len(crossings):
             _save(folder, f"section {name}", _draw_section(crossings))
     title = str(read_summary(folder)["title"])

@@ -11,6 +11,7 @@ import xarray as xr
 
 from .._result_codes import result_numbers
 from .._scene_files.documents import FileLocation
+from .._simulation.run.outputs import Kept
 from .._simulation.run.saving import Saving
 from .._sweeps.axes import Axis
 from .._sweeps.outputs import check_outputs
@@ -37,6 +38,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     # show results early, and a process that is killed loses few lanes.
     chunk = int(np.clip(np.ceil(lanes / 16), 1, 256)) if part.chunk is None else part.chunk
     end, settings = study.end(part.end), study.settings("sweep")
+    kept = study.outputs_of_sweep(part)
     folder.mkdir(parents=True, exist_ok=True)
     write_scene(folder, study.scene, study.state)
     code = WELL
@@ -46,9 +48,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
             study.state,
             end,
             axes,
-            part.outputs,
+            kept.outputs,
             settings,
-            Saving(sections=study.sections()),
+            kept.save,
             zipped=part.zipped,
             path=folder / STORE,
             chunk=chunk,
@@ -97,7 +99,7 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
     # it on if an output needs it.
     study.check_elements(part.outputs, "sweep", "outputs")
     with location.at("outputs").in_errors():
-        check_outputs(part.outputs, study.scene, ledger=True)
+        check_outputs(Kept(part.outputs, Saving([0.0])), study.scene, ledger=True)
     return axes
 
 

@@ -1,6 +1,6 @@
 """Outputs of a sweep, and the shapes and labels of its results, which are known before it runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +14,7 @@ from .._math.vectors import pack
 from .._model.scene import Scene
 from .._simulation.results.solution import STATE_PARTS
 from .._simulation.run.outputs import Kept
-from ..quantities.base import Instant
+from ..quantities.base import Instant, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -236,12 +236,14 @@ def check_outputs(kept: Kept, scene: Scene, ledger: bool) -> None:
     kept.check(scene, ledger)
 
 
-def sampled_channels(kept: Kept, scene: Scene) -> dict[str, Callable[[Instant], Array]]:
+def sampled_channels(kept: Kept, scene: Scene) -> dict[str, Quantity]:
     """Return what is computed at the sample times of each lane, by key for `variable_name`: the
     parts of the states, and the quantities among the outputs."""
     bodies = tuple(scene.bodies)
-    parts = {part: PartOfStates(part, bodies) for part in STATE_PARTS} if kept.save.states else {}
-    return parts | {own_name(name): quantity for name, quantity in kept.quantities.items()}
+    channels = {own_name(name): quantity for name, quantity in kept.quantities.items()}
+    if kept.save.states:
+        channels |= {part: PartOfStates(part, bodies) for part in STATE_PARTS}
+    return channels
 
 
 def own_name(name: str) -> str:

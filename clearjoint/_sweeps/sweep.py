@@ -134,7 +134,7 @@ def _variables_of_output(
         count = Variable(dims[:1], shape[:1], "int64", description="impacts recorded")
     else:
         dims, shape = (variable_name(name, "number"),), (output.count,)
-        units = {"time": "s"} | {key: unit for key, (_, unit) in output.channels.items()}
+        units = {"time": "s"} | {key: unit for key, (_, unit) in output.pairs.items()}
         count = Variable(dtype="int64", description="crossings recorded")
     columns = {key: Variable(dims, shape, unit=unit) for key, unit in units.items()}
     return {variable_name(name, key): v for key, v in ({"count": count} | columns).items()}
@@ -414,7 +414,7 @@ def _common_values(
         for name, table in tables.items()
     }
     channels = {
-        name: {key: quantity for key, (quantity, _) in section.channels.items()}
+        name: {key: quantity for key, (quantity, _) in section.pairs.items()}
         for name, section in sections.items()
     }
     if saves:
@@ -454,11 +454,11 @@ def _lane_tasks(
     times = None
     if save.times is not None:
         spans = zip(scenes, ends.tolist(), strict=True)
-        rows = [save.times_between(scene, start_time, end) for scene, end in spans]
-        counts = sorted({np.size(row) for row in rows})
+        rows = [np.asarray(save.times_between(scene, start_time, end)) for scene, end in spans]
+        counts = sorted({len(row) for row in rows})
         expected, remedy = "equally many in all lanes", "evaluate quantities at equally many"
         require(len(counts) == 1, "times", counts, expected, remedy)
-        times = np.stack([np.asarray(row) for row in rows])
+        times = np.stack(rows)
     return Task(lanes.scenes, lanes.states, ends, first_steps, times)
 
 

@@ -71,8 +71,8 @@ def poincare_section(
 
     **Arguments:**
 
-    - `crossings`: recorded crossings, ``solution.sections[name]``.
-    - `section`: the `Section` that was passed to `Saving` under this name.
+    - `crossings`: recorded crossings, ``solution.outputs[name]``.
+    - `section`: the `Section` that was passed in `outputs` under this name.
     - `channels`: names of the section's channels that are drawn to the right and upwards; by
       default the first two.
     - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
@@ -96,7 +96,7 @@ def poincare_section(
     is_valid = len(chosen) == 2 and set(chosen) <= set(recorded)
     remedy = "record two channels and name them"
     require(is_valid, "channels", chosen, f"two of those of the section, {recorded}", remedy)
-    drawn = [(name, crossings.values[name], section.channels[name][1]) for name in chosen]
+    drawn = [(name, crossings.values[name], section.pairs[name][1]) for name in chosen]
     return section_points(crossings.times, drawn, after, clearance, axes)
 
 
@@ -111,7 +111,7 @@ def poincare_section_of_lane(
 ) -> Axes:
     """Draw two quantities at the section crossings of one lane of a sweep, see `poincare_section`.
 
-    **Arguments:** `section`: name under which the `Section` was passed to `Saving`; for the others
+    **Arguments:** `section`: name under which the `Section` was passed in `outputs`; for the others
     see `poincare_section`.
 
     **Raises:** `ValueError` also for a lane that has not run yet.
@@ -194,7 +194,7 @@ def bifurcation(
 
     **Arguments:**
 
-    - `section`: name under which the `Section` was passed to `Saving`; `channel`: the one to draw.
+    - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 

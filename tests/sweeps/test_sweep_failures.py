@@ -244,7 +244,7 @@ def test_what_no_sweep_can_use_is_refused(changes, says):
         (lambda: cj.Axis.initial("spin", GOOD), "`path`.*lambda state"),
         (lambda: cj.Axis.change(None, GOOD), "`make`.*lambda scene, state, value"),
         (lambda: cj.Section(angle, {}, 1), "`channels`.*by name"),
-        (lambda: cj.Section(angle, {"x": angle}, 1), "`channels`.*pair"),
+        (lambda: cj.Section(angle, {"x": 3}, 1), r"`channels\['x'\]`.*pair"),
         (lambda: cj.Section(angle, {"time": (angle, "rad")}, 1), "`channels`.*time.*rename"),
         (lambda: cj.Section(angle, CHANNELS, count=0), "`count`.*positive"),
         (

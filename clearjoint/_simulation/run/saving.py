@@ -4,6 +4,8 @@ its outputs and its final state."""
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..._fields.checks import as_number, concrete, require, require_type
 from ..._fields.types import ArrayLike
 from ..._math.vectors import Scalar
@@ -53,7 +55,7 @@ class Saving:
             # The class is frozen, so its fields are set by `object`.
             object.__setattr__(self, "times", _checked(self.times))
 
-    def at(self, scene: Scene) -> ArrayLike | None:
+    def at(self, scene: Scene) -> Numbers | None:
         """Return the times to save at in a run of a scene; ``None`` if there are none."""
         return _checked(self.times(scene)) if callable(self.times) else self.times
 
@@ -82,13 +84,12 @@ def saving_or_nothing(save: Saving | None) -> Saving:
     return NOTHING if save is None else save
 
 
-def _checked(times: ArrayLike) -> ArrayLike:
+def _checked(times: ArrayLike) -> Numbers:
     row = as_number(times, "times", "s")
-    if concrete(row) is None:
-        # An array replaces a list with traced numbers, which NumPy can't convert.
-        return row
-    strictly_rising_times(row, "times")
-    return times
+    if concrete(row) is not None:
+        strictly_rising_times(row, "times")
+    # Single precision is kept, because later checks allow for its rounding errors.
+    return times if isinstance(times, np.ndarray) and times.dtype.kind == "f" else row
 
 
 NOTHING = Saving()

@@ -12,7 +12,6 @@ from ..._export.datasets import setting_notes
 from ..._fields.cautions import LawRangeWarning, caution
 from ..._fields.checks import require
 from ..._fields.objects import on_device, with_arrays
-from ..._fields.types import ArrayLike
 from ..._math.vectors import Scalar
 from ..._model.bodies import State
 from ..._model.scene import Scene
@@ -125,7 +124,7 @@ def simulate(
         flat = FlatArguments.of((scene, state))
     traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
-    times: ArrayLike | None = None
+    times: Numbers | None = None
     admissible = None
 
     def check_all_numbers() -> None:
