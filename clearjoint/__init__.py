@@ -31,7 +31,7 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 | landing | the adjustment of a step so that it ends at an event |
 | lane | one run of a sweep, computed in a slot beside other runs |
 | onset | instant at which a contact's force begins |
-| output | a result that a run, or each run of a sweep, keeps by name, such as a peak force |
+| output | named result of a run: a quantity at sample times, a reduction, a section or a table |
 | path | function that selects a number: `lambda scene: scene.joints["pin"].clearance` |
 | penetration | depth of a contact, m, positive where the surfaces overlap |
 | profile | deviation of a bearing's wall or a journal from its circle, around the axis |

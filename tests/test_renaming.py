@@ -230,7 +230,7 @@ def posterior(n: Names) -> Any:
         *renamed(balls(), n),
         measured(n),
         ball_parameters(n),
-        number=64,
+        draws=64,
         spread={n["heavy stiffness"]: 0.01, n["start"]: 0.01, n["light stiffness"]: 0.02},
         **QUIET,
     )
@@ -304,14 +304,14 @@ def sweep(n: Names) -> Any:
 def ensemble(n: Names) -> Any:
     axis = cj.Axis(lambda s: s.forces[n["light spring"]].stiffness, [100.0, 400.0])
     start = renamed(balls(), n)
-    options = {"disturbance": 0.3, "members": 3, **QUIET}
+    options = {"disturbance": 0.3, "draws": 3, **QUIET}
     return cj.ensemble(*start, 1.0, {n["stiffness"]: axis}, speeds(n), **options)
 
 
 def ensemble_of_a_linkage(n: Names) -> Any:
     start = renamed(rig(), n)
     axis = cj.Axis(_mass(n), [7.0])
-    options = {"disturbance": 1e-3, "members": 3, "exponents": 2, **QUIET}
+    options = {"disturbance": 1e-3, "draws": 3, "exponents": 2, **QUIET}
     return cj.ensemble(
         *start, 0.02, {n["mass"]: axis}, {n["peak"]: outputs(n)[n["peak"]]}, **options
     )
@@ -328,12 +328,12 @@ def uncertain(n: Names) -> dict[str, cj.Uncertain]:
 
 def statistics_derivatives(n: Names) -> Any:
     start = renamed(balls(), n)
-    options = {"members": 140, "disturbance": 0.05, **QUIET}
+    options = {"draws": 140, "disturbance": 0.05, **QUIET}
     return cj.statistics_derivatives(*start, 0.3, uncertain(n), speeds(n), **options)
 
 
 def sobol_indices(n: Names) -> Any:
-    return cj.sobol_indices(*renamed(balls(), n), 0.3, uncertain(n), speeds(n), count=16, **QUIET)
+    return cj.sobol_indices(*renamed(balls(), n), 0.3, uncertain(n), speeds(n), draws=16, **QUIET)
 
 
 def design(n: Names) -> Any:

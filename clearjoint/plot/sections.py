@@ -195,6 +195,7 @@ def bifurcation(
     **Arguments:**
 
     - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
+      A quantity named "section_channel" that is sampled once a period is drawn, too.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 
@@ -206,8 +207,8 @@ def bifurcation(
     require_several_values(dataset, (axis,))
     axes = axes_or_new(axes)
     succeeded = is_successful(dataset)
-    crossings = f"{section}_number"  # the dimension of the data set along the crossings of a lane
-    recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, crossings)
+    # The last dimension is that along the crossings, or the samples, of a lane.
+    recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, ...)
     x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
     draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)

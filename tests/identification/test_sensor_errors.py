@@ -132,7 +132,7 @@ def test_a_posterior_and_a_minimisation_know_the_errors_of_sensors():
     spread = {"stiffness": 0.05, "bias": 0.01, "drift": 0.01}
     guess = {"bias": 0.02, "drift": -0.01}
     given = SCENE, STATE, data, parameters
-    drawn = cj.posterior(*given, guess=guess, spread=spread, number=100, progress=False)
+    drawn = cj.posterior(*given, guess=guess, spread=spread, draws=100, progress=False)
     fit = cj.identify(*given, progress=False, check_runs=0)
     for name, error in fit.standard_errors.items():
         assert abs(drawn.means[name] - fit.estimates[name]) < 0.5 * error
