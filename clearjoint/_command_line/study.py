@@ -84,6 +84,8 @@ class RunPart:
     sections: Mapping[str, Section] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.outputs, Mapping) and isinstance(self.sections, Mapping)):
+            return  # the reader refuses these, with their place in the file
         twice = sorted(set(self.outputs) & set(self.sections))
         expected = "names that `outputs` does not use"
         require(not twice, "sections", twice, expected, "rename the section")

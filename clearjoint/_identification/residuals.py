@@ -205,7 +205,7 @@ def experiment(
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     kept = kept_by(outputs, None)
-    kept.refuse(RECORDED, "of a fit or a minimisation", "take cj.simulate() for it")
+    kept.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
     kept.check(scene, settings.ledger)

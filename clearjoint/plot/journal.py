@@ -244,8 +244,8 @@ def orbit(
     >>> drawn = plot.orbit(found.isel(clearance=0), ("x", "y"), 0.5e-3)
     """
     require_names(lane, (*outputs, "saved_time"))
-    samples = lane[outputs[0]]
-    require(samples.ndim == 1, "lane", samples.dims, "a single lane", "select one: dataset.isel(...)")
+    dims = lane[outputs[0]].dims
+    require(len(dims) == 1, "lane", dims, "a single lane", "select one: dataset.isel(...)")
     axes = axes_or_new(axes, (4.8, 5.0))
     in_window = inside(lane["saved_time"].values, window)
     factor, unit = length_unit(clearance)

@@ -94,9 +94,7 @@ def derivatives(output: Output) -> list[str]:
     start = time.perf_counter()
     ensembles = [manufactured(CLEARANCE + shift * TOLERANCE, large, 1000) for shift in SHIFTS]
     seconds_large = time.perf_counter() - start
-    lines = [
-        f"{draws} runs take {seconds:.1f} s, four ensembles of {large} {seconds_large:.0f} s"
-    ]
+    lines = [f"{draws} runs take {seconds:.1f} s, four ensembles of {large} {seconds_large:.0f} s"]
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
         means, errors = (

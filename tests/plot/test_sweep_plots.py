@@ -200,7 +200,7 @@ def test_convergence_finds_the_rate():
 def test_orbit_lies_in_the_clearance_circle():
     lane = dataset().isel(clearance=8, restitution=0)
     axes = plot.orbit(lane, ("orbit_x", "orbit_y"), 1e-3, window=(0.0, np.pi))
-    assert labels(axes) == ("orbit x, mm", "orbit y, mm")
+    assert labels(axes) == ("orbit_x, mm", "orbit_y, mm")
     path, start, circle = axes.get_lines()
     assert np.hypot(*path.get_data()) == pytest.approx(0.8)
     assert (path.get_ydata() > -1e-12).all()

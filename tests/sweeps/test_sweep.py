@@ -229,7 +229,7 @@ def test_result_is_labelled_with_units_and_settings(grid):
     assert grid.sizes["clearance"] == 5 and grid.sizes["restitution"] == 3
     assert grid.clearance.attrs["units"] == "m" and grid.restitution.attrs["units"] == "1"
     assert grid.force.attrs == {"units": "N", "long_name": "Peak"}
-    units = {"final_spin": "rad/s", "dissipated": "J", "path_time": "s", "impacts": "1"}
+    units = {"final_spin": "rad/s", "dissipated": "J", "saved_time": "s", "impacts": "1"}
     units |= {"hits_exit_speed": "m/s", "hits_peak_force": "N", "hits_largest_penetration": "m"}
     assert {name: grid[name].attrs["units"] for name in units} == units
     assert grid.final_position.dims == ("clearance", "restitution", "body", "component")

@@ -59,7 +59,7 @@ def recorders_of(kept: Kept) -> dict[str, Recorders]:
     return recorders
 
 
-class Samples(NamedTuple):
+class SavedRows(NamedTuple):
     """The state of a run, in scalar form, and values of quantities, at one or more times."""
 
     state: State
@@ -91,13 +91,13 @@ def segment(
     attempts: Scalar,
     quantities: Mapping[str, Quantity],
     loops: Loops = PLAIN,
-) -> tuple[Progress, tuple[Samples, jax.Array] | None]:
+) -> tuple[Progress, tuple[SavedRows, jax.Array] | None]:
     """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
     buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
     must contain a `LatestAttempt` at the key `LATEST`.
 
     **Returns:** the run after the segment, and, unless `save_times` is ``None``, a pair of the
-    `Samples` at the N times, and whether the run has reached each time, (N,). Samples at a time
+    `SavedRows` at the N times, and whether the run has reached each time, (N,). Rows at a time
     that the run has not reached are meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
@@ -107,14 +107,14 @@ def segment(
     if save_times is None:
         return loop.until(t_end, now, attempts, _has_room), None
 
-    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[Samples, jax.Array]]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[SavedRows, jax.Array]]:
         # Steps are not shortened to end at the save time, because saving must not change the
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
         y, entry_speeds = look_inside(method, system, now.records[LATEST], time)
         instant = Snapshot(time, y, entry_speeds).instant(system)
         values = {n: jnp.asarray(of(instant), dtype=float) for n, of in quantities.items()}
-        samples = Samples(state_of(system, y, entry_speeds), values)
+        samples = SavedRows(state_of(system, y, entry_speeds), values)
         return now, (samples, jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, now, save_times)
@@ -216,7 +216,7 @@ class Run:
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, now.step.t.dtype))  # pyright: ignore
-        samples: list[Samples] = []
+        samples: list[SavedRows] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []

@@ -169,12 +169,12 @@ class Kept:
             expected = f"those at which outputs[{name!r}] is evaluated"
             require(self.save.times is not None, "times", None, expected, remedy)
 
-    def refuse(self, kinds: type | UnionType, where: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the output, the kind of run (`where`) and the `remedy`,
-        if there is an output of `kinds`, which this kind of run cannot compute."""
+    def refuse(self, kinds: type | UnionType, expected: str, remedy: str) -> None:
+        """Raise a `ValueError` that names the output, what is `expected` and the `remedy`, if there
+        is an output of `kinds`, which a kind of run cannot compute."""
         for name, output in self.outputs.items():
             is_possible = not isinstance(output, kinds)
-            require(is_possible, f"outputs[{name!r}]", output, f"a quantity {where}", remedy)
+            require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
 
     def recorders(self) -> dict[str, Recorders]:
         """Return the recorders of the outputs, with buffers for all rows to keep."""

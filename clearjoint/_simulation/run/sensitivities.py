@@ -188,7 +188,8 @@ def sensitivities(
     """
     kept = kept_by(outputs, save)
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
-    kept.refuse(AbstractReduction, WITH_DERIVATIVES, FOR_REDUCTIONS)
+    expected = f"a quantity, a Section or an ImpactTable {WITH_DERIVATIVES}"
+    kept.refuse(AbstractReduction, expected, FOR_REDUCTIONS)
     check_parameters(parameters)
     for parameter in parameters.values():
         if isinstance(parameter.variation, SeriesDelay):

@@ -136,7 +136,7 @@ def simulate(
     if traced:
         # Values are unknown while JAX traces: their checks become a condition of the program.
         save.require_none(EXCEPT_TIMES, UNDER_JAX, LEAVE_OUT)
-        kept.refuse(RECORDED, UNDER_JAX, LEAVE_OUT)
+        kept.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
         times, admissible = save.at(scene), in_domain(check_all_numbers)
     else:
         check_span(start_time, end_time)
