@@ -1,7 +1,7 @@
 """Ensembles: runs from starts that differ by less than a measurement can resolve."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.variations import SceneNumber
 from .._simulation.results.solution import SUCCESSFUL
-from .._simulation.run.outputs import Output
+from .._simulation.run.outputs import Output, kept_by
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
@@ -199,9 +199,10 @@ def ensemble(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
-      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of the
-      outputs with one number in each run, such as `Peak`.
+    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `save`, `start_time`,
+      `path`, `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
+      the outputs with one number in each run, such as `Peak`, and of quantities at each of the
+      times of `save`.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
       point, the scene and state as they are.
     - `draws`: number of runs at each point, 2 or more. More draws of the same seed extend a
@@ -279,7 +280,8 @@ def ensemble(
         for name, axis in axes.items()
     }
     notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
-    statistics = _statistics(results, labels, (*shape, draws), levels)
+    quantities = kept_by(outputs, options.get("save")).quantities
+    statistics = _statistics(results, labels, (*shape, draws), levels, quantities)
     if exponents:
         rates = np.empty((count, 2))
         for k in range(count):
@@ -308,17 +310,19 @@ def number_failed(results: "xr.Dataset") -> Labelled:
     return Labelled((), int(failed_runs(results).sum()), description="number of failed runs")
 
 
-def scalar_outputs(results: "xr.Dataset") -> dict[str, tuple[np.ndarray, str]]:
-    """Return the outputs with one number in each lane of a zipped sweep, by name, as pairs of
-    values, NaN for failed lanes, and unit."""
+def scalar_outputs(
+    results: "xr.Dataset", quantities: Collection[str] = ()
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Return the outputs with one number in each lane of a zipped sweep, and further ones of the
+    given names, by name, as pairs of values, NaN for failed lanes, and unit."""
     failed = failed_runs(results)
     return {
         str(name): (
-            np.where(failed, np.nan, variable.values.astype(float)),
+            np.where(failed, np.nan, variable.values.astype(float).T).T,
             variable.attrs.get("units", "1"),
         )
         for name, variable in results.data_vars.items()
-        if variable.dims == ("lane",) and name not in NOT_OUTPUTS
+        if name in quantities or (variable.dims == ("lane",) and name not in NOT_OUTPUTS)
     }
 
 
@@ -327,25 +331,30 @@ def _statistics(
     labels: Mapping[str, tuple],
     shape: tuple[int, ...],
     levels: Float[np.ndarray, " q"],
+    quantities: Collection[str],
 ) -> "xr.Dataset":
     """Return the statistics of all outputs over the draws at each point.
 
     `labels` are coordinates of the dataset along the axes, and `shape` their sizes, then the number
-    of draws, which are successive lanes.
+    of draws, which are successive lanes; `quantities` are names of outputs at sample times.
     """
     import xarray as xr
 
     statistics = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
     statistics["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
-    for name, (values, unit) in scalar_outputs(results).items():
-        runs = xr.DataArray(values.reshape(shape), dims=(*labels, DRAW))
+    for name, (values, unit) in scalar_outputs(results, quantities).items():
+        # Quantities have a further dimension, that of the sample times.
+        times = results[name].dims[1:]
+        coords = {dim: results[dim] for dim in times if dim in results.coords}
+        values = values.reshape(*shape, *values.shape[1:])
+        runs = xr.DataArray(values, coords, (*labels, DRAW, *times))
         deviation = runs.std(DRAW, ddof=1)
         with warnings.catch_warnings():
             # The quantiles of a point whose runs all failed are NaN.
             warnings.simplefilter("ignore", RuntimeWarning)
             quantile = runs.quantile(levels, DRAW).transpose(..., QUANTILE)
-            errors = _quantile_errors(runs.values, levels)
+            errors = _quantile_errors(runs.transpose(..., DRAW).values, levels)
         variables = {
             "": runs,
             "_mean": runs.mean(DRAW),

@@ -204,11 +204,6 @@ def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
     return named
 
 
-SAVED = "saved"
-"""Prefix of the variables with saved states, such as "saved_position", the positions of all
-bodies, and of the sample times, "saved_time"."""
-
-
 class PartOfStates(eqx.Module):
     """Quantity whose value is one part of the states of all bodies, such as all positions, in the
     unit given by `STATE_PARTS`."""
@@ -220,41 +215,19 @@ class PartOfStates(eqx.Module):
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
-def check_outputs(kept: Kept, scene: Scene, ledger: bool) -> None:
-    """Check what the lanes of a sweep are asked to keep.
-
-    **Raises:** `ValueError` for steps or impacts of `kept.save`, which sweeps don't support, for
-    names of outputs that can't be those of arrays (see `Layout`), for quantities without sample
-    times, and for an output that needs something that the scene lacks, or the energy ledger if it
-    is not computed.
-    """
-    save, remedy = kept.save, "pass the lane's scene to simulate() for them"
-    save.require_none(["steps"], "in a sweep", remedy)
-    table = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
-    save.require_none(["impacts"], "in a sweep", table)
-    kept.check_names()
-    kept.check(scene, ledger)
-
-
 def sampled_channels(kept: Kept, scene: Scene) -> dict[str, Quantity]:
     """Return what is computed at the sample times of each lane, by key for `variable_name`: the
     parts of the states, and the quantities among the outputs."""
     bodies = tuple(scene.bodies)
-    channels = {own_name(name): quantity for name, quantity in kept.quantities.items()}
+    channels = {f"/{name}": quantity for name, quantity in kept.quantities.items()}
     if kept.save.states:
         channels |= {part: PartOfStates(part, bodies) for part in STATE_PARTS}
     return channels
 
 
-def own_name(name: str) -> str:
-    """Return the key of a column that `variable_name` calls `name`. Names of outputs contain no
-    slash."""
-    return f"/{name}"
-
-
 def variable_name(output: str, key: str) -> str:
-    """Return the name of a result of an output, "output_key", or "output" for an empty key; for a
-    key from `own_name`, its name."""
+    """Return the name of a result of an output, "output_key", or "output" for an empty key, or
+    "name" for a key "/name". Names of outputs contain no slash."""
     if key.startswith("/"):
         return key[1:]
     return f"{output}_{key}" if key else output

@@ -27,7 +27,7 @@ from .._model.scene import Scene
 from .._native import is_native
 from .._parametrisation.paths import parameters
 from .._result_codes import RESULTS, result_number, result_numbers
-from .._simulation.lanes.lane import Common, Plan, Task, impact_log
+from .._simulation.lanes.lane import SAVED, Common, Plan, Task, impact_log
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.results.impact_table import IMPACT_UNITS
 from .._simulation.results.solution import LABELS, STATE_PARTS, contact_label
@@ -46,11 +46,9 @@ from .executors import AbstractSubmitter
 from .outputs import (
     PENDING,
     RESULT,
-    SAVED,
     Coordinate,
     Layout,
     Variable,
-    check_outputs,
     sampled_channels,
     variable_name,
 )
@@ -216,6 +214,7 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
 if TYPE_CHECKING:
     import xarray as xr
 
+PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 _PROCESS = os.getpid()
 """Number of the process that has imported this module. A forked process has another one."""
 CHUNK = 256
@@ -226,6 +225,7 @@ executor computes one chunk in each of its tasks."""
 class SweepOptions(TypedDict, total=False):
     """Keyword arguments of `sweep` that functions such as `sobol_indices` pass on."""
 
+    save: Saving | None
     start_time: float
     path: str | PathLike | None
     executor: AbstractSubmitter | None
@@ -322,7 +322,11 @@ def sweep(
     remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
     require_array_names("axes", axes, remedy)
     require_types("axes", axes, Axis, "an Axis", remedy)
-    check_outputs(kept, scene, settings.ledger)
+    save = kept.save
+    save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
+    save.require_none(["impacts"], "in a sweep", PASS_TABLE)
+    kept.check_names()
+    kept.check(scene, settings.ledger)
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     if path is not None:
@@ -342,7 +346,7 @@ def sweep(
     lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
     scheme = Scheme.of(settings, redundant)
     common = _common_values(lanes, scheme, kept, start_time, settings.max_steps)
-    tasks = _lane_tasks(lanes, end_time, start_time, settings, kept.save)
+    tasks = _lane_tasks(lanes, end_time, start_time, settings, save)
     if path is None:
         # Results in memory need no fingerprint, so that no program is traced for them.
         trace, store = None, SweepMemory(layout)
@@ -354,7 +358,7 @@ def sweep(
         trace = partial(programs, common.plan, folded, state, start_time, common.channels)
         digests = trace()
         common = replace(common, programs=tuple(digests.items()))
-        store = SweepStore.open(path, layout, identity_of(digests, lanes, tasks, common.saved))
+        store = SweepStore.open(path, layout, identity_of(digests, lanes, tasks))
     work = Work(common, tasks, tuple(scene.bodies), frozenset(lanes.bad), layout.variables)
     results = compute_missing(work, store, trace, executor, threads, progress)
     # The warnings are about all lanes, also those that the store already had.
@@ -424,8 +428,8 @@ def _common_values(
     # Zeros and ones that all lanes share may become constants of the compiled program, which
     # shortens it; numbers that vary must stay arguments.
     folded_scene = fold_constants(lanes.scene, lanes.varied)
-    start, log = np.asarray(start_time, dtype=float), SAVED if saves else ""
-    return Common(plan, folded_scene, start, capacity, channels, log, tables=logs)
+    start = np.asarray(start_time, dtype=float)
+    return Common(plan, folded_scene, start, capacity, channels, tables=logs)
 
 
 def _lane_tasks(

@@ -10,12 +10,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._math.vectors import fold_constants
-from clearjoint._simulation.lanes.lane import Plan
+from clearjoint._simulation.lanes.lane import SAVED, Plan
 from clearjoint._simulation.run import impact_recorder
 from clearjoint._simulation.run.impact_recorder import ImpactRecorder
 from clearjoint._simulation.run.outputs import kept_by
 from clearjoint._simulation.step.method import Scheme
-from clearjoint._sweeps.outputs import SAVED, sampled_channels
+from clearjoint._sweeps.outputs import sampled_channels
 from clearjoint._sweeps.store.program import RUN, programs
 from clearjoint._sweeps.work import Chunks
 from tests.support.rotor import OUTPUTS, SAMPLED, Turnings, angle, rotor, spin

@@ -37,6 +37,8 @@ from ..step.stepping import running
 from ..step.types import Integers, Numbers
 
 T = TypeVar("T")
+SAVED = "saved"
+"""Name of the log of the states at the times to save at."""
 WINDOW = ROWS + 1
 """Length of the array of save times in a `LaneRequest`: one more than a buffer has rows, so that a
 lane with a full buffer still knows whether more states are to be saved."""
@@ -251,8 +253,8 @@ class Common(eqx.Module):
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities that are reported for each recorded state of a log.
-    - `saved`: name of the log of saved states; empty if no states are saved.
+    - `channels[log][name]`: quantities that are reported for each recorded state of a log of
+      crossings, or of saved states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: pairs of name and digest of the traced programs; empty if unknown. No compiled
       program is reused that was traced from code that has changed since.
@@ -263,13 +265,12 @@ class Common(eqx.Module):
     start_time: Single
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
-    saved: str = eqx.field(default="", static=True)
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, RowBuffer]:
         """Return the buffers of a lane, by name of the log."""
-        saved = {} if lane.saved is None else {self.saved: lane.saved}
+        saved = {} if lane.saved is None else {SAVED: lane.saved}
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
