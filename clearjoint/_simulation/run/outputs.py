@@ -21,12 +21,12 @@ from ..._model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
 from ..reductions.base import AbstractReduction, Instants, Window
 from ..results.impact_table import Impacts
-from ..results.solution import Crossings
+from ..results.solution import TIME, Crossings
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .recorders import ReductionRecorder
 from .run_loop import Recorders, Records
 from .saving import Saving, saving_or_nothing
-from .sections import Section, crossings_of
+from .sections import Section
 
 
 @dataclass(frozen=True)
@@ -188,10 +188,14 @@ class Kept:
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Crossings | Impacts]:
         """Return the crossings of each section and the table of each `ImpactTable`, from the
         records of a run whose clock was zero at `origin`, s."""
-        tables = {n: impact_rows_of(record, origin) for n, record in records[TABLES].items()}
-        rows = {name: Impacts.of_rows(table) for name, table in tables.items()}
-        both = crossings_of(records[SECTIONS], self.sections) | rows
-        return {name: both[name] for name in self.outputs if name in both}
+        found: dict[str, Crossings | Impacts] = {}
+        for name, section in self.sections.items():
+            columns = records[SECTIONS][name].rows.filled()
+            units = {key: unit for key, (_, unit) in section.pairs.items()}
+            found[name] = Crossings(columns.pop(TIME), columns, units)
+        for name, record in records[TABLES].items():
+            found[name] = Impacts.of_rows(impact_rows_of(record, origin))
+        return found
 
 
 def kept_by(outputs: Mapping[str, Output] | None, save: Saving | None) -> Kept:

@@ -21,7 +21,7 @@ from ..._math.interpolation import Parabola, Point, secant_root
 from ..._math.vectors import Scalar
 from ..._model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
-from ..results.solution import TIME, Crossings
+from ..results.solution import TIME
 from ..step.dense_output import Snapshot
 from ..step.landing import LATEST
 from ..step.step_state import choose
@@ -152,19 +152,6 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     def _none(self) -> dict[str, Scalar]:
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
-
-
-def crossings_of(
-    records: Mapping[str, SectionRecord], sections: "Mapping[str, Section]"
-) -> dict[str, Crossings]:
-    """Return the crossings in the records of `sections`, by name of the section, as NumPy
-    arrays."""
-    crossings = {}
-    for name, record in records.items():
-        columns = record.rows.filled()
-        units = {key: unit for key, (_, unit) in sections[name].pairs.items()}
-        crossings[name] = Crossings(columns.pop(TIME), columns, units)
-    return crossings
 
 
 @dataclass(frozen=True)
