@@ -169,7 +169,7 @@ def test_many_times_are_looked_at_in_blocks():
         cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::step_outcome])
         for step_outcome in (1, 10)
     )
-    for name in ("values", "derivatives"):
+    for name in ("outputs", "derivatives"):
         all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]
         np.testing.assert_allclose(all_rows[::10], some, rtol=1e-12, atol=1e-15)
     scene, state = arguments[0]

@@ -328,7 +328,7 @@ def simulate_nonsmooth(
         expected = f"at least {shortest:.1g} s, a part in {MOST_STEPS:.0g} of the span"
         remedy = "give a longer step in s, or an earlier end_time"
         require(bool(float(step) >= shortest), "step", step, expected, remedy)
-        times = save.times_between(start_time, end_time)
+        times = save.times_between(scene, start_time, end_time)
         redundant_constraints = check_start(scene, state, start_time, coordinates)
     formulation = Formulation(
         coordinates, redundant=bool(redundant_constraints) if redundant is None else redundant

@@ -107,7 +107,7 @@ EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
 
 @dataclass(frozen=True)
 class Kept:
-    """What a run kept besides its final state: `outputs` by name, and what `save` selects.
+    """What a run keeps besides its final state: `outputs` by name, and what `save` selects.
 
     **Raises:** `ValueError` for outputs that are not of one of the kinds of `Output`, or not by
     name.
@@ -149,11 +149,8 @@ class Kept:
         energy `ledger` have it; raise a `ValueError` that names the output."""
         for name, output in self.outputs.items():
             if isinstance(output, AbstractReduction):
-                expected, suffices = (
-                    f"True for outputs[{name!r}]",
-                    ledger or not output.needs_ledger,
-                )
-                require(suffices, "ledger", ledger, expected, "pass Settings(ledger=True)")
+                expected, remedy = f"True for outputs[{name!r}]", "pass Settings(ledger=True)"
+                require(ledger or not output.needs_ledger, "ledger", ledger, expected, remedy)
             with errors_about(f"Output {name!r}"):
                 if isinstance(output, RECORDED):
                     output.check(scene)
@@ -161,9 +158,13 @@ class Kept:
                     check_quantity("quantity", output, scene)
 
     def check_names(self) -> None:
-        """Check that arrays in files can get the names of the outputs, and that quantities have
-        sample times, or raise a `ValueError`."""
+        """Check that arrays in files can get the names of the outputs, that no part of a reduction,
+        such as "peak_time", has the name of another output, and that quantities have sample times,
+        or raise a `ValueError`."""
         require_array_names("outputs", self.outputs, EXAMPLE)
+        parts = {f"{n}_{part}" for n, o in self.reductions.items() for part in o.units() if part}
+        twice = sorted(parts & set(self.outputs))
+        require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
         remedy = "pass save=cj.Saving(times), or reduce the quantity by cj.Peak or cj.Statistics"
         for name in self.quantities:
             expected = f"those at which outputs[{name!r}] is evaluated"
@@ -199,5 +200,5 @@ class Kept:
 
 
 def kept_by(outputs: Mapping[str, Output] | None, save: Saving | None) -> Kept:
-    """Return what a run kept for its arguments `outputs` and `save`, and raise their errors."""
+    """Return what a run keeps for its arguments `outputs` and `save`, and raise their errors."""
     return Kept({} if outputs is None else outputs, saving_or_nothing(save))
