@@ -559,9 +559,8 @@ def test_sections_are_outputs_also_in_files_of_earlier_versions(folder):
 
 
 def test_quantities_of_a_sweep_have_the_times_of_the_run(folder):
-    changed(
-        "outputs.impacts =", 'outputs.y = { kind = "Position", body = "rod" }\noutputs.impacts ='
-    )
+    y = 'outputs.y = { kind = "Position", body = "rod", component = "y" }'
+    changed("outputs.impacts =", "\n".join([y, "outputs.impacts ="]))
     read = read_study(Path("study.toml"))
     kept = read.outputs_of_sweep(read.parts.sweep)
     assert set(kept.outputs) == {"low", "peak", "y", "impacts"} and not kept.save.states
