@@ -20,7 +20,7 @@ from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.reductions.quantities import Peak
 from .._simulation.results.impact_table import Impacts
-from .._simulation.results.observe import Observation, observe
+from .._simulation.results.observe import Observation, observe, values_along
 from .._simulation.results.solution import Crossings, Solution, contact_label
 from .._simulation.run.saving import Saving
 from .._simulation.run.simulate import simulate
@@ -64,6 +64,8 @@ def run(study: Study, folder: Path) -> CommandResult:
     end, code = study.end(), WELL
     contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
     times = part.saved_times(end)
+    # Quantities are computed after the run, so that they don't change a bit of its states.
+    recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
     # Each interval between saved states is divided for the figures. The divided times contain the
     # saved ones exactly.
     parts = -(-DRAWN // (len(times) - 1))
@@ -76,7 +78,7 @@ def run(study: Study, folder: Path) -> CommandResult:
             end,
             settings,
             Saving(drawn, impacts=contacts),
-            outputs={**part.outputs, **extremes},
+            outputs={**recorded, **extremes},
             start_time=part.start,
             throw=False,
             progress=has_error_stream(),
@@ -88,14 +90,8 @@ def run(study: Study, folder: Path) -> CommandResult:
         code, solution = INTERRUPTED, stopped.solution
     path = solution.saved
     if path is not None:
-        quantities = {
-            n for n, output in part.outputs.items() if isinstance(output, AbstractQuantity)
-        }
-        outputs = {
-            n: value[::parts] if n in quantities else value for n, value in solution.outputs.items()
-        }
         saved = jax.tree.map(lambda rows: rows[::parts], path)
-        solution = replace(solution, saved=saved, saved_count=len(saved), outputs=outputs)
+        solution = replace(solution, saved=saved, saved_count=len(saved))
     # Imported here, because it takes long and `clearjoint check` does not need it.
     from .reports import PDF, VIEW, write_run_report
 
@@ -184,21 +180,23 @@ def write_results(
     outputs = study.parts.run.outputs
     quantities = {n: item for n, item in outputs.items() if isinstance(item, AbstractQuantity)}
     if quantities:
-        folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, solution))
+        folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
     reductions = {n: item for n, item in outputs.items() if isinstance(item, AbstractReduction)}
     if reductions := {**reductions, **extremes}:
         _write_numbers(solution, reductions, folder)
     return _largest_force(solution, observed)
 
 
-def _outputs(quantities: Mapping[str, AbstractQuantity], solution: Solution) -> xr.Dataset:
+def _outputs(
+    quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
+) -> xr.Dataset:
     """Return the values of quantities at the saved states, with their extremes as attributes. A
     note is printed if the saved values fall short of an extreme by more than 2 % of the range."""
     saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}
     for name, quantity in quantities.items():
-        values, extremes = numbers[name], {}
+        values, extremes = values_along(scene, solution, quantity, saved), {}
         if name + LARGEST in numbers:
             # A reduction of the quantity `Negative` gives the negative of the smallest value.
             largest, smallest = numbers[name + LARGEST], -numbers[name + SMALLEST]
