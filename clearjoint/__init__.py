@@ -31,7 +31,7 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 | landing | the adjustment of a step so that it ends at an event |
 | lane | one run of a sweep, computed in a slot beside other runs |
 | onset | instant at which a contact's force begins |
-| output | a result that a run, or each run of a sweep, keeps by name, such as a peak force |
+| output | named result of a run: a quantity at sample times, a reduction, a section or a table |
 | path | function that selects a number: `lambda scene: scene.joints["pin"].clearance` |
 | penetration | depth of a contact, m, positive where the surfaces overlap |
 | profile | deviation of a bearing's wall or a journal from its circle, around the axis |
@@ -199,6 +199,7 @@ from ._simulation.reductions.quantities import Statistics as Statistics
 from ._simulation.results.impact_table import beyond_law_ranges as beyond_law_ranges
 from ._simulation.results.observe import observe as observe
 from ._simulation.results.solution import SimulationError as SimulationError
+from ._simulation.run.outputs import ImpactTable as ImpactTable
 from ._simulation.run.predictor import Predictor as Predictor
 from ._simulation.run.predictor import predictor as predictor
 from ._simulation.run.saving import Saving as Saving
@@ -218,8 +219,6 @@ from ._statistics.uncertain import design as design
 from ._sweeps.axes import Axis as Axis
 from ._sweeps.executors import ChunkError as ChunkError
 from ._sweeps.largest import largest_feasible as largest_feasible
-from ._sweeps.outputs import ImpactTable as ImpactTable
-from ._sweeps.outputs import Saved as Saved
 from ._sweeps.store.store import open_sweep as open_sweep
 from ._sweeps.sweep import sweep as sweep
 from ._views.viewing import View as View

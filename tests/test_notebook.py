@@ -16,6 +16,13 @@ EXPECTED = {
         "reaction / contact force of one base: 0.499",
         "first impact at 10.1 ms: 1466 N",
     ),
+    "outputs": (
+        "hits         Impacts of ",
+        "take simulate() or sweep() for it",
+        "derivatives of x, y besides x, y, meets, hits",
+        " draws: largest force ",
+        "clearance: 0.000",
+    ),
     "own_mechanism": (
         "degrees of freedom: 7",
         "redundant constraints: none",

@@ -116,7 +116,7 @@ def outputs(n: Names) -> dict[str, Any]:
         n["lost"]: cj.DissipatedEnergy(),
         n["hits"]: cj.ImpactTable(5),
         n["crossings"]: cj.Section(looks[n["offset"]], channels, count=4),
-        n["path"]: cj.Saved(TIMES, channels),
+        **looks,
     }
 
 
@@ -124,18 +124,8 @@ def outputs(n: Names) -> dict[str, Any]:
 def solved(n: "Key") -> tuple[cj.Scene, Any]:
     """The rig and a run of it."""
     scene, state = renamed(rig(), n.names)
-    recorded = outputs(n.names)
-    save = cj.Saving(
-        TIMES,
-        steps=True,
-        impacts=True,
-        sections={key: o for key, o in recorded.items() if isinstance(o, cj.Section)},
-        outputs={
-            key: o for key, o in recorded.items() if isinstance(o, cj.extend.AbstractReduction)
-        },
-    )
-    settings = cj.Settings(ledger=True)
-    return scene, cj.simulate(scene, state, 0.04, settings, save, progress=False)
+    save, settings = cj.Saving(TIMES, steps=True, impacts=True), cj.Settings(ledger=True)
+    return scene, cj.simulate(scene, state, 0.04, settings, save, outputs=outputs(n.names), **QUIET)
 
 
 class Key:
@@ -164,11 +154,10 @@ def observe(n: Names) -> Any:
 def sensitivities(n: Names) -> Any:
     scene, state = renamed(rig(), n)
     settings = cj.Settings(coordinates=cj.AbsoluteCoordinates())
-    section = outputs(n)[n["crossings"]]
-    save = cj.Saving(TIMES, impacts=True, sections={n["crossings"]: section})
-    looks = quantities(n)
+    recorded = {n[name]: outputs(n)[n[name]] for name in ("crossings", "hits")}
+    wanted, save = {**quantities(n), **recorded}, cj.Saving(TIMES, impacts=True)
     found = cj.sensitivities(
-        scene, state, 0.04, parameters(n), looks, TIMES, settings, save, progress=False
+        scene, state, 0.04, parameters(n), wanted, TIMES, settings, save, progress=False
     )
     return found, found.to_xarray()
 
@@ -241,7 +230,7 @@ def posterior(n: Names) -> Any:
         *renamed(balls(), n),
         measured(n),
         ball_parameters(n),
-        number=64,
+        draws=64,
         spread={n["heavy stiffness"]: 0.01, n["start"]: 0.01, n["light stiffness"]: 0.02},
         **QUIET,
     )
@@ -305,24 +294,24 @@ def _mass(n: Names) -> Callable[[cj.Scene], Any]:
 def sweep(n: Names) -> Any:
     save = cj.Saving(TIMES[:3])
     start = renamed(rig(), n)
-    wanted = {name: o for name, o in outputs(n).items() if not isinstance(o, cj.Saved)}
+    wanted = {name: o for name, o in outputs(n).items() if name not in quantities(n)}
     run = partial(cj.sweep, *start, 0.04, axes(n), settings=cj.Settings(ledger=True), **QUIET)
     found = run(wanted, save=save, path="sweep.zarr")
-    again = run(outputs(n))
+    again = run(outputs(n), save=save)
     return found, cj.open_sweep("sweep.zarr"), again
 
 
 def ensemble(n: Names) -> Any:
     axis = cj.Axis(lambda s: s.forces[n["light spring"]].stiffness, [100.0, 400.0])
     start = renamed(balls(), n)
-    options = {"disturbance": 0.3, "members": 3, **QUIET}
+    options = {"disturbance": 0.3, "draws": 3, **QUIET}
     return cj.ensemble(*start, 1.0, {n["stiffness"]: axis}, speeds(n), **options)
 
 
 def ensemble_of_a_linkage(n: Names) -> Any:
     start = renamed(rig(), n)
     axis = cj.Axis(_mass(n), [7.0])
-    options = {"disturbance": 1e-3, "members": 3, "exponents": 2, **QUIET}
+    options = {"disturbance": 1e-3, "draws": 3, "exponents": 2, **QUIET}
     return cj.ensemble(
         *start, 0.02, {n["mass"]: axis}, {n["peak"]: outputs(n)[n["peak"]]}, **options
     )
@@ -339,12 +328,12 @@ def uncertain(n: Names) -> dict[str, cj.Uncertain]:
 
 def statistics_derivatives(n: Names) -> Any:
     start = renamed(balls(), n)
-    options = {"members": 140, "disturbance": 0.05, **QUIET}
+    options = {"draws": 140, "disturbance": 0.05, **QUIET}
     return cj.statistics_derivatives(*start, 0.3, uncertain(n), speeds(n), **options)
 
 
 def sobol_indices(n: Names) -> Any:
-    return cj.sobol_indices(*renamed(balls(), n), 0.3, uncertain(n), speeds(n), count=16, **QUIET)
+    return cj.sobol_indices(*renamed(balls(), n), 0.3, uncertain(n), speeds(n), draws=16, **QUIET)
 
 
 def design(n: Names) -> Any:

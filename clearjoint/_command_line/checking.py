@@ -107,13 +107,11 @@ def _require_satisfied(report: ConstraintReport) -> None:
 
 def _sections(study: Study) -> Iterator[str]:
     run, fit = study.parts.run, study.parts.fit
+    study.check_elements(run.sections, "run", "sections")
     study.check_elements(run.outputs, "run", "outputs")
-    study.check_elements(study.sections(), "run", "sections")
     # What a section needs is imported only if there is one: importing takes longer than checking.
     if run.end is not None:
-        from .running import saved_times
-
-        saved_times(run, study.end())
+        run.saved_times(study.end())
         yield f"run: {run.start:g} s to {study.end():g} s"
     if (sweep := study.parts.sweep) is not None:
         from .sweeping import shape_of_lanes, sweep_axes

@@ -55,6 +55,8 @@ EARLIER = {
 `FORMULATION`."""
 SECTION = "section "
 """Prefix of the names of the tables of Poincaré sections."""
+TABLE = "impacts of "
+"""Prefix of the names of the tables of impacts that are outputs."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
 FIGURES = "figures"
 PAGE = "index.html"
@@ -159,7 +161,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         impacts=None if impacts is None else Impacts(**columns),
         formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
         redundant_constraints=names,
-        sections=_sections(folder),
+        outputs=_sections(folder),
         settings=tuple(
             (key, value.item() if isinstance(value, np.generic) else value)
             for key, value in motion.attrs.items()

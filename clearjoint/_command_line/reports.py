@@ -22,11 +22,9 @@ from .._model.scene import Scene
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import observe
 from .._simulation.results.solution import Solution
-from .._simulation.run.sections import Crossings
 from .._sweeps.store.store import open_sweep
 from .._views.viewing import view
 from ..plot.report_page import IMPACT_COLUMNS, impact_rows
-from ..plot.sections import section_points
 from ..plot.style import fitting_unit, scaled
 from .endings import say
 from .folders import (
@@ -58,9 +56,9 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     outputs = read_table(folder, OUTPUTS)
     for name, values in ({} if outputs is None else outputs).items():
         _save(folder, f"output {name}", _over_time(values))
-    for name, crossings in solution.sections.items():
+    for name, crossings in solution.outputs.items():
         if len(crossings):
-            _save(folder, f"section {name}", _draw_section(crossings))
+            _save(folder, f"section {name}", plot.poincare_section(crossings))
     title = str(read_summary(folder)["title"])
     plot.report(scene, solution, folder / PDF, title=title)
 
@@ -103,13 +101,6 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
     # 5 % of room above the highest dot.
     forces.set_ylim(top=1.05 * max(peaks.max(), forces.get_ylim()[1]))
     plot.style.legend_above(forces, min(len(forces.get_legend_handles_labels()[1]), 4))
-
-
-def _draw_section(crossings: Crossings) -> Axes:
-    channels = [(name, row, crossings.units[name]) for name, row in crossings.values.items()]
-    if len(channels) == 1:
-        channels.insert(0, ("time", crossings.times, "s"))
-    return section_points(crossings.times, channels[:2])
 
 
 def _over_time(output: xr.DataArray) -> Axes:

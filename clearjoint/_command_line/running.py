@@ -14,14 +14,14 @@ from typing_extensions import override
 from .._dynamics.journals import depths
 from .._export.datasets import Labelled, labelled_dataset, write_netcdf
 from .._fields.cautions import quiet
-from .._fields.checks import require, require_positive
 from .._math.vectors import Scalar
 from .._model.scene import Scene
 from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.reductions.quantities import Peak
+from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import Observation, observe, values_along
-from .._simulation.results.solution import Solution, contact_label
+from .._simulation.results.solution import Crossings, Solution, contact_label
 from .._simulation.run.saving import Saving
 from .._simulation.run.simulate import simulate
 from .._simulation.run.terminal import RunInterrupted
@@ -33,8 +33,6 @@ from . import folders
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
 from .study import RunPart, Study
 
-FRAMES = 1000
-"""Default number of equal intervals between the saved states of a run."""
 DRAWN = 10_000
 """Least number of equal intervals for the figures of a run, between which curves are straight."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
@@ -62,10 +60,12 @@ def run(study: Study, folder: Path) -> CommandResult:
     """Run a study's scene, and write tables, figures and a page. If the run fails, or if Ctrl-C
     interrupts it, the results so far are written."""
     part, settings = study.parts.run, study.settings("run")
-    reductions = reductions_of(part, settings)
+    extremes = extremes_of(part, settings)
     end, code = study.end(), WELL
     contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
-    times, sections = saved_times(part, end), study.sections()
+    times = part.saved_times(end)
+    # Quantities are computed after the run, so that they don't change a bit of its states.
+    recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
     # Each interval between saved states is divided for the figures. The divided times contain the
     # saved ones exactly.
     parts = -(-DRAWN // (len(times) - 1))
@@ -77,7 +77,8 @@ def run(study: Study, folder: Path) -> CommandResult:
             study.state,
             end,
             settings,
-            Saving(drawn, impacts=contacts, sections=sections, outputs=reductions),
+            Saving(drawn, impacts=contacts),
+            outputs={**recorded, **extremes},
             start_time=part.start,
             throw=False,
             progress=has_error_stream(),
@@ -96,12 +97,13 @@ def run(study: Study, folder: Path) -> CommandResult:
 
     folder.mkdir(parents=True, exist_ok=True)
     names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
-    folders.remove_old(folder, [*names, f"{folders.SECTION}*"], [folders.NUMBERS, PDF, VIEW])
+    names += [f"{folders.SECTION}*", f"{folders.TABLE}*"]
+    folders.remove_old(folder, names, [folders.NUMBERS, PDF, VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""
     if path is not None and len(path):
-        force, contact = write_results(study, solution, reductions, folder)
+        force, contact = write_results(study, solution, extremes, folder)
         write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
     folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
     # Contacts that last are no finished impacts, but an `ImpactCount` counts their onsets.
@@ -133,13 +135,9 @@ def run(study: Study, folder: Path) -> CommandResult:
     return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
 
 
-def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return the reductions that a run computes, by name: those among its outputs and, for each
-    quantity whose unit is in `SHARP`, two that find its extremes, also between saved states, if the
-    solver has dense output."""
-    chosen = {
-        n: output for n, output in part.outputs.items() if isinstance(output, AbstractReduction)
-    }
+def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
+    """Return, by name, two reductions for each quantity whose unit is in `SHARP`, which find its
+    extremes, also between saved states, if the solver has dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -156,28 +154,13 @@ def reductions_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduct
                 "warning: the solver has no dense output: extremes of outputs between saved states "
                 "are unknown; choose an explicit solver, or save more often"
             )
-    return chosen | extremes
-
-
-def saved_times(part: RunPart, end: float) -> np.ndarray:
-    """Return the times (N,), s, at which states are saved, the last one before or at the end."""
-    every = part.save_every
-    if every is None:
-        return np.linspace(part.start, end, FRAMES + 1)
-    require_positive("save_every", every, "give it in s")
-    duration = end - part.start
-    shorter = f"at most the duration, {duration:g} s"
-    require(every <= duration, "save_every", every, shorter, "save more often")
-    # Rounding errors are allowed for: by the factor, the end is among the times if the duration is
-    # a multiple of `every`; by the minimum, no time is after the end.
-    count = int(np.floor(duration / every * (1.0 + 1e-12)))
-    return np.minimum(part.start + every * np.arange(count + 1), end)
+    return extremes
 
 
 def write_results(
     study: Study,
     solution: Solution,
-    reductions: Mapping[str, AbstractReduction],
+    extremes: Mapping[str, AbstractReduction],
     folder: Path,
 ) -> tuple[float, str]:
     """Write the tables of a run, which must have saved states; return the largest normal force of
@@ -188,15 +171,18 @@ def write_results(
     tables = {folders.MOTION: motion, folders.OBSERVED: observed.to_xarray()}
     if solution.impacts is not None:
         tables[folders.IMPACTS] = solution.impacts.to_xarray()
-    tables |= {f"{folders.SECTION}{n}": item.to_xarray() for n, item in solution.sections.items()}
+    for name, output in solution.outputs.items():
+        if isinstance(output, Crossings | Impacts):
+            prefix = folders.SECTION if isinstance(output, Crossings) else folders.TABLE
+            tables[f"{prefix}{name}"] = output.to_xarray()
     for name, table in tables.items():
         folders.write_table(folder, name, table)
-    quantities = {
-        n: item for n, item in study.parts.run.outputs.items() if isinstance(item, AbstractQuantity)
-    }
+    outputs = study.parts.run.outputs
+    quantities = {n: item for n, item in outputs.items() if isinstance(item, AbstractQuantity)}
     if quantities:
         folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))
-    if reductions:
+    reductions = {n: item for n, item in outputs.items() if isinstance(item, AbstractReduction)}
+    if reductions := {**reductions, **extremes}:
         _write_numbers(solution, reductions, folder)
     return _largest_force(solution, observed)
 

@@ -14,7 +14,7 @@ from functools import reduce
 from operator import getitem
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
 import diffrax
 import numpy as np
@@ -25,7 +25,7 @@ from .._durability.wear_rates import WearRates
 from .._dynamics.absolute_coordinates import AbsoluteCoordinates
 from .._dynamics.formulation import Baumgarte, Projection, Unstabilised
 from .._dynamics.joint_coordinates.coordinates import JointCoordinates
-from .._fields.checks import nearest, require, require_count
+from .._fields.checks import nearest, require, require_count, require_positive
 from .._identification.screening.screening import Screening
 from .._identification.starts import Starts
 from .._measurements.readers import Missing
@@ -49,27 +49,16 @@ from .._scene_files.schema import Catalogue, Schema, scene_properties
 from .._simulation.reductions import joints
 from .._simulation.reductions import quantities as of_quantities
 from .._simulation.reductions.base import AbstractReduction
+from .._simulation.run.outputs import RECORDED, Kept, Output
+from .._simulation.run.saving import Saving
 from .._simulation.run.sections import Section
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
-from .._sweeps.outputs import ImpactTable
 from ..quantities.base import AbstractQuantity
 
+FRAMES = 1000
+"""Default number of equal intervals between the saved states of a run."""
 Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "identification"]
-
-
-@dataclass(frozen=True)
-class SectionPart:
-    """A Poincaré section of a run, from the time `after`, s, on; `count`: largest number of
-    crossings."""
-
-    crossing: AbstractQuantity
-    channels: Mapping[str, AbstractQuantity]
-    count: int = 1000
-    after: Annotated[float | None, "s"] = None
-
-    def __post_init__(self) -> None:
-        require_count("count", self.count, "give a number of crossings")
 
 
 @dataclass(frozen=True)
@@ -80,9 +69,10 @@ class RunPart:
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
-    - `outputs`: quantities, evaluated at the saved states, and reductions such as `Peak`, which
-      give numbers of the whole run. The extremes of forces and accelerations between saved states
-      are found too.
+    - `outputs`: quantities, evaluated at the saved states; reductions such as `Peak`, which give
+      numbers of the whole run; a `Section` or an `ImpactTable`. The extremes of forces and
+      accelerations between saved states are found too.
+    - `sections`: further outputs that are sections, as in files of earlier versions.
     """
 
     end: Annotated[float | None, "s"] = None
@@ -90,8 +80,31 @@ class RunPart:
     preset: Preset = "default"
     settings: Settings | None = None
     save_every: Annotated[float | None, "s"] = None
-    outputs: Mapping[str, AbstractQuantity | AbstractReduction] = field(default_factory=dict)
-    sections: Mapping[str, SectionPart] = field(default_factory=dict)
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    sections: Mapping[str, Section] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.outputs, Mapping) and isinstance(self.sections, Mapping)):
+            return  # the reader refuses these, with their place in the file
+        twice = sorted(set(self.outputs) & set(self.sections))
+        expected = "names that `outputs` does not use"
+        require(not twice, "sections", twice, expected, "rename the section")
+        object.__setattr__(self, "outputs", {**self.outputs, **self.sections})
+
+    def saved_times(self, end: float) -> np.ndarray:
+        """Return the times (N,), s, at which states are saved, the last one before or at the
+        end."""
+        every = self.save_every
+        if every is None:
+            return np.linspace(self.start, end, FRAMES + 1)
+        require_positive("save_every", every, "give it in s")
+        duration = end - self.start
+        shorter = f"at most the duration, {duration:g} s"
+        require(every <= duration, "save_every", every, shorter, "save more often")
+        # Rounding errors are allowed for: by the factor, the end is among the times if the duration
+        # is a multiple of `every`; by the minimum, no time is after the end.
+        count = int(np.floor(duration / every * (1.0 + 1e-12)))
+        return np.minimum(self.start + every * np.arange(count + 1), end)
 
 
 @dataclass(frozen=True)
@@ -128,8 +141,8 @@ class SweepPart:
     """The section [sweep]: runs with different numbers of the scene, and outputs of each.
 
     - `axes`: numbers that vary, with their values, by name.
-    - `outputs`: reductions such as `Peak`, or an `ImpactTable`. The Poincaré sections of [run] are
-      computed too.
+    - `outputs`: as in [run]. Quantities are evaluated at the times of `save_every` in [run]. The
+      Poincaré sections of [run] are computed too.
     - `end`: end of the runs, s; by default the `end` of [run], at whose `start` they begin.
     - `preset`, `settings`: as in [run], from which they are taken if neither is given.
     - `zipped`: whether lane k has the k-th value of every axis. By default there is a lane for each
@@ -139,7 +152,7 @@ class SweepPart:
     """
 
     axes: Mapping[str, AxisPart]
-    outputs: Mapping[str, AbstractReduction | ImpactTable] = field(default_factory=dict)
+    outputs: Mapping[str, Output] = field(default_factory=dict)
     end: Annotated[float | None, "s"] = None
     preset: Preset | None = None
     settings: Settings | None = None
@@ -341,7 +354,6 @@ def _entry(tree: PyTree, key: str | int) -> PyTree:
     return getattr(tree, str(key)) if hasattr(tree, str(key)) else tree[int(key)]
 
 
-Checkable: TypeAlias = AbstractQuantity | AbstractReduction | ImpactTable | Section
 SCENE = "scene"
 """Key of the scene in a study file: its path, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
@@ -401,23 +413,22 @@ class Study:
             require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
         return float(end)
 
-    def check_elements(self, named: Mapping[str, Checkable], *keys: str) -> None:
+    def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
         """Check that the scene has the elements that the entries at `keys` of the file name."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
-                entry.check(self.scene)
+                if isinstance(entry, AbstractQuantity | RECORDED):
+                    entry.check(self.scene)
 
-    def sections(self) -> dict[str, Section]:
-        """Return the Poincaré sections in the section [run], by name, for `Saving`."""
-        return {
-            name: Section(
-                part.crossing,
-                {key: (channel, channel.unit or "1") for key, channel in part.channels.items()},
-                part.count,
-                part.after,
-            )
-            for name, part in self.parts.run.sections.items()
-        }
+    def outputs_of_sweep(self, part: SweepPart) -> Kept:
+        """Return what the lanes of a sweep keep: the outputs of the section [sweep], with sample
+        times for its quantities, and the Poincaré sections of [run]."""
+        run = self.parts.run
+        sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
+        kept = Kept({**sections, **part.outputs}, Saving())
+        if not kept.quantities:
+            return kept
+        return replace(kept, save=Saving(run.saved_times(self.end(part.end)), states=False))
 
 
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from .._fields.checks import require_array_names
 from .._result_codes import result_numbers
 from .._scene_files.documents import FileLocation
-from .._simulation.run.saving import Saving
 from .._sweeps.axes import Axis
-from .._sweeps.outputs import check_outputs
 from .._sweeps.store.store import open_sweep
 from .._sweeps.sweep import sweep as run_sweep
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream, say
@@ -37,6 +36,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     # show results early, and a process that is killed loses few lanes.
     chunk = int(np.clip(np.ceil(lanes / 16), 1, 256)) if part.chunk is None else part.chunk
     end, settings = study.end(part.end), study.settings("sweep")
+    kept = study.outputs_of_sweep(part)
     folder.mkdir(parents=True, exist_ok=True)
     write_scene(folder, study.scene, study.state)
     code = WELL
@@ -46,9 +46,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
             study.state,
             end,
             axes,
-            part.outputs,
+            kept.outputs,
             settings,
-            Saving(sections=study.sections()),
+            kept.save,
             zipped=part.zipped,
             path=folder / STORE,
             chunk=chunk,
@@ -92,12 +92,10 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
         expected = "axes of equal length, since they are zipped"
         remedy = "give all axes as many values, or leave `zipped` out"
         location.at("axes").refuse(sizes, expected, remedy)
-    # Each output is checked alone, so that an error names its place in the file, and then all are
-    # checked together. The energy ledger is taken as switched on, since `Study.settings` switches
-    # it on if an output needs it.
+    # Each output is checked alone, so that an error names its place in the file.
     study.check_elements(part.outputs, "sweep", "outputs")
     with location.at("outputs").in_errors():
-        check_outputs(part.outputs, study.scene, ledger=True)
+        require_array_names("outputs", part.outputs, "rename them")
     return axes
 
 

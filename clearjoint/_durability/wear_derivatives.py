@@ -174,7 +174,7 @@ def derivatives_in_spans(
     for i, span in enumerate(spans):
         rows = np.searchsorted(times, span)
         for j, (joint, of_parts) in enumerate(rates.items()):
-            signals = {name: run.values[f"{joint} {name}"][rows] for name in SIGNALS}
+            signals = {name: run.outputs[f"{joint} {name}"][rows] for name in SIGNALS}
             # The depths depend on a parameter through the numbers and profiles of the joint,
             # through the signals of the run (forces, sliding speeds and positions of the journal
             # over time), and through the wear rates.

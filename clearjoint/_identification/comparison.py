@@ -23,13 +23,11 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter
 from .._parametrisation.readings import readings_of_runs, units_of
-from .._simulation.lanes.lane import Common, Plan, Task
+from .._simulation.lanes.lane import SAVED, Common, Plan, Task
 from .._simulation.lanes.scheduler import Batch, Ended
 from .._simulation.step.settings import Settings
 from .residuals import UNREACHED, Experiment, Samples, experiment, samples
 
-LOG = "samples"
-"""Name of the table in which each lane records its outputs."""
 TOGETHER = 64
 """Number of runs whose samples are compared with the data in one call."""
 
@@ -104,7 +102,7 @@ class Comparison:
 
         def on_ended(ended: Ended) -> None:
             # A lane has recorded rows up to the time that it reached.
-            rows, counts = ended.logs[LOG]
+            rows, counts = ended.logs[SAVED]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)
                 parts = zip(predicted, runs.names, sample_indices, strict=True)
@@ -186,7 +184,7 @@ class Comparison:
         # crossings of sections and no impacts.
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
-        return Common(plan, folded_scene, runs.start_time, {}, {LOG: runs.outputs}, LOG)
+        return Common(plan, folded_scene, runs.start_time, {}, {SAVED: runs.outputs})
 
 
 def comparison(

@@ -35,9 +35,9 @@ from .._parametrisation.readings import (
     with_sensor_errors,
 )
 from .._result_codes import RESULTS
+from .._simulation.run.outputs import EXAMPLE, RECORDED, kept_by
 from .._simulation.run.run_checks import derivative_scheme
 from .._simulation.run.sampling import Sampled, padded, sampled
-from .._simulation.run.sensitivities import check_outputs
 from .._simulation.step import presets
 from .._simulation.step.method import Scheme
 from .._simulation.step.settings import (
@@ -205,8 +205,11 @@ def experiment(
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
-    check_outputs(outputs, scene)
+    kept = kept_by(outputs, None)
+    kept.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
+    require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
+    kept.check(scene, settings.ledger)
     scheme = derivative_scheme(scene, state, settings, start_time)
     end_time = float(rising_times(times, "times")[-1])
     check_span(start_time, end_time)

@@ -252,7 +252,7 @@ def fit_horizon(
     sizes = growth.sizes(true_run.derivatives, points)
     # Differences grow exponentially only through impacts, so the rate is fitted from the first
     # contact on.
-    touching = np.any([true_run.values[name] > 0.0 for name in contacts], axis=0)
+    touching = np.any([true_run.outputs[name] > 0.0 for name in contacts], axis=0)
     onset = _first(times, touching)
 
     def near_truth(coordinates: np.ndarray) -> Sensitivities:
@@ -288,12 +288,12 @@ def _near(
 
     The residuals of a fit are differences modulo the period too.
     """
-    values = dict(run.values)
+    values = dict(run.outputs)
     for name, output in outputs.items():
         if (period := getattr(output, "period", None)) is not None:
-            difference = values[name] - reference.values[name][: len(run.times)]
+            difference = values[name] - reference.outputs[name][: len(run.times)]
             values[name] = values[name] - period * np.round(difference / period)
-    return replace(run, values=values)
+    return replace(run, outputs=values)
 
 
 def _errors(
@@ -304,7 +304,7 @@ def _errors(
     The error of the values is in units of the noise, the largest of all outputs. The error of
     derivatives is relative to their norm over the record so far, the largest of all parameters.
     """
-    values = [np.abs(run.values[n] - loose.values[n]) * w for n, w in weights.items()]
+    values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
     differences, size = np.zeros((2, len(run.times), p))
@@ -345,13 +345,13 @@ def _wrong_guess(
 ) -> WrongGuess:
     """Test for which records the misfit falls all the way from a wrong guess to the truth."""
     times = true_run.times
-    true_values, blocked = _weighted(true_run.values, weights), np.zeros(len(times), bool)
+    true_values, blocked = _weighted(true_run.outputs, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
     for fraction in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
         run = run_at(truth + fraction * offset)
         # Derivatives by the parameters come first; the others are not needed here.
         along = {name: run.derivatives[name][:, : len(offset)] @ offset for name in weights}
-        values, slopes = _weighted(run.values, weights), _weighted(along, weights)
+        values, slopes = _weighted(run.outputs, weights), _weighted(along, weights)
         blocked |= blocked_records(true_values, values, slopes)
     return WrongGuess(offset, blocked, _first(times, blocked))
 

@@ -26,8 +26,8 @@ from .._fields.checks import require, require_count, require_positive
 from .._fields.objects import with_arrays
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._simulation.run.outputs import Output
 from .._simulation.step.settings import Settings
-from .._sweeps.outputs import Output
 from .._sweeps.sweep import SweepOptions, sweep
 from .ensemble import DISTURBANCE, directions, disturbed_axes, number_failed, scalar_outputs
 from .uncertain import Uncertain, check_confidence, check_uncertain
@@ -51,7 +51,7 @@ def statistics_derivatives(
     outputs: Mapping[str, Output],
     settings: Settings | None = None,
     *,
-    members: int = 2000,
+    draws: int = 2000,
     disturbance: float = DISTURBANCE,
     seed: int = 0,
     confidence: float = 0.95,
@@ -69,8 +69,8 @@ def statistics_derivatives(
     - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: the p parameters by name. All parameters with a `deviation` share the same
-      `members` runs; each parameter with a `half_width` or `between` takes `members` further runs.
-    - `members`: number of runs with their own draws of all parameters. It must be even, because the
+      `draws` runs; each parameter with a `half_width` or `between` takes `draws` further runs.
+    - `draws`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 (1 + 3 p + p (p - 1)/2), ten for each coefficient
       of the regression.
     - `disturbance`: m/s, root mean square speed by which the starts differ; `seed`: of all draws.
@@ -93,7 +93,7 @@ def statistics_derivatives(
     >>> tolerance = cj.Uncertain(cj.Parameter(stiffness.variation, cj.Log()), deviation=0.02)
     >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
     >>> found = cj.statistics_derivatives(
-    ...     scene, state, 0.5, {"stiffness": tolerance}, speed, members=200, progress=False
+    ...     scene, state, 0.5, {"stiffness": tolerance}, speed, draws=200, progress=False
     ... )
     >>> print(f"{float(found['speed_derivative'][0]):.3f}")  # 0.1 m sqrt(k/m): half of 1 m/s
     0.500
@@ -101,20 +101,20 @@ def statistics_derivatives(
     check_uncertain(uncertain)
     require_positive("disturbance", disturbance, "give it in m/s")
     check_confidence(confidence)
-    require_count("members", members, "give a number of runs")
-    require(members % 2 == 0, "members", members, "even", "add one")
+    require_count("draws", draws, "give a number of runs")
+    require(draws % 2 == 0, "draws", draws, "even", "add one")
     fewest = LEAST_RUNS * _coefficients(len(uncertain))
     expected = f"{fewest} or more for {len(uncertain)} parameters"
-    require(members >= fewest, "members", members, expected, "run more")
+    require(draws >= fewest, "draws", draws, expected, "run more")
     scene, state = with_arrays((scene, state))
-    draws = _draws(uncertain, members, seed)
+    points = _points(uncertain, draws, seed)
     axes = {
-        name: number.axis(scene, state, draws[:, k])
+        name: number.axis(scene, state, points[:, k])
         for k, (name, number) in enumerate(uncertain.items())
     }
-    along = directions(scene, len(draws), seed)
-    # The two runs of a pair, which come after the first `members` runs, share their direction.
-    along[members + 1 :: 2] = along[members::2]
+    along = directions(scene, len(points), seed)
+    # The two runs of a pair, which come after the first `draws` runs, share their direction.
+    along[draws + 1 :: 2] = along[draws::2]
     start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, axes, disturbance, along, start_time)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
@@ -127,12 +127,12 @@ def statistics_derivatives(
     for name, (values, unit) in scalar_outputs(results).items():
         # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
         # the sizes, derivatives by standardised coordinates become those by nominal coordinates.
-        estimated = estimate(draws, values, members, normal)
+        estimated = estimate(points, values, draws, normal)
         derivatives, errors = estimated.derivatives / sizes, estimated.errors / sizes
         # Half the width of the intervals, by Student's distribution.
         half = stdtrit(estimated.freedom, 0.5 * (1.0 + confidence)) * errors
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
-        sample = values[:members][np.isfinite(values[:members])]
+        sample = values[:draws][np.isfinite(values[:draws])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
         variables[f"{name}_standard_error"] = Labelled((), error, unit)
@@ -148,7 +148,7 @@ def statistics_derivatives(
         "parameter": Labelled(("parameter",), texts(list(uncertain))),
         "coordinate": Labelled(("parameter",), texts(coordinates)),
     }
-    notes = {"runs": len(draws), "seed": seed, "confidence": confidence}
+    notes = {"runs": len(points), "seed": seed, "confidence": confidence}
     notes["disturbance"] = f"{disturbance:g} m/s"
     return labelled_dataset("derivatives of statistics", variables, labels, tuple(notes.items()))
 
@@ -158,10 +158,10 @@ def _coefficients(parameters: int) -> int:
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
-def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.ndarray:
+def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.ndarray:
     """Standardised coordinates of all runs.
 
-    The first `members` rows are independent draws. Then come as many rows for each parameter with a
+    The first `draws` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
@@ -173,10 +173,10 @@ def _draws(uncertain: Mapping[str, Uncertain], members: int, seed: int) -> np.nd
         columns = zip(numbers, points.T, strict=True)
         return np.stack([number.standardised(column) for number, column in columns], -1)
 
-    blocks.append(drawn(members))
+    blocks.append(drawn(draws))
     for k, number in enumerate(numbers):
         if not number.is_normal:
-            pairs = np.repeat(drawn(members // 2), 2, axis=0)
+            pairs = np.repeat(drawn(draws // 2), 2, axis=0)
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
             blocks.append(pairs)
     return np.concatenate(blocks)
@@ -192,12 +192,12 @@ class Estimate(NamedTuple):
 
 
 def estimate(
-    draws: Float[np.ndarray, "runs p"],
+    points: Float[np.ndarray, "runs p"],
     values: Float[np.ndarray, " runs"],
-    members: int,
+    draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean by the nominal values, from the rows of `_draws`.
+    """Return the derivatives of an output's mean by the nominal values, from the rows of `_points`.
 
     They are computed by regression for a normal parameter, and from pairs of runs for a uniform
     one.
@@ -205,22 +205,22 @@ def estimate(
     **Raises:** `ValueError` if too few independent runs succeed for the regression, or if fewer
     than two pairs of runs of a uniform parameter succeed.
     """
-    count = draws.shape[1]
+    count = points.shape[1]
     derivatives, errors, freedom = np.zeros((3, count))
-    usable = np.isfinite(values[:members])
+    usable = np.isfinite(values[:draws])
     needed, successful = LEAST_RUNS * _coefficients(count), int(usable.sum())
     expected = f"so many that {needed} runs succeed ({successful} did)"
-    require(successful >= needed, "members", members, expected, "run more, or find the failure")
-    slopes, slope_errors = _regression(draws[:members][usable], values[:members][usable], normal)
+    require(successful >= needed, "draws", draws, expected, "run more, or find the failure")
+    slopes, slope_errors = _regression(points[:draws][usable], values[:draws][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
     freedom[normal] = successful - _coefficients(count)
     # Each uniform parameter has as many runs as there are independent draws, in pairs.
-    blocks = values[members:].reshape(-1, members // 2, 2)
+    blocks = values[draws:].reshape(-1, draws // 2, 2)
     for k, pairs in zip(np.flatnonzero(~normal), blocks, strict=True):
         # The ends of the distribution are at 1 and -1, a distance of 2.
         halves = 0.5 * (pairs[:, 0] - pairs[:, 1])
         halves = halves[np.isfinite(halves)]
-        require(len(halves) > 1, "members", len(halves), "2 pairs of runs or more", "run more")
+        require(len(halves) > 1, "draws", len(halves), "2 pairs of runs or more", "run more")
         derivatives[k], errors[k] = halves.mean(), halves.std(ddof=1) / np.sqrt(len(halves))
         freedom[k] = len(halves) - 1
     return Estimate(derivatives, errors, freedom)

@@ -1,7 +1,7 @@
 """Ensembles: runs from starts that differ by less than a measurement can resolve."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -20,11 +20,11 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.variations import SceneNumber
 from .._simulation.results.solution import SUCCESSFUL
+from .._simulation.run.outputs import Output, kept_by
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
 from .._sweeps.axes import Axis
-from .._sweeps.outputs import Output
 from .._sweeps.sweep import SweepOptions, sweep
 
 PARTS = ("velocity", "spin")
@@ -37,14 +37,14 @@ NEGLIGIBLE = 1e-9
 are set to zero, so that velocities which the constraints fix get no axis."""
 
 
-def directions(scene: Scene, members: int, seed: int) -> Float[np.ndarray, "members v"]:
-    """Return a random direction in the space of all velocities for each member of an ensemble.
+def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws v"]:
+    """Return a random direction in the space of all velocities for each draw of an ensemble.
 
     The v columns are the components of velocity and spin of each body, all standard normal, in the
-    scene's order of bodies. The first rows don't depend on the number of members, so that an
+    scene's order of bodies. The first rows don't depend on the number of draws, so that an
     ensemble can be extended.
     """
-    return np.random.default_rng(seed).standard_normal((members, 6 * len(scene.bodies)))
+    return np.random.default_rng(seed).standard_normal((draws, 6 * len(scene.bodies)))
 
 
 def disturbed_velocities(
@@ -93,27 +93,27 @@ def disturbed_axes(
     size: float,
     along: Float[np.ndarray, "lanes v"],
     start_time: float,
-    members: int = 1,
+    draws: int = 1,
 ) -> dict[str, Axis]:
     """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
 
     The result has the given `axes` and an axis, named such as "disturbed velocity x of arm", for
     each component of a velocity or spin that differs in any lane from that of the undisturbed
-    state. `members` successive lanes have equal values of `axes`. If `members` is 1 and `axes`
+    state. `draws` successive lanes have equal values of `axes`. If `draws` is 1 and `axes`
     change only numbers of the scene, these must differ little from those in `scene`, whose
     constraints then serve all lanes.
 
     **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
     that is also that of a disturbed velocity.
     """
-    # Axes that change only numbers of the scene leave the initial state as it is. With one member
+    # Axes that change only numbers of the scene leave the initial state as it is. With one draw
     # for each value, every lane has its own numbers and would need its own Jacobian and singular
     # value decomposition, which would be slow. The Jacobian of the given scene then serves all
     # lanes, because such axes are parameters within tolerances: a number that differs by a small
     # share makes the tiny disturbance violate the constraints only by about this share of itself.
-    # The axes of an ensemble may change numbers much, but need one Jacobian for many members.
-    shared = members == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
-    block = len(along) if shared else members
+    # The axes of an ensemble may change numbers much, but need one Jacobian for many draws.
+    shared = draws == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
+    block = len(along) if shared else draws
     velocities, nominal = np.empty_like(along), np.empty_like(along)
     bodies = tuple(scene.bodies)
     for first in range(0, len(along), block):
@@ -170,7 +170,7 @@ TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 ROUNDING = 1e-12
 """Rounding error of a level of a quantile."""
-MEMBER, QUANTILE = "member", "quantile"
+DRAW, QUANTILE = "draw", "quantile"
 """Names of the dimensions that results have besides the axes."""
 NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
 """Variables that every sweep returns about each of its runs, besides the outputs asked for."""
@@ -184,7 +184,7 @@ def ensemble(
     outputs: Mapping[str, Output] | None = None,
     settings: Settings | None = None,
     *,
-    members: int = 100,
+    draws: int = 100,
     disturbance: float = DISTURBANCE,
     seed: int = 0,
     quantiles: tuple[float, ...] = (0.05, 0.5, 0.95),
@@ -199,29 +199,30 @@ def ensemble(
 
     **Arguments:**
 
-    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
-      `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of the
-      outputs with one number in each run, such as `Peak`.
+    - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `save`, `start_time`,
+      `path`, `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
+      the outputs with one number in each run, such as `Peak`, and of quantities at each of the
+      times of `save`.
     - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
       point, the scene and state as they are.
-    - `members`: number of runs at each point, 2 or more. More members of the same seed extend a
+    - `draws`: number of runs at each point, 2 or more. More draws of the same seed extend a
       stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
       speed at its body's radius of gyration.
     - `seed`: of the random directions. All points share the directions.
     - `quantiles`: levels between 0 and 1.
-    - `exponents`: number of members from which the largest Lyapunov exponent is computed at each
-      point, from 2 to `members`; 0 for none. Each of them takes one more run, with derivatives;
+    - `exponents`: number of draws from which the largest Lyapunov exponent is computed at each
+      point, from 2 to `draws`; 0 for none. Each of them takes one more run, with derivatives;
       these runs are made one after the other, not with `settings` but with `presets.derivatives`
       and a larger `derivative_tolerance`.
 
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 
-    - ``force``: the values along "member", NaN for failed runs;
+    - ``force``: the values along "draw", NaN for failed runs;
     - ``force_mean``, ``force_standard_error`` (of the mean), and ``force_deviation`` (standard
       deviation);
     - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile". The standard error
-      is NaN for a level too near 0 or 1 for the number of members: for 0.05 with fewer than 19, for
+      is NaN for a level too near 0 or 1 for the number of draws: for 0.05 with fewer than 19, for
       0.01 with fewer than 99.
 
     ``failed`` counts the failed runs, which are left out of the statistics. Statistics are NaN at a
@@ -229,57 +230,58 @@ def ensemble(
     run succeeded.
 
     With `exponents`, ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second
-    half of the run, on average over the first `exponents` members, and
+    half of the run, on average over the first `exponents` draws, and
     ``lyapunov_exponent_standard_error`` is the standard error of this average. At a point where
     fewer than two of the runs with derivatives succeed, both are NaN. The disturbance is a tangent:
     the derivative of the motion by the initial velocity, as by `sensitivities`. Unlike the
     difference of two runs, it is exact across impacts, needs no size, and does not stop growing
     when it is as large as the motion.
 
-    **Raises:** `ValueError` for unsupported arguments, such as an axis named "member" or
+    **Raises:** `ValueError` for unsupported arguments, such as an axis named "draw" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
 
     **Warns:** as `sweep` does, for example of failed runs.
 
     >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
-    >>> found = cj.ensemble(scene, state, 0.5, outputs=speed, members=20, progress=False)
+    >>> found = cj.ensemble(scene, state, 0.5, outputs=speed, draws=20, progress=False)
     >>> found["speed"].shape, int(found["failed"]), round(float(found["speed_mean"]), 6)
     ((20,), 0, 1.0)
     """
     axes = {} if axes is None else dict(axes)
     require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
-    taken, expected = sorted({MEMBER, QUANTILE} & set(axes)), f"not named {MEMBER} or {QUANTILE}"
+    taken, expected = sorted({DRAW, QUANTILE} & set(axes)), f"not named {DRAW} or {QUANTILE}"
     require(not taken, "axes", taken, expected, "rename the axis")
-    require_count("members", members, "give a number of runs at each point")
-    require(members > 1, "members", members, "2 or more", "statistics need several runs")
+    require_count("draws", draws, "give a number of runs at each point")
+    require(draws > 1, "draws", draws, "2 or more", "statistics need several runs")
     require_positive("disturbance", disturbance, "give it in m/s")
     levels = np.asarray(quantiles, float)
     inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
     require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
-    possible = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= members)
-    expected = f"0, or a whole number from 2 to members = {members}"
+    possible = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= draws)
+    expected = f"0, or a whole number from 2 to draws = {draws}"
     require(possible, "exponents", exponents, expected, "a standard error needs two runs")
     scene, state = with_arrays((scene, state))
     # The values of each axis at all combinations of values; those of the last axis change fastest.
     grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
     points = [grid.ravel() for grid in grids]
     count = len(points[0]) if points else 1
-    # The members of a point are successive lanes; all points share the members' directions.
+    # The draws of a point are successive lanes; all points share the draws' directions.
     repeated = {
-        name: Axis(axis.variation, np.repeat(column, members))
+        name: Axis(axis.variation, np.repeat(column, draws))
         for (name, axis), column in zip(axes.items(), points, strict=True)
     }
-    along = np.tile(directions(scene, members, seed), (count, 1))
+    along = np.tile(directions(scene, draws, seed), (count, 1))
     start_time = options.get("start_time", 0.0)
-    lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, members)
+    lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, draws)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     shape = tuple(len(axis.values) for axis in axes.values())
     labels = {
         name: (name, axis.values, {"units": axis.unit_in(scene, state)})
         for name, axis in axes.items()
     }
-    notes = {"members": members, "disturbance": f"{disturbance:g} m/s", "seed": seed}
-    statistics = _statistics(results, labels, (*shape, members), levels)
+    notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
+    quantities = kept_by(outputs, options.get("save")).quantities
+    statistics = _statistics(results, labels, (*shape, draws), levels, quantities)
     if exponents:
         rates = np.empty((count, 2))
         for k in range(count):
@@ -308,17 +310,19 @@ def number_failed(results: "xr.Dataset") -> Labelled:
     return Labelled((), int(failed_runs(results).sum()), description="number of failed runs")
 
 
-def scalar_outputs(results: "xr.Dataset") -> dict[str, tuple[np.ndarray, str]]:
-    """Return the outputs with one number in each lane of a zipped sweep, by name, as pairs of
-    values, NaN for failed lanes, and unit."""
+def scalar_outputs(
+    results: "xr.Dataset", quantities: Collection[str] = ()
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Return the outputs with one number in each lane of a zipped sweep, and further ones of the
+    given names, by name, as pairs of values, NaN for failed lanes, and unit."""
     failed = failed_runs(results)
     return {
         str(name): (
-            np.where(failed, np.nan, variable.values.astype(float)),
+            np.where(failed, np.nan, variable.values.astype(float).T).T,
             variable.attrs.get("units", "1"),
         )
         for name, variable in results.data_vars.items()
-        if variable.dims == ("lane",) and name not in NOT_OUTPUTS
+        if name in quantities or (variable.dims == ("lane",) and name not in NOT_OUTPUTS)
     }
 
 
@@ -327,30 +331,35 @@ def _statistics(
     labels: Mapping[str, tuple],
     shape: tuple[int, ...],
     levels: Float[np.ndarray, " q"],
+    quantities: Collection[str],
 ) -> "xr.Dataset":
-    """Return the statistics of all outputs over the members at each point.
+    """Return the statistics of all outputs over the draws at each point.
 
     `labels` are coordinates of the dataset along the axes, and `shape` their sizes, then the number
-    of members, which are successive lanes.
+    of draws, which are successive lanes; `quantities` are names of outputs at sample times.
     """
     import xarray as xr
 
     statistics = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
     statistics["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
-    for name, (values, unit) in scalar_outputs(results).items():
-        runs = xr.DataArray(values.reshape(shape), dims=(*labels, MEMBER))
-        deviation = runs.std(MEMBER, ddof=1)
+    for name, (values, unit) in scalar_outputs(results, quantities).items():
+        # Quantities have a further dimension, that of the sample times.
+        times = results[name].dims[1:]
+        coords = {dim: results[dim] for dim in times if dim in results.coords}
+        values = values.reshape(*shape, *values.shape[1:])
+        runs = xr.DataArray(values, coords, (*labels, DRAW, *times))
+        deviation = runs.std(DRAW, ddof=1)
         with warnings.catch_warnings():
             # The quantiles of a point whose runs all failed are NaN.
             warnings.simplefilter("ignore", RuntimeWarning)
-            quantile = runs.quantile(levels, MEMBER).transpose(..., QUANTILE)
-            errors = _quantile_errors(runs.values, levels)
+            quantile = runs.quantile(levels, DRAW).transpose(..., QUANTILE)
+            errors = _quantile_errors(runs.transpose(..., DRAW).values, levels)
         variables = {
             "": runs,
-            "_mean": runs.mean(MEMBER),
+            "_mean": runs.mean(DRAW),
             "_deviation": deviation,
-            "_standard_error": deviation / np.sqrt(runs.count(MEMBER)),
+            "_standard_error": deviation / np.sqrt(runs.count(DRAW)),
             "_quantile": quantile,
             "_quantile_standard_error": quantile.copy(data=errors),
         }
@@ -360,14 +369,14 @@ def _statistics(
 
 
 def _quantile_errors(
-    runs: Float[np.ndarray, "... members"], levels: Float[np.ndarray, " q"]
+    runs: Float[np.ndarray, "... draws"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
     """Standard errors of quantiles of `runs`, of which failed ones are left out.
 
     They are NaN where fewer than two runs succeeded, and for a level less than one deviation of the
     share of runs below it from 0 or 1.
     """
-    # The share of n members below the true quantile has a binomial distribution with the standard
+    # The share of n draws below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
     # deviation below and above is therefore the standard error of a quantile.
     errors = np.full((*runs.shape[:-1], len(levels)), np.nan)
@@ -389,7 +398,7 @@ def _lyapunov_exponent(
     state: State,
     span: tuple[float, float],
     size: float,
-    along: Float[np.ndarray, "members v"],
+    along: Float[np.ndarray, "draws v"],
     progress: bool,
 ) -> tuple[float, float]:
     """The largest Lyapunov exponent, 1/s, averaged over several starts, and its standard error.
@@ -405,7 +414,7 @@ def _lyapunov_exponent(
     options = {"start_time": start_time, "throw": False, "progress": progress}
     rates = []
     for k in range(len(along)):
-        # The initial state of this member, with its disturbed velocities.
+        # The initial state of this draw, with its disturbed velocities.
         start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
         run = sensitivities(
             scene, start, end_time, tangent, points, times, TANGENT_SETTINGS, **options

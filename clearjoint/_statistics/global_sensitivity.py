@@ -13,8 +13,8 @@ from .._fields.checks import require, require_count
 from .._fields.objects import with_arrays
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._simulation.run.outputs import Output
 from .._simulation.step.settings import Settings
-from .._sweeps.outputs import Output
 from .._sweeps.sweep import SweepOptions, sweep
 from .ensemble import number_failed, scalar_outputs
 from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube
@@ -39,7 +39,7 @@ def sobol_indices(
     outputs: Mapping[str, Output],
     settings: Settings | None = None,
     *,
-    count: int = 256,
+    draws: int = 256,
     seed: int = 0,
     confidence: float = 0.95,
     **options: Unpack[SweepOptions],
@@ -59,7 +59,7 @@ def sobol_indices(
     - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `start_time`, `path`,
       `executor`, `threads`, `chunk`, `progress`: as in `sweep`.
     - `uncertain`: p parameters, two or more, `Uncertain` by name.
-    - `count`: n, a power of two, 2 or more; n (p + 2) runs are made.
+    - `draws`: n, a power of two, 2 or more; n (p + 2) runs are made.
     - `seed`: of the scrambled Sobol points.
     - `confidence`: level of the intervals, between 0 and 1.
 
@@ -81,22 +81,22 @@ def sobol_indices(
     ...     "mass": cj.Uncertain(lambda s: s.bodies["ball"].mass, half_width=0.01),
     ... }
     >>> speed = {"speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
-    >>> found = cj.sobol_indices(scene, state, 0.5, uncertain, speed, count=64, progress=False)
+    >>> found = cj.sobol_indices(scene, state, 0.5, uncertain, speed, draws=64, progress=False)
     >>> bool(found["speed_total_order"].sel(parameter="stiffness") > 0.9)
     True
     """
     check_uncertain(uncertain)
     p = len(uncertain)
     require(p > 1, "uncertain", list(uncertain), "two parameters or more", "add a parameter")
-    require_count("count", count, "give a power of two")
-    require(count & (count - 1) == 0 and count > 1, "count", count, "a power of two", "round it up")
+    require_count("draws", draws, "give a power of two")
+    require(draws & (draws - 1) == 0 and draws > 1, "draws", draws, "a power of two", "round it up")
     check_confidence(confidence)
     scene, state = with_arrays((scene, state))
-    axes = axes_at(scene, state, uncertain, _groups(p, count, seed))
+    axes = axes_at(scene, state, uncertain, _groups(p, draws, seed))
     results = sweep(scene, state, end_time, axes, outputs, settings, zipped=True, **options)
     variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
-        groups = values.reshape(count, p + 2)
+        groups = values.reshape(draws, p + 2)
         # Only the first two points of a group are independent draws from the distributions.
         sample = groups[:, :2][np.isfinite(groups[:, :2])]
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
@@ -104,21 +104,21 @@ def sobol_indices(
         for order, numbers in _indices(groups, confidence).items():
             variables[f"{name}_{order}"] = Labelled(("parameter",), numbers, "1")
     labels = {"parameter": Labelled(("parameter",), texts(list(uncertain)))}
-    notes = {"runs": count * (p + 2), "seed": seed, "confidence": confidence}
+    notes = {"runs": draws * (p + 2), "seed": seed, "confidence": confidence}
     return labelled_dataset("Sobol indices", variables, labels, tuple(notes.items()))
 
 
-def _groups(p: int, count: int, seed: int) -> np.ndarray:
+def _groups(p: int, draws: int, seed: int) -> np.ndarray:
     """Points of all runs in the unit cube, in groups of p + 2.
 
     A group has two independent points A and B, and for each parameter the point A with this
-    parameter's coordinate from B. Groups come one after the other, so that a larger `count` appends
+    parameter's coordinate from B. Groups come one after the other, so that a larger `draws` appends
     to the runs of a stored sweep. Group i belongs to the randomisation i modulo their number.
     """
-    randomisations = min(RANDOMISATIONS, count)
+    randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
-    each = [unit_cube(2 * p, count // randomisations, "sobol", int(s)) for s in seeds]
-    first, second = np.split(np.stack(each, axis=1).reshape(count, 2 * p), 2, axis=1)
+    each = [unit_cube(2 * p, draws // randomisations, "sobol", int(s)) for s in seeds]
+    first, second = np.split(np.stack(each, axis=1).reshape(draws, 2 * p), 2, axis=1)
     groups = np.repeat(first[:, None], p + 2, axis=1)
     groups[:, 1] = second
     groups[:, 2 + np.arange(p), np.arange(p)] = second
@@ -137,7 +137,7 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     used, randomisation = groups[usable], (np.arange(len(groups)) % RANDOMISATIONS)[usable]
     left = np.unique(randomisation)
     expected = "2 groups without failures or more, of different randomisations"
-    require(len(left) > 1, "count", len(used), expected, "run more")
+    require(len(left) > 1, "draws", len(used), expected, "run more")
     if len(used) < len(groups):
         text = f"{len(used)} of {len(groups)} groups of runs are used."
         warnings.warn(text, stacklevel=level_of_the_user())

@@ -127,48 +127,48 @@ def check_confidence(confidence: float) -> None:
     require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
 
 
-def unit_cube(dimensions: int, count: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
+def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
     """Return points in the unit cube, by one of `METHODS`; those of "random" are independent.
 
-    **Raises:** `ValueError` for an unknown method, and for a count below 1.
+    **Raises:** `ValueError` for an unknown method, and for fewer than one draw.
 
-    **Warns:** `UserWarning` for "sobol" and a count that is not a power of two.
+    **Warns:** `UserWarning` for "sobol" and a number of draws that is not a power of two.
     """
     from scipy.stats import qmc
 
     require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
-    require_count("count", count, "give a number of points")
+    require_count("draws", draws, "give a number of points")
     rng = np.random.default_rng(seed)
     if method == "random":
-        return rng.random((count, dimensions))
+        return rng.random((draws, dimensions))
     if method == "sobol":
-        # A full power of two is drawn and cut to `count`, so that SciPy does not issue its own
+        # A full power of two is drawn and cut to `draws`, so that SciPy does not issue its own
         # warning, which has no advice.
-        exponent = (int(count) - 1).bit_length()
-        if count != 2**exponent:
+        exponent = (int(draws) - 1).bit_length()
+        if draws != 2**exponent:
             warnings.warn(
-                f"Argument `count` is {count}, but Sobol points fill the distributions evenly only "
+                f"Argument `draws` is {draws}, but Sobol points fill the distributions evenly only "
                 f"if it is a power of two: pass {2 ** (exponent - 1)} or {2**exponent}, or "
                 'method="halton".',
                 stacklevel=level_of_the_user(),
             )
-        return qmc.Sobol(dimensions, rng=rng).random_base2(exponent)[:count]
+        return qmc.Sobol(dimensions, rng=rng).random_base2(exponent)[:draws]
     sampler = qmc.Halton if method == "halton" else qmc.LatinHypercube
-    return sampler(dimensions, rng=rng).random(count)
+    return sampler(dimensions, rng=rng).random(draws)
 
 
 def design(
     scene: Scene,
     state: State,
     uncertain: Mapping[str, Uncertain],
-    count: int,
+    draws: int,
     method: str = "sobol",
     seed: int = 0,
 ) -> dict[str, Axis]:
     """Draw several numbers of a scene jointly from their distributions, as axes of a zipped sweep.
 
     Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", the
-    points of a larger `count` begin with those of a smaller one, so that a stored sweep can be
+    points of a larger `draws` begin with those of a smaller one, so that a stored sweep can be
     extended. Except for "random", the points are those of `scipy.stats.qmc`, randomised by the
     seed.
 
@@ -176,15 +176,15 @@ def design(
 
     - `scene`, `state`: with the nominal values.
     - `uncertain`: the numbers to draw, `Uncertain` by name.
-    - `count`: number of points; for "sobol" preferably a power of two, for which the points fill
+    - `draws`: number of points; for "sobol" preferably a power of two, for which the points fill
       the distributions evenly.
     - `method`: "sobol", "halton", "latin hypercube", or "random" for independent draws.
 
-    **Raises:** `ValueError` for an unknown `method`, a `count` below 1, an empty `uncertain`,
+    **Raises:** `ValueError` for an unknown `method`, fewer than one draw, an empty `uncertain`,
     entries that are not `Uncertain`, and a nominal value or bound that the parameter's scale does
     not allow.
 
-    **Warns:** `UserWarning` for "sobol" and a `count` that is not a power of two.
+    **Warns:** `UserWarning` for "sobol" and a number of `draws` that is not a power of two.
 
     >>> tolerance = cj.Uncertain(lambda s: s.forces["spring"].stiffness, half_width=5.0)
     >>> axes = cj.design(scene, state, {"stiffness": tolerance}, 4, "latin hypercube")
@@ -192,7 +192,7 @@ def design(
     True
     """
     check_uncertain(uncertain)
-    points = unit_cube(len(uncertain), count, method, seed)
+    points = unit_cube(len(uncertain), draws, method, seed)
     return axes_at(scene, state, uncertain, points)
 
 

@@ -1,6 +1,6 @@
 """Outputs of a sweep, and the shapes and labels of its results, which are known before it runs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,16 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._fields.checks import errors_about, require, require_array_names, require_count
-from .._fields.types import ArrayLike
+from .._fields.checks import require, require_array_names, require_count
 from .._math.vectors import pack
 from .._model.scene import Scene
-from .._simulation.reductions.base import AbstractReduction, Instants, Window, check_reductions
 from .._simulation.results.solution import STATE_PARTS
-from .._simulation.run.saving import Saving
-from .._simulation.run.sections import Channels, Section, check_channels, check_quantities
-from .._simulation.step.settings import strictly_rising_times
-from ..quantities.base import Instant, require_known
+from .._simulation.run.outputs import Kept
+from ..quantities.base import Instant, Quantity
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -74,8 +70,9 @@ class Variable(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes, named by the CF conventions."""
-        return {"units": self.unit, "long_name": self.description, **self.attrs}
+        """Attributes, named by the CF conventions; an unknown unit is left out."""
+        units = {"units": self.unit} if self.unit else {}
+        return {**units, "long_name": self.description, **self.attrs}
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,114 +204,6 @@ def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
     return named
 
 
-SAVED = "saved"
-"""Prefix of the variables with saved states, such as "saved_position", the positions of all
-bodies."""
-PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
-
-
-@dataclass(frozen=True)
-class Saved:
-    """Quantities at given times, computed with the solver's dense output.
-
-    The output "path" with a channel "x" gives the results ``path_time``, s, and ``path_x``, (K,) in
-    each lane. Entries for times that a failed lane has not reached are NaN.
-
-    **Arguments:**
-
-    - `times`: (K,) strictly rising times within the run; or a function of the lane's scene that
-      returns K such times for every lane, for example one in each revolution of a crank whose speed
-      is swept.
-    - `channels`: the quantities to record, by name: pairs of a function of an `Instant`, such as
-      those of `clearjoint.quantities`, and its unit as text.
-
-    **Raises:** `ValueError` if there are no channels, or if they are not such pairs; and for a
-    channel whose name is empty, "time" or "count", contains a slash or backslash, or begins with
-    "." or "__".
-
-    >>> offset = cj.quantities.JournalOffset("shoulder", "x")
-    >>> saved = cj.Saved(np.linspace(0.0, 0.1, 5), {"x": (offset, "m")})
-    >>> saved.times.shape
-    (5,)
-    """
-
-    times: ArrayLike | Callable[[Scene], ArrayLike]
-    channels: Channels
-
-    def __post_init__(self) -> None:
-        check_channels(self.channels)
-
-    def check(self, scene: Scene) -> None:
-        """Raise a `ValueError` if the scene lacks a body or joint that a channel names."""
-        check_quantities(self.channels, scene)
-
-    def at(self, scene: Scene) -> np.ndarray:
-        """Return the times at which the quantities are recorded in a lane.
-
-        **Raises:** `ValueError` for times that are not a row of finite numbers, or that don't rise
-        strictly.
-        """
-        chosen = np.asarray(self.times(scene) if callable(self.times) else self.times)
-        times = np.asarray(strictly_rising_times(chosen, "times"))
-        # Single precision is kept, because later checks allow for its rounding errors.
-        return chosen if chosen.dtype.kind == "f" else times
-
-
-@dataclass(frozen=True)
-class ImpactTable:
-    """Table of the finished impacts of a lane, with the columns of `simulate`'s table.
-
-    For each contact, labelled by joint and contact such as "pin V", the table has the first `count`
-    impacts: onset, separation, duration and peak time, s, entry and exit speed, m/s, peak force, N,
-    and largest penetration, m. Rows after the recorded impacts are NaN. The table also has the
-    number of recorded impacts of each contact; a contact with `count` of them may have had more. A
-    quantile of the peak forces is ``sweep.hits_peak_force.quantile(0.95, ["hits_contact",
-    "hits_number"])``, for an output named "hits".
-
-    **Arguments:**
-
-    - `count`: number of impacts kept for each contact.
-    - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
-    - `after`, `until`: start and end of a time window; by default the whole run. An impact is
-      recorded if its onset lies in the window. Each may be a function of the scene that returns a
-      time and that JAX can trace, so that the window follows the values of the lane.
-
-    **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
-    not single numbers, and for a window that does not end after its start.
-
-    >>> scene, _ = cj.mechanisms.double_pendulum()
-    >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
-    [('shoulder', 'V'), ('shoulder', 'W')]
-    """
-
-    count: int
-    joint: str | None = None
-    after: Instants = None
-    until: Instants = None
-
-    def __post_init__(self) -> None:
-        require_count("count", self.count, "pass a number of impacts")
-        self.window()
-
-    def window(self) -> Window | None:
-        """Return the time window in which impacts must begin; ``None`` for the whole run."""
-        window = Window(self.after, self.until)
-        return None if self.after is None and self.until is None else window
-
-    def check(self, scene: Scene) -> None:
-        """Raise a `ValueError` if the scene has no contacts, or lacks the joint of the table."""
-        joints = scene.contact_joints()
-        if self.joint is not None:
-            require_known("joint", self.joint, joints)
-        require(len(joints) > 0, "scene", {}, "one with contacts", "leave the table out")
-
-    def contacts(self, scene: Scene) -> list[tuple[str, str]]:
-        """Return the table's contacts as pairs of joint and label, such as ("shoulder", "V")."""
-        laws = scene.laws()
-        names = laws if self.joint is None else [self.joint]
-        return [(name, label) for name in names for label in laws[name]]
-
-
 class PartOfStates(eqx.Module):
     """Quantity whose value is one part of the states of all bodies, such as all positions, in the
     unit given by `STATE_PARTS`."""
@@ -326,62 +215,19 @@ class PartOfStates(eqx.Module):
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
-class StatesOfLanes:
-    """Output with the states of all bodies at given times, for which the argument `save` of `sweep`
-    asks."""
-
-    def __init__(self, times: Float[np.ndarray, " K"], scene: Scene):
-        self.times, bodies = times, tuple(scene.bodies)
-        self.channels = {
-            part: (PartOfStates(part, bodies), unit) for part, (_, unit) in STATE_PARTS.items()
-        }
-
-    def check(self, scene: Scene) -> None:
-        """Accept every scene."""
-
-    def at(self, scene: Scene) -> np.ndarray:
-        """Return the times, which don't depend on the scene."""
-        del scene
-        return self.times
+def sampled_channels(kept: Kept, scene: Scene) -> dict[str, Quantity]:
+    """Return what is computed at the sample times of each lane, by key for `variable_name`: the
+    parts of the states, and the quantities among the outputs."""
+    bodies = tuple(scene.bodies)
+    channels = {f"/{name}": quantity for name, quantity in kept.quantities.items()}
+    if kept.save.states:
+        channels |= {part: PartOfStates(part, bodies) for part in STATE_PARTS}
+    return channels
 
 
-AnySaved = Saved | StatesOfLanes
-"""Outputs at given times: `channels` are pairs (quantity, unit) by name, `at` returns the times."""
-Output = AbstractReduction | AnySaved | Section | ImpactTable
-
-
-def with_saving(outputs: Mapping[str, Output], save: Saving, scene: Scene) -> dict[str, Output]:
-    """Return all outputs of a sweep by name: `outputs` and those for which `save` asks.
-
-    **Raises:** `ValueError` for a `save` with steps or impacts, which sweeps don't support, for
-    names of `outputs` that can't be those of arrays (see `Layout`), and for a name in both
-    `outputs` and `save`.
-    """
-    require_array_names("outputs", outputs, 'pass for example {"hits": cj.ImpactCount("pin")}')
-    save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
-    require(not save.impacts, "impacts", True, "False in a sweep", PASS_TABLE)
-    further: dict[str, Output] = {**save.sections, **save.outputs}
-    if save.times is not None:
-        further[SAVED] = StatesOfLanes(np.asarray(save.times, dtype=float), scene)
-    twice = sorted(set(outputs) & set(further))
-    require(not twice, "outputs", twice, "names that `save` does not use", "rename the output")
-    return {**outputs, **further}
-
-
-def check_outputs(outputs: Mapping[str, Output], scene: Scene, ledger: bool) -> None:
-    """Raise a `ValueError` for an output that a sweep does not support, or that needs something
-    that the scene lacks, or the energy ledger if it is not computed; and for more than one output
-    at given times."""
-    for name, output in outputs.items():
-        expected = "a reduction, a Saved, a Section or an ImpactTable"
-        remedy = "subclass AbstractReduction, or pass one of clearjoint's"
-        require(isinstance(output, Output), f"outputs[{name!r}]", output, expected, remedy)
-        check_reductions({name: output}, scene, ledger)
-        if not isinstance(output, AbstractReduction):
-            # The message of the error gets the name of the output, as for reductions.
-            with errors_about(f"Output {name!r}"):
-                output.check(scene)
-    # A lane has one list of times to save at.
-    saves = [name for name, output in outputs.items() if isinstance(output, AnySaved)]
-    remedy = "join their times"
-    require(len(saves) <= 1, "outputs", saves, "outputs with at most one Saved", remedy)
+def variable_name(output: str, key: str) -> str:
+    """Return the name of a result of an output, "output_key", or "output" for an empty key, or
+    "name" for a key "/name". Names of outputs contain no slash."""
+    if key.startswith("/"):
+        return key[1:]
+    return f"{output}_{key}" if key else output

@@ -9,7 +9,7 @@ from .._result_codes import RESULTS, result_number
 from .._simulation.lanes.lane import Common, Task
 from .._simulation.lanes.scheduler import Batch, Ended, Running
 from .._simulation.results.solution import STATE_PARTS
-from .outputs import RESULT, LaneArrays, Variable
+from .outputs import RESULT, LaneArrays, Variable, variable_name
 
 CONTACT = "contact"
 """End of the name of an impact table's dimension of contacts, such as "hits_contact"."""
@@ -153,11 +153,6 @@ class Chunks:
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
 """Digests of the programs that this process has traced, which takes long, and found equal to those
 of a sweep."""
-
-
-def variable_name(output: str, key: str) -> str:
-    """Return the name of a result of an output, "output_key", or "output" for an empty key."""
-    return f"{output}_{key}" if key else output
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:

@@ -63,8 +63,8 @@ where polar ones are needed.
 >>> values = cj.Axis(lambda scene: scene.forces["spring"].stiffness, [50, 100, 200, 400])
 >>> rate = cj.quantities.Velocity("ball", "x")
 >>> turns = cj.Section(rate, {"x": (x, "m"), "speed": (rate, "m/s")}, count=3)
->>> save, speed = cj.Saving(sections={"turns": turns}), {"speed": cj.Peak(rate, "m/s")}
->>> found = cj.sweep(scene, state, 2.0, {"stiffness": values}, speed, save=save, progress=False)
+>>> outputs = {"turns": turns, "speed": cj.Peak(rate, "m/s")}
+>>> found = cj.sweep(scene, state, 2.0, {"stiffness": values}, outputs, progress=False)
 >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
 >>> unknown, guess = {"stiffness": stiffness}, {"stiffness": 90.0}
 >>> fit = cj.identify(scene, state, data, unknown, guess=guess, progress=False)

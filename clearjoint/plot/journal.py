@@ -223,10 +223,9 @@ def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> 
 
 def orbit(
     lane: xr.Dataset,
-    saved: str,
+    outputs: tuple[str, str],
     clearance: float,
     *,
-    channels: tuple[str, str] = ("x", "y"),
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
@@ -235,27 +234,23 @@ def orbit(
 
     **Arguments:**
 
-    - `saved`: name of an output of the sweep that is a `clearjoint.Saved`, which records
-      quantities, called its channels, at given times.
-    - `channels`: names of its channels that are drawn to the right and upwards, both in m, such as
-      those of `quantities.JournalOffset`.
+    - `outputs`: names of the two quantities among the outputs of the sweep that are drawn to the
+      right and upwards, both in m, such as `quantities.JournalOffset`.
 
-    >>> offsets = {a: (cj.quantities.JournalOffset("shoulder", a), "m") for a in ("x", "y")}
-    >>> outputs = {"path": cj.Saved(np.linspace(0.0, 0.02, 201), offsets)}
-    >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [0.5e-3])
-    >>> axes = {"clearance": clearance}
-    >>> found = cj.sweep(pendulum, hanging, 0.02, axes, outputs, progress=False)
-    >>> drawn = plot.orbit(found.isel(clearance=0), "path", 0.5e-3)
+    >>> offsets = {a: cj.quantities.JournalOffset("shoulder", a) for a in ("x", "y")}
+    >>> save = cj.Saving(np.linspace(0.0, 0.02, 201), states=False)
+    >>> axes = {"clearance": cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [0.5e-3])}
+    >>> found = cj.sweep(pendulum, hanging, 0.02, axes, offsets, save=save, progress=False)
+    >>> drawn = plot.orbit(found.isel(clearance=0), ("x", "y"), 0.5e-3)
     """
-    names = [f"{saved}_{channel}" for channel in channels]
-    require_names(lane, (*names, f"{saved}_time"))
-    times = lane[f"{saved}_time"]
-    require(times.ndim == 1, "lane", times.dims, "a single lane", "select one: dataset.isel(...)")
+    require_names(lane, (*outputs, "saved_time"))
+    dims = lane[outputs[0]].dims
+    require(len(dims) == 1, "lane", dims, "a single lane", "select one: dataset.isel(...)")
     axes = axes_or_new(axes, (4.8, 5.0))
-    in_window = inside(times.values, window)
+    in_window = inside(lane["saved_time"].values, window)
     factor, unit = length_unit(clearance)
-    x, y = (lane[name].values[in_window] * factor for name in names)
+    x, y = (lane[name].values[in_window] * factor for name in outputs)
     axes.plot(x, y, color=BLUE, linewidth=0.8)
     axes.plot(x[:1], y[:1], "o", color="black", markersize=4)  # the start
     clearance_circle(axes, clearance, factor=factor)
-    return dress(axes, *(f"{shown(channel)}, {unit}" for channel in channels))
+    return dress(axes, *(f"{shown(name)}, {unit}" for name in outputs))

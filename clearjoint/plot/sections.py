@@ -12,7 +12,6 @@ from matplotlib.ticker import MaxNLocator
 from .._fields.checks import require
 from .._fields.drawn_text import shown
 from .._simulation.results.solution import Crossings
-from .._simulation.run.sections import Section
 from .journal import clearance_circle
 from .style import (
     BLUE,
@@ -59,7 +58,6 @@ def _mapped(
 
 def poincare_section(
     crossings: Crossings,
-    section: Section,
     channels: tuple[str, str] | None = None,
     *,
     after: float | None = None,
@@ -71,32 +69,30 @@ def poincare_section(
 
     **Arguments:**
 
-    - `crossings`: recorded crossings, ``solution.sections[name]``.
-    - `section`: the `Section` that was passed to `Saving` under this name.
+    - `crossings`: recorded crossings, ``solution.outputs[name]`` of a `Section` of this name.
     - `channels`: names of the section's channels that are drawn to the right and upwards; by
-      default the first two.
+      default the first two, or the time and the only one.
     - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
     - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
       joint with this clearance.
 
     **Returns:** the axes, with equal scales for channels of the same unit and a similar size.
 
-    **Raises:** `ValueError` for a section with a single channel, a `clearance` with channels that
+    **Raises:** `ValueError` for channels that the section lacks, a `clearance` with channels that
     are not lengths, and if all crossings are earlier than `after`.
 
-    >>> x, y = (cj.quantities.JournalOffset("shoulder", component) for component in "xy")
-    >>> section = cj.Section(y, {"x": (x, "m"), "y": (y, "m")}, count=3)
-    >>> values = {"x": np.array([1e-4, 2e-4, 1e-4]), "y": np.zeros(3)}
-    >>> axes = plot.poincare_section(cj.results.Crossings(np.arange(3.0), values), section)
+    >>> values, units = {"x": np.array([1e-4, 2e-4, 1e-4]), "y": np.zeros(3)}, {"x": "m", "y": "m"}
+    >>> axes = plot.poincare_section(cj.results.Crossings(np.arange(3.0), values, units))
     >>> axes.get_xlabel()
     'x, µm'
     """
-    recorded = list(section.channels)
-    chosen = tuple(recorded[:2]) if channels is None else tuple(channels)
+    recorded = {"time": (crossings.times, "s")} if len(crossings.values) < 2 else {}
+    recorded |= {n: (row, crossings.units.get(n, "1")) for n, row in crossings.values.items()}
+    chosen = tuple(recorded)[:2] if channels is None else tuple(channels)
     is_valid = len(chosen) == 2 and set(chosen) <= set(recorded)
-    remedy = "record two channels and name them"
-    require(is_valid, "channels", chosen, f"two of those of the section, {recorded}", remedy)
-    drawn = [(name, crossings.values[name], section.channels[name][1]) for name in chosen]
+    expected = f"two of those of the section, {list(recorded)}"
+    require(is_valid, "channels", chosen, expected, "record two channels and name them")
+    drawn = [(name, *recorded[name]) for name in chosen]
     return section_points(crossings.times, drawn, after, clearance, axes)
 
 
@@ -111,7 +107,7 @@ def poincare_section_of_lane(
 ) -> Axes:
     """Draw two quantities at the section crossings of one lane of a sweep, see `poincare_section`.
 
-    **Arguments:** `section`: name under which the `Section` was passed to `Saving`; for the others
+    **Arguments:** `section`: name under which the `Section` was passed in `outputs`; for the others
     see `poincare_section`.
 
     **Raises:** `ValueError` also for a lane that has not run yet.
@@ -194,7 +190,8 @@ def bifurcation(
 
     **Arguments:**
 
-    - `section`: name under which the `Section` was passed to `Saving`; `channel`: the one to draw.
+    - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
+      A quantity named "section_channel" that is sampled once a period is drawn, too.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 
@@ -206,8 +203,8 @@ def bifurcation(
     require_several_values(dataset, (axis,))
     axes = axes_or_new(axes)
     succeeded = is_successful(dataset)
-    crossings = f"{section}_number"  # the dimension of the data set along the crossings of a lane
-    recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, crossings)
+    # The last dimension is that along the crossings, or the samples, of a lane.
+    recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, ...)
     x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
     draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)

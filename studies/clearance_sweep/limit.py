@@ -80,9 +80,10 @@ def deviations(output: Output, name: str, axial: Any) -> xr.Dataset:
         DURATION,
         {"clearance": cj.Axis(lambda scene: scene.joints[SHOULDER].clearance, clearances)},
         {
-            "path": cj.Saved(times, {c: (Position(END_ARM, c), "m") for c in components}),
+            **{f"path_{c}": Position(END_ARM, c) for c in components},
             "penetration": cj.Peak(Penetration(SHOULDER, BASE), "m"),
         },
+        save=cj.Saving(times, states=False),
         path=output.store(name),
         chunk=16,
     )

@@ -63,10 +63,10 @@ SUMMARY: dict[str, Any] = {
     "dissipated_energy": cj.DissipatedEnergy(),
 }
 IMPACTS = cj.Section(
-    Penetration(SHOULDER, BASE), {"entry_speed": (PenetrationRate(SHOULDER, BASE), "m/s")}, count=80
+    Penetration(SHOULDER, BASE), {"entry_speed": PenetrationRate(SHOULDER, BASE)}, count=80
 )
 """Poincaré section of an impact oscillator: the states in which a base meets the wall."""
-ORBIT = cj.Saved(orbit_times, {c: (JournalOffset(SHOULDER, c, BASE), "m") for c in ("x", "y")})
+ORBIT = {c: JournalOffset(SHOULDER, c, BASE) for c in ("x", "y")}
 """Path of a base across the bearing."""
 
 
@@ -79,8 +79,9 @@ def sweep(output: Output) -> list[str]:
         state,
         QUICK_DURATION if output.quick else DURATION,
         {"clearance": clearance_axis(values)},
-        {**SUMMARY, "impact": IMPACTS, "orbit": ORBIT},
+        {**SUMMARY, "impact": IMPACTS, **ORBIT},
         settings=cj.Settings(ledger=True),
+        save=cj.Saving(orbit_times, states=False),
         path=output.store("sweep"),
         chunk=32,
     )
@@ -126,7 +127,7 @@ def _orbits(swept: xr.Dataset) -> Figure:
     for clearance, axes in zip(ORBITS, figure.subplots(1, 3), strict=True):
         lane = swept.sel(clearance=clearance, method="nearest")
         radius = float(lane["clearance"])
-        plot.orbit(lane, "orbit", radius, axes=axes)
+        plot.orbit(lane, ("x", "y"), radius, axes=axes)
         axes.invert_yaxis()  # gravity is along y
         last = FREE_FALLS * free_fall(radius)
         axes.set_title(f"{radius * 1e3:.2g} mm, first {last * 1e3:.0f} ms", fontsize="medium")

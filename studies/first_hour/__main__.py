@@ -89,7 +89,7 @@ def main() -> cj.results.Fit:
     times = np.linspace(0.25e-3, 0.01, 40)
     offsets = {"x": JournalOffset("crank pin", "x"), "y": JournalOffset("crank pin", "y")}
     found = cj.sensitivities(scene, start, 0.01, {"clearance": clearance}, offsets, times)
-    series = {k: cj.Series(offsets[k], times, found.values[k], noise=5e-6) for k in offsets}
+    series = {k: cj.Series(offsets[k], times, found.outputs[k], noise=5e-6) for k in offsets}
     measured = cj.Measurements(series).with_noise(np.random.default_rng(0))
     options = {"guess": {"clearance": 0.1e-3}, "grow": (0.002, 0.004, 0.006, 0.008)}
     fit = cj.identify(scene, start, measured, {"clearance": clearance}, **options)

@@ -60,5 +60,5 @@ def ideal(pin: str, angle: float, end_time: float = END) -> cj.Measurements:
     found = cj.sensitivities(
         *scene(pin, angle), end_time, parameters(pin), channels, times, settings=tight
     )
-    series = {n: cj.Series(c, times, found.values[n], noise[n]) for n, c in channels.items()}
+    series = {n: cj.Series(c, times, found.outputs[n], noise[n]) for n, c in channels.items()}
     return cj.Measurements(series)

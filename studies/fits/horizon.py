@@ -65,7 +65,7 @@ class Fit:
             throw=False,
         )
         missing = len(times) - len(run.times)
-        values = [np.pad(v, (0, missing), constant_values=LOST) for v in run.values.values()]
+        values = [np.pad(v, (0, missing), constant_values=LOST) for v in run.outputs.values()]
         rows = [np.pad(d, ((0, missing), (0, 0))) for d in run.derivatives.values()]
         return np.concatenate(values) / PROBES.noise, np.concatenate(rows) / PROBES.noise
 

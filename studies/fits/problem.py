@@ -63,7 +63,7 @@ def ideal(sensor: str, end_time: float) -> tuple[cj.Measurements, dict[str, floa
     scene, state = cj.mechanisms.double_pendulum()
     tight = replace(cj.presets.derivatives, rtol=1e-11)
     found = cj.sensitivities(scene, state, end_time, PARAMETERS, channels, times, settings=tight)
-    clean = {name: cj.Series(c, times, found.values[name], noise) for name, c in channels.items()}
+    clean = {name: cj.Series(c, times, found.outputs[name], noise) for name, c in channels.items()}
     jacobian = np.concatenate([found.derivatives[name] / noise for name in channels])
     deviations = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     return cj.Measurements(clean), dict(zip(PARAMETERS, deviations.tolist(), strict=True))

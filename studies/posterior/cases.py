@@ -39,7 +39,7 @@ def readings(
     quantities = {name: channel for name, (channel, _) in channels.items()}
     found = cj.sensitivities(
         scene, state, times[-1], parameters, quantities, times, settings=tight
-    ).values
+    ).outputs
     return cj.Measurements(
         {name: cj.Series(c, times, found[name], noise) for name, (c, noise) in channels.items()}
     )

@@ -62,7 +62,7 @@ def drawn(name: str, case: Case, number: int, seed: int) -> Draw:
         case.parameters,
         guess=case.guess,
         spread=case.spread,
-        number=number,
+        draws=number,
         seed=seed,
         progress=False,
     )

@@ -70,20 +70,20 @@ def residuals(case: Case, points: np.ndarray) -> np.ndarray:
         name: cj.Axis(parameter.variation, np.asarray(parameter.scale.value(row)))
         for (name, parameter), row in zip(case.parameters.items(), points.T, strict=True)
     }
-    record = cj.Saved(times, {name: (one.channel, one.unit) for name, one in series.items()})
     runs = cj.sweep(
         case.scene,
         case.state,
         times[-1],
         axes,
-        {"record": record},
+        {name: one.channel for name, one in series.items()},
         cj.presets.identification,
+        cj.Saving(times, states=False),
         zipped=True,
         progress=False,
     )
     rows = []
     for name, one in series.items():
-        predictions = runs[f"record_{name}"].values[:, np.searchsorted(times, one.times)]
+        predictions = runs[name].values[:, np.searchsorted(times, one.times)]
         rows.append([one.residuals(prediction) for prediction in predictions])
     return np.concatenate(rows, axis=1)
 
@@ -103,7 +103,7 @@ def cover(case: Case, runs: int, draws: int, kept: Sequence[Draw]) -> tuple[str,
         case.parameters,
         guess=case.truth,
         spread=case.spread,
-        number=POINTS,
+        draws=POINTS,
         progress=False,
     )
     points, log_density = drawn_around(np.unique(around.coordinates, axis=0), runs)

@@ -161,4 +161,4 @@ def predicted(pendulum: Pendulum, times: np.ndarray) -> tuple[np.ndarray, dict[s
     slopes = {"length": 1.0 / (pendulum.length - DISTANCE), "angle": 1.0, "speed": 1.0}
     columns = zip(found.parameters, found.derivatives["angle"].T, strict=True)
     scaled = {name: column * slopes.get(name, 1.0 / SMALL.unit) for name, column in columns}
-    return found.values["angle"], scaled
+    return found.outputs["angle"], scaled

@@ -69,11 +69,11 @@ def pin_force(now: Instant) -> Any:
     return sum(base.normal_force for base in now.contacts[PIN].values())
 
 
-CHANNELS: dict[str, tuple[Quantity, str]] = {
-    "x": (JournalOffset(PIN, "x"), "m"),
-    "y": (JournalOffset(PIN, "y"), "m"),
-    "velocity": (Velocity("slider", "x"), "m/s"),
-    "acceleration": (Acceleration("slider", "x"), "m/s^2"),
+SECTION: dict[str, Quantity] = {
+    "section_x": JournalOffset(PIN, "x"),
+    "section_y": JournalOffset(PIN, "y"),
+    "section_velocity": Velocity("slider", "x"),
+    "section_acceleration": Acceleration("slider", "x"),
 }
 IDEAL = {"acceleration": "outer", "moment": "moment", "force": "force"}
 """Outputs of the peaks, and their names in the closed form."""
@@ -118,9 +118,10 @@ class Course:
                     f"peak_{name}": cj.Peak(Settled(quantity, self.transient), unit)
                     for name, (quantity, unit) in peaks.items()
                 },
-                "section": cj.Saved(self.strobe, CHANNELS),
+                **SECTION,
                 "impacts": cj.ImpactCount(PIN),
             },
+            save=cj.Saving(self.strobe, states=False),
             path=path,
             chunk=64,
         )

@@ -35,7 +35,7 @@ def outputs() -> dict[str, cj.extend.AbstractReduction]:
 
 def ensemble(output: Output) -> list[str]:
     """Show how starts that differ by 1e-9 m/s spread, over the clearance."""
-    revolutions, members, exponents = (2, 10, 2) if output.quick else (10, 100, 4)
+    revolutions, draws, exponents = (2, 10, 2) if output.quick else (10, 100, 4)
     scene, state = cj.mechanisms.slider_crank(CLEARANCE)
     found = cj.ensemble(
         scene,
@@ -43,7 +43,7 @@ def ensemble(output: Output) -> list[str]:
         revolutions * PERIOD,
         {"clearance": CLEARANCES},
         outputs(),
-        members=members,
+        draws=draws,
         exponents=exponents,
         progress=False,
     )
@@ -76,27 +76,25 @@ def ensemble(output: Output) -> list[str]:
     ]
 
 
-def manufactured(clearance: float, members: int, seed: int) -> xr.Dataset:
+def manufactured(clearance: float, draws: int, seed: int) -> xr.Dataset:
     """Return the derivatives by a nominal clearance, m, from a number of runs."""
     scene, state = cj.mechanisms.slider_crank(clearance)
     uncertain = {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)}
     return cj.statistics_derivatives(
-        scene, state, 2 * PERIOD, uncertain, outputs(), members=members, seed=seed, progress=False
+        scene, state, 2 * PERIOD, uncertain, outputs(), draws=draws, seed=seed, progress=False
     )
 
 
 def derivatives(output: Output) -> list[str]:
     """Compare intervals of 400 estimates with differences of four large ensembles."""
-    members, large, cases = (100, 200, 3) if output.quick else (1000, 100_000, 400)
+    draws, large, cases = (100, 200, 3) if output.quick else (1000, 100_000, 400)
     start = time.perf_counter()
-    found = [manufactured(CLEARANCE, members, seed) for seed in range(cases)]
+    found = [manufactured(CLEARANCE, draws, seed) for seed in range(cases)]
     seconds = (time.perf_counter() - start) / cases
     start = time.perf_counter()
     ensembles = [manufactured(CLEARANCE + shift * TOLERANCE, large, 1000) for shift in SHIFTS]
     seconds_large = time.perf_counter() - start
-    lines = [
-        f"{members} runs take {seconds:.1f} s, four ensembles of {large} {seconds_large:.0f} s"
-    ]
+    lines = [f"{draws} runs take {seconds:.1f} s, four ensembles of {large} {seconds_large:.0f} s"]
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(SHOWN)), SHOWN, strict=True):
         means, errors = (
@@ -124,23 +122,23 @@ def derivatives(output: Output) -> list[str]:
         )
         style.dress(axes, "case", f"derivative of {name}, N/µm")
         # The same differences of four ensembles of m/4 runs each.
-        difference = error * np.sqrt(4.0 * large / members)
+        difference = error * np.sqrt(4.0 * large / draws)
         lines.append(
             f"{name}: differences {truth * 1e-6:.3g} ± {error * 1e-6:.2g} N/µm; "
-            f"{held.sum()} of {cases} intervals hold it; standard error of {members} runs "
+            f"{held.sum()} of {cases} intervals hold it; standard error of {draws} runs "
             f"{own.mean() * 1e-6:.2g}, of differences with as many runs "
             f"{difference * 1e-6:.2g} N/µm: {(difference / own.mean()) ** 2:.1f} times the cost"
         )
     output.save(figure, "derivatives")
     # Tangents and shadowing take half a minute.
-    return lines if output.quick else lines + _other_methods(members)
+    return lines if output.quick else lines + _other_methods(draws)
 
 
-def _other_methods(members: int) -> list[str]:
+def _other_methods(draws: int) -> list[str]:
     """Return derivatives of the mean pin force by the score method and from tangents."""
     scene, state = cj.mechanisms.slider_crank(CLEARANCE)
     tolerance = cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)
-    axes = cj.design(scene, state, {"clearance": tolerance}, members, "random")
+    axes = cj.design(scene, state, {"clearance": tolerance}, draws, "random")
     runs = cj.sweep(
         scene, state, 2 * PERIOD, axes, {"load": outputs()["load"]}, zipped=True, progress=False
     )
@@ -148,12 +146,12 @@ def _other_methods(members: int) -> list[str]:
     lines = []
     for name, f in {"score": y, "score with the mean subtracted": y - y.mean()}.items():
         terms = f * z / TOLERANCE
-        error = terms.std() / np.sqrt(members)
+        error = terms.std() / np.sqrt(draws)
         lines.append(f"{name}: {terms.mean() * 1e-6:.3g} ± {error * 1e-6:.2g} N/µm")
-    return lines + _by_tangents(axes["clearance"].values[: 3 if members < 1000 else 40], members)
+    return lines + _by_tangents(axes["clearance"].values[: 3 if draws < 1000 else 40], draws)
 
 
-def _by_tangents(clearances: np.ndarray, members: int) -> list[str]:
+def _by_tangents(clearances: np.ndarray, draws: int) -> list[str]:
     """Return derivatives of the mean pin force from tangents at clearances, m, as findings.
 
     Shadowing is an average over a long motion, and is compared with the regression for this.
@@ -166,7 +164,7 @@ def _by_tangents(clearances: np.ndarray, members: int) -> list[str]:
         long * PERIOD,
         {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)},
         {"load": outputs()["load"]},
-        members=members,
+        draws=draws,
         progress=False,
     )
     value, error = (
@@ -194,7 +192,7 @@ def offset_guide(scene: cj.Scene, state: cj.State, offset: Scalar) -> tuple[cj.S
 
 def sensitivity(output: Output) -> list[str]:
     """Return Sobol indices of the peak force in the first revolution and later."""
-    count = 8 if output.quick else 256
+    draws = 8 if output.quick else 256
     scene, state = cj.mechanisms.slider_crank(
         CLEARANCE, friction=cj.frictions.RegularisedCoulomb(0.05)
     )
@@ -220,7 +218,7 @@ def sensitivity(output: Output) -> list[str]:
             "first": cj.Peak(FORCE, "N", until=PERIOD),
             "later": cj.Peak(FORCE, "N", after=PERIOD),
         },
-        count=count,
+        draws=draws,
         progress=False,
     )
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")

@@ -65,10 +65,10 @@ def motion(design: Design, clearance: float, growths: dict[str, np.ndarray]) -> 
     angles = 2.0 * np.pi * (run.times - run.times[0]) / design.period
     offset = 2.0 * np.pi * (run.times[0] / design.period % 1.0)
     label = f"{1e6 * clearance:.1f} µm"
-    errors = {label: (angles, 1e6 * run.values["error"]), "ideal joint": (angles, 0.0 * angles)}
+    errors = {label: (angles, 1e6 * run.outputs["error"]), "ideal joint": (angles, 0.0 * angles)}
     plot.over_angle(errors, "slider from its ideal position, µm", axes=left)
     ideal = ideal_pin_force(design, angles + offset)
-    forces = {label: run.values[FORCE], "ideal joint": ideal}
+    forces = {label: run.outputs[FORCE], "ideal joint": ideal}
     forces = {name: (angles, 1e-3 * values) for name, values in forces.items()}
     plot.over_angle(forces, "pin force, kN", axes=middle)
     for axes, limit in (

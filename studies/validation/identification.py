@@ -202,7 +202,7 @@ def fitted(record: Record, guess: dict[str, float], grow: Sequence[float] = ()) 
     scene, start, quantity, end, parameters = record
     times = np.linspace(0.0, end, 401)[1:]
     found = cj.sensitivities(scene, start, end, parameters, {"x": quantity}, times)
-    series = {"x": cj.Series(quantity, times, found.values["x"], noise=NOISE)}
+    series = {"x": cj.Series(quantity, times, found.outputs["x"], noise=NOISE)}
     measured = cj.Measurements(series).with_noise(np.random.default_rng(0))
     return cj.identify(scene, start, measured, parameters, guess=guess, grow=grow, progress=False)
 

@@ -112,14 +112,14 @@ def _run(
 ) -> tuple[Mapping[str, cj.results.Crossings], cj.results.Impacts, xr.Dataset]:
     """Return the crossings, the impacts, and `position` with its rate at 1001 times."""
     times = np.linspace(0.0, end, 1001)
-    save = cj.Saving(times, impacts=True, sections=sections)
-    solution = cj.simulate(scene, cj.State(bodies), end, SETTINGS, save)
+    save = cj.Saving(times, impacts=True)
+    solution = cj.simulate(scene, cj.State(bodies), end, SETTINGS, save, outputs=sections)
     curves = {
         "position": plot.series(scene, solution, position),
         "velocity": plot.rate_series(scene, solution, position),
     }
     assert solution.impacts is not None
-    return solution.sections, solution.impacts, xr.Dataset(curves)
+    return solution.outputs, solution.impacts, xr.Dataset(curves)
 
 
 def _example(name: str, found: dict[str, tuple[str, float, float]], motion: xr.Dataset) -> Example:

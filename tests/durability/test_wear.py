@@ -396,8 +396,8 @@ def test_derivatives_of_life_are_those_of_differences():
 def test_the_worn_volume_is_that_of_the_reduction():
     scene, state = whirling()
     outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}
-    save = cj.Saving(steps=True, outputs=outputs)
-    solution = cj.simulate(scene, state, CYCLE, save=save, progress=False)
+    save = cj.Saving(steps=True)
+    solution = cj.simulate(scene, state, CYCLE, save=save, outputs=outputs, progress=False)
     times = quadrature_times(solution, 0.0, CYCLE, CYCLE)
     depths, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), times, 24)
     volumes = depths.sum(axis=1) * 2.0 * np.pi / 24 * LENGTH * [RADIUS, RADIUS - CLEARANCE]

@@ -10,7 +10,7 @@ import clearjoint as cj
 from clearjoint import quantities as q
 from clearjoint._simulation.run.sections import Section
 from clearjoint._simulation.step.settings import checked_times
-from clearjoint._sweeps.outputs import Layout, Saved, Variable
+from clearjoint._sweeps.outputs import Layout, Variable
 
 SCENE, STATE = cj.mechanisms.double_pendulum()
 PLACE = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [4e-4, 5e-4])
@@ -70,8 +70,8 @@ WRONG = {
     "a joint of a peak": (lambda: sweep({"peak": cj.Peak(LOST, "N")}), f"Output 'peak': .*{KNOWN}"),
     "a joint of impacts": (lambda: sweep({"hits": cj.ImpactCount("sholder")}), KNOWN),
     "a joint saved": (
-        lambda: sweep({"path": Saved([1e-3], {"force": (LOST, "N")})}),
-        f"Output 'path': channel 'force': .*{KNOWN}",
+        lambda: sweep({"force": LOST}, save=cj.Saving([1e-3])),
+        f"Output 'force': .*{KNOWN}",
     ),
     "a joint of a section": (lambda: sweep({"hit": Section(LOST, {"y": (HEIGHT, "m")}, 3)}), KNOWN),
     "a joint differentiated": (
@@ -129,7 +129,7 @@ WRONG = {
         "`crossing` must be a",
     ),
     "channels in a list": (
-        lambda: Saved([0.0], [HEIGHT]),
+        lambda: Section(HEIGHT, [HEIGHT], 1),
         "`channels` must be a dictionary by name",
     ),
     "an output with a slash": (
@@ -137,7 +137,7 @@ WRONG = {
         r"`outputs\['a/b'\]` must be named without a slash.*: rename it",
     ),
     "a channel with a slash": (
-        lambda: Saved([0.0], {"m/s": (HEIGHT, "m")}),
+        lambda: Section(HEIGHT, {"m/s": (HEIGHT, "m")}, 1),
         r"`channels\['m/s'\]` must be named without a slash",
     ),
     "an axis with a slash": (lambda: sweep(axes={"a/b": PLACE}), r"`axes\['a/b'\]` must be named"),

@@ -47,7 +47,7 @@ def flights(seed=3):
 
 def found(parameters=VELOCITY, data=None, **options):
     data = flights() if data is None else data
-    options = {"number": 256, "spread": WIDTH, "progress": False} | options
+    options = {"draws": 256, "spread": WIDTH, "progress": False} | options
     return cj.posterior(SCENE, STATE, data, parameters, **options)
 
 
@@ -119,7 +119,7 @@ def test_scales_need_not_accept_arrays():
         seen.append(values["speed"])
         return np.zeros(len(values["speed"]))
 
-    result = found(parameters, log_prior=log_prior, spread=0.3, number=64)
+    result = found(parameters, log_prior=log_prior, spread=0.3, draws=64)
     u = result.coordinates
     np.testing.assert_array_equal(result.samples["speed"], 2.0 * u[:, 0])
     np.testing.assert_array_equal(result.samples["delay"], np.where(u > 0.0, 2.0 * u, u)[:, 1])
@@ -128,17 +128,17 @@ def test_scales_need_not_accept_arrays():
 
 @pytest.mark.slow
 def test_few_effective_runs_are_reported():
-    result = found(number=64)
+    result = found(draws=64)
     assert result.warnings == [] and result.effective_sample_size >= 64.0
     (warning,) = replace(result, effective_sample_size=20.0).warnings
     distinct = f"The points, {len(np.unique(result.coordinates))} of which are distinct, "
-    assert warning == f"{distinct}come from only 20 effective runs: increase `number`."
+    assert warning == f"{distinct}come from only 20 effective runs: increase `draws`."
 
 
 @pytest.mark.parametrize(("top", "even"), [(2.0, True), (1.5, False)])
 def test_points_that_fill_the_box_evenly_are_reported(top, even):
     """The whole box, or three quarters of it."""
-    result = found(number=64)
+    result = found(draws=64)
     points = np.linspace(SPEED - WIDTH, SPEED - WIDTH + top * WIDTH, 64)
     warnings = replace(result, coordinates=points[:, None]).warnings
     filled = "The points fill the box of speed evenly: the data hardly determine it."
@@ -151,7 +151,7 @@ def test_a_cloud_of_one_point_is_impossible(monkeypatch):
 
     monkeypatch.setattr("clearjoint._identification.posterior.posterior.draw", singular)
     with pytest.raises(ValueError, match="Almost all points are impossible: .*`log_prior`"):
-        found(number=64)
+        found(draws=64)
 
 
 @pytest.mark.slow
@@ -165,7 +165,7 @@ def test_copies_of_a_point_are_no_points():
     assert effective_number(other, even) == pytest.approx(1600.0 / (21.0**2 + 19.0))
     wide = Mixture.around(other, even)
     assert len(wide.centres) == 21 and wide.weights.sum() == pytest.approx(1.0)
-    result = found(number=64)
+    result = found(draws=64)
     same = replace(result, coordinates=np.full((64, 1), 0.5), effective_sample_size=1.0)
     assert same.distinct == 1 and "1 of which are distinct" in same.warnings[0]
     assert "64 points, 1 of which are distinct, from 1 effective runs" in str(same)
@@ -180,7 +180,7 @@ def test_a_prior_much_narrower_than_the_box_is_drawn_from():
         result = found(
             data=data,
             log_prior=lambda v: -0.5 * ((v["speed"] - SPEED) / width) ** 2,
-            number=64,
+            draws=64,
             seed=seed,
         )
         assert result.means["speed"] == pytest.approx(SPEED, abs=0.5 * width)
@@ -194,7 +194,7 @@ def test_a_prior_that_is_zero_almost_everywhere_is_reported():
     def log_prior(values):
         return np.where(np.abs(values["speed"] - SPEED) < 1e-4, 0.0, -np.inf)
 
-    options = {"guess": {"speed": SPEED + 1e-3}, "log_prior": log_prior, "number": 64}
+    options = {"guess": {"speed": SPEED + 1e-3}, "log_prior": log_prior, "draws": 64}
     message = r"almost all points of the box .*\(finite at 0 of 4096 points\).*reduce `spread`"
     with pytest.raises(ValueError, match=message):
         found(**options, spread=1e-4)
@@ -209,7 +209,7 @@ def test_runs_that_fail_are_impossible_and_counted():
     state = cj.State({"ball": cj.body_state((0.1, 0, 0))})
     stiffness = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     data = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, 0.1 * np.cos(10 * TIMES), 0.2)})
-    options = {"number": 64, "spread": 3.0, "progress": False}
+    options = {"draws": 64, "spread": 3.0, "progress": False}
     free = cj.posterior(scene, state, data, stiffness, **options)
     few = replace(cj.presets.identification, max_steps=60)
     cut = cj.posterior(scene, state, data, stiffness, few, **options)
@@ -226,7 +226,7 @@ def test_equal_seeds_give_equal_bits_for_any_number_of_threads():
     results = []
     for threads, seed in ((1, 5), (2, 5), (2, 6)):
         cj.configure(threads=threads)
-        results.append(found(number=64, seed=seed))
+        results.append(found(draws=64, seed=seed))
     cj.configure()
     first, second, other = (one.coordinates for one in results)
     assert np.array_equal(first, second) and not np.array_equal(first, other)
@@ -234,7 +234,7 @@ def test_equal_seeds_give_equal_bits_for_any_number_of_threads():
 
 
 def test_the_result_is_exported():
-    result = found(number=64)
+    result = found(draws=64)
     table = result.to_dataframe()
     assert table.index.tolist() == ["speed"]
     az = pytest.importorskip("arviz")
@@ -251,7 +251,7 @@ def test_the_result_is_exported():
     [
         ({"spread": 0.0}, "spread.*positive for each parameter.*possible error"),
         ({"spread": {"mass": 1.0}}, "spread.*mass.*name parameters: speed"),
-        ({"number": 3}, "number.*a whole number from 32.*is 3"),
+        ({"draws": 3}, "draws.*a whole number from 32.*is 3"),
         ({"seed": -1}, "seed.*-1.*pass 0"),
         ({"guess": {"height": 1.0}}, "guess.*height.*name parameters: speed"),
         ({"log_prior": lambda values: 0.0}, r"log_prior.*of shape \(4096,\), but is \(\)"),

@@ -75,8 +75,8 @@ def test_predictions_of_accuracy_know_the_errors_of_sensors():
     values = {kind: TRUE[kind] for kind in kinds}
     rows = jacobian(kinds, values)
     found = cj.sensitivities(SCENE, STATE, 2.0, parameters, {"probe": X, "other": X}, TIMES)
-    np.testing.assert_allclose(found.values["probe"], reading(TIMES, **values), atol=1e-8)
-    np.testing.assert_allclose(found.values["other"], reading(TIMES), atol=1e-8)
+    np.testing.assert_allclose(found.outputs["probe"], reading(TIMES, **values), atol=1e-8)
+    np.testing.assert_allclose(found.outputs["other"], reading(TIMES), atol=1e-8)
     np.testing.assert_allclose(found.derivatives["probe"], rows, atol=1e-6)
     probe = {"probe": cj.Sensor(X, TIMES, NOISE)}
     expected = NOISE * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
@@ -132,7 +132,7 @@ def test_a_posterior_and_a_minimisation_know_the_errors_of_sensors():
     spread = {"stiffness": 0.05, "bias": 0.01, "drift": 0.01}
     guess = {"bias": 0.02, "drift": -0.01}
     given = SCENE, STATE, data, parameters
-    drawn = cj.posterior(*given, guess=guess, spread=spread, number=100, progress=False)
+    drawn = cj.posterior(*given, guess=guess, spread=spread, draws=100, progress=False)
     fit = cj.identify(*given, progress=False, check_runs=0)
     for name, error in fit.standard_errors.items():
         assert abs(drawn.means[name] - fit.estimates[name]) < 0.5 * error

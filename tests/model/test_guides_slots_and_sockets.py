@@ -294,7 +294,7 @@ def test_sensitivities_to_the_backlash_agree_with_differences(make, options, end
     def final(size: float) -> np.ndarray:
         changed = cj.set_value(scene, place, size)
         run = cj.sensitivities(changed, state, end, given, outputs, [end], TIGHT)
-        return np.array([run.values[component][-1] for component in "xy"])
+        return np.array([run.outputs[component][-1] for component in "xy"])
 
     value = float(place(scene))
     step = 1e-4 * value

@@ -96,14 +96,14 @@ CALLS = {
         cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=cj.Projection()),
         cj.Settings(stabilisation=cj.Unstabilised(), ledger=True),
     ),
-    "`simulate` with states, steps, impacts and sections saved": runs(
+    "`simulate` with states, steps, impacts and outputs saved": runs(
         cj.Settings(),
-        save=cj.Saving(
-            [0.0, 0.005],
-            steps=True,
-            impacts=True,
-            sections={"zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2)},
-        ),
+        save=cj.Saving([0.0, 0.005], steps=True, impacts=True),
+        outputs={
+            "speed": SPEED,
+            "zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2),
+            "hits": cj.ImpactTable(2),
+        },
     ),
     "`simulate` with an explicit solver, or a controller of diffrax": runs(
         *(cj.Settings(solver=solver) for solver in EXPLICIT),

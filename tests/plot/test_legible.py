@@ -165,15 +165,14 @@ def test_simultaneous_impacts_of_both_bases_share_a_row():
     ]
 
 
-def crossed() -> tuple[cj.results.Crossings, cj.Section]:
-    channels = {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m")}
+def crossed(unit: str = "m") -> cj.results.Crossings:
     values = {"x": CLEARANCE * np.cos(TIMES), "y": CLEARANCE * np.sin(TIMES)}
-    return cj.results.Crossings(TIMES, values), cj.Section(lambda now: now.time, channels, 99)
+    return cj.results.Crossings(TIMES, values, dict.fromkeys("xy", unit))
 
 
 def test_a_section_has_equal_scales_circle_colour_bar_and_no_transient():
-    crossings, section = crossed()
-    axes = plot.poincare_section(crossings, section, clearance=CLEARANCE, after=0.03)
+    crossings = crossed()
+    axes = plot.poincare_section(crossings, clearance=CLEARANCE, after=0.03)
     assert labels(axes) == ("x, µm", "y, µm") and axes.get_aspect() == 1.0
     np.testing.assert_allclose(np.hypot(*axes.get_lines()[0].get_data()), 1e6 * CLEARANCE)
     kept = TIMES >= 0.03
@@ -184,12 +183,11 @@ def test_a_section_has_equal_scales_circle_colour_bar_and_no_transient():
     assert bar.get_ylabel() == "number of the crossing"
     np.testing.assert_array_equal(axes.collections[0].get_array(), 1 + np.flatnonzero(kept))
     assert axes.get_title(loc="right") == f"{kept.sum()} of {len(TIMES)} crossings, from 0.03 s on"
-    assert plot.poincare_section(crossings, section).get_aspect() == 1.0
+    assert plot.poincare_section(crossings).get_aspect() == 1.0
     with pytest.raises(ValueError, match="`after` must be at most that of the last crossing"):
-        plot.poincare_section(crossings, section, after=1.0)
-    speeds = cj.Section(lambda now: now.time, dict.fromkeys("xy", (section.crossing, "m/s")), 9)
+        plot.poincare_section(crossings, after=1.0)
     with pytest.raises(ValueError, match="`clearance` must be None for channels"):
-        plot.poincare_section(crossings, speeds, clearance=CLEARANCE)
+        plot.poincare_section(crossed("m/s"), clearance=CLEARANCE)
 
 
 def test_a_spectrum_ends_at_half_the_sampling_rate_with_its_tick():

@@ -102,12 +102,9 @@ def test_files_and_prints_take_any_name(renamed, tmp_path):
 
 @pytest.mark.parametrize("name", CHANNELS)
 def test_channels_and_sensors_take_any_name(name, tmp_path):
-    section = cj.Section(
-        lambda now: now.time, {name: (lambda now: now.time, "m"), "z": (lambda now: 0.0, "m/s")}, 9
-    )
     values = {name: 1e-3 * np.arange(1, 4), "z": 2.0 * np.arange(1, 4)}
-    crossings = cj.results.Crossings(TIMES[:3], values)
-    drawn(plot.poincare_section(crossings, section).figure)
+    crossings = cj.results.Crossings(TIMES[:3], values, {name: "m", "z": "m/s"})
+    drawn(plot.poincare_section(crossings).figure)
     rows = np.ones((len(TIMES), 2))
     found = cj.results.Sensitivities(
         (name, "mass"), TIMES, {name: TIMES}, {name: rows}, 0.1, cj.RESULTS.successful, 2, 1,

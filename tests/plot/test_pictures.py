@@ -301,21 +301,17 @@ def test_wear_is_drawn_in_its_sectors():
 
 
 def test_sections_of_a_run_and_of_a_lane():
-    section = cj.Section(
-        lambda now: now.time, {"x": (lambda now: now.time, "m"), "y": (lambda now: 0.0, "m/s")}, 9
-    )
-    crossings = cj.results.Crossings(
-        TIMES[:3], {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)}
-    )
+    values = {"x": 1e-3 * np.arange(1, 4), "y": 2.0 * np.arange(1, 4)}
+    crossings = cj.results.Crossings(TIMES[:3], values, {"x": "m", "y": "m/s"})
     for axes in (
-        plot.poincare_section(crossings, section),
+        plot.poincare_section(crossings),
         plot.poincare_section_of_lane(swept().isel(clearance=0), "top", ("x", "y")),
     ):
         assert labels(axes) == ("x, mm", "y, m/s")
         points = axes.collections[0].get_offsets()
         np.testing.assert_allclose(points, [(1, 2), (2, 4), (3, 6)])
     with pytest.raises(ValueError, match=r"`channels` must be two of .*\['x', 'y'\]"):
-        plot.poincare_section(crossings, section, ("x", "z"))
+        plot.poincare_section(crossings, ("x", "z"))
     pending = swept().isel(clearance=0).assign(top_count=-1)
     with pytest.raises(ValueError, match="`lane` must be a lane that has run"):
         plot.poincare_section_of_lane(pending, "top", ("x", "y"))

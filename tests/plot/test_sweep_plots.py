@@ -28,9 +28,9 @@ def dataset() -> xr.Dataset:
             "peak_force": (dims, force, {"units": "N"}),
             "impacts": (dims, np.full(shape, 7), {"units": "1"}),
             "hit_speed": ((*dims, "hit_number"), hits, {"units": "m/s"}),
-            "orbit_time": ((*dims, "orbit_number"), np.ones((9, 5, 1)) * angle, {"units": "s"}),
-            "orbit_x": ((*dims, "orbit_number"), path * np.cos(angle), {"units": "m"}),
-            "orbit_y": ((*dims, "orbit_number"), path * np.sin(angle), {"units": "m"}),
+            "saved_time": ((*dims, "saved_number"), np.ones((9, 5, 1)) * angle, {"units": "s"}),
+            "orbit_x": ((*dims, "saved_number"), path * np.cos(angle), {"units": "m"}),
+            "orbit_y": ((*dims, "saved_number"), path * np.sin(angle), {"units": "m"}),
         },
         {
             "clearance": ("clearance", CLEARANCES, {"units": "m"}),
@@ -199,8 +199,8 @@ def test_convergence_finds_the_rate():
 
 def test_orbit_lies_in_the_clearance_circle():
     lane = dataset().isel(clearance=8, restitution=0)
-    axes = plot.orbit(lane, "orbit", 1e-3, window=(0.0, np.pi))
-    assert labels(axes) == ("x, mm", "y, mm")
+    axes = plot.orbit(lane, ("orbit_x", "orbit_y"), 1e-3, window=(0.0, np.pi))
+    assert labels(axes) == ("orbit_x, mm", "orbit_y, mm")
     path, start, circle = axes.get_lines()
     assert np.hypot(*path.get_data()) == pytest.approx(0.8)
     assert (path.get_ydata() > -1e-12).all()
@@ -223,8 +223,8 @@ def test_orbit_lies_in_the_clearance_circle():
         ),
         (lambda data: plot.power_law_exponent(data, "peak_force", "speed"), r"\['speed'\]"),
         (lambda data: plot.parameter_map(data, "peak_force", "speed", "mass"), "'mass', 'speed'"),
-        (lambda data: plot.orbit(data, "orbit", 1e-3), "a single lane"),
-        (lambda data: plot.orbit(data.isel(restitution=0, clearance=0), "path", 1e-3), "path_x"),
+        (lambda data: plot.orbit(data, ("orbit_x", "orbit_y"), 1e-3), "a single lane"),
+        (lambda data: plot.orbit(data.isel(restitution=0), ("path_x", "y"), 1e-3), "path_x"),
         (lambda data: plot.parameter_map(data, "hit_speed", "clearance", "restitution"), "select"),
     ],
 )

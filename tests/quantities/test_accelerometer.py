@@ -118,17 +118,17 @@ def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differenc
         return cj.sensitivities(changed, state, times[-1], PARAMETERS, outputs, times)
 
     found = run({})
-    force = (found.values["x"] + 2.0 * found.values["y"]) / math.sqrt(5.0)
+    force = (found.outputs["x"] + 2.0 * found.outputs["y"]) / math.sqrt(5.0)
     speed = 2.0 * math.pi * FREQUENCY
     filter_of_two_poles = signal.lti([speed**2], [1.0, math.sqrt(2.0) * speed, speed**2])
     at_rest = GRAVITY * (math.sin(0.6) + 2.0 * math.cos(0.6)) / math.sqrt(5.0)
     _, expected, _ = signal.lsim(filter_of_two_poles, force - at_rest, times)
     peak = np.max(np.abs(expected))
     assert np.max(np.abs(force)) > 1.5 * peak > 1.0
-    np.testing.assert_allclose(found.values["reading"], expected + at_rest, atol=3e-5 * peak)
+    np.testing.assert_allclose(found.outputs["reading"], expected + at_rest, atol=3e-5 * peak)
     for k, name in enumerate(PARAMETERS):
         step = 1e-6
-        above, below = (run({name: math.exp(sign * step)}).values["reading"] for sign in (1, -1))
+        above, below = (run({name: math.exp(sign * step)}).outputs["reading"] for sign in (1, -1))
         difference = (above - below) / (2.0 * step)
         size = np.max(np.abs(difference))
         assert size > 1.0

@@ -298,7 +298,7 @@ def test_a_time_given_twice_is_seen_twice(damped):
     t = np.asarray(times)
     expected = cj.sensitivities(*damped, END, STIFFNESS, PLACE, np.unique(t))
     at = np.searchsorted(np.unique(t), t)
-    np.testing.assert_array_equal(seen.values["x"], expected.values["x"][at])
+    np.testing.assert_array_equal(seen.outputs["x"], expected.outputs["x"][at])
     np.testing.assert_array_equal(seen.derivatives["x"], expected.derivatives["x"][at])
 
 

@@ -23,12 +23,12 @@ def test_a_run_is_the_same_whenever_it_starts():
         late = recorded_rod(start)
         assert late.impacts is not None
         assert late.attempts == early.attempts and late.time == start + early.time
-        np.testing.assert_array_equal(late.values["time"], start + early.times)
+        np.testing.assert_array_equal(late.outputs["time"], start + early.times)
         for name in ("height", "entry"):
-            np.testing.assert_allclose(late.values[name], early.values[name], rtol=1e-9)
+            np.testing.assert_allclose(late.outputs[name], early.outputs[name], rtol=1e-9)
             np.testing.assert_allclose(late.derivatives[name], early.derivatives[name], rtol=1e-9)
         np.testing.assert_allclose(late.impacts.onset, start + early.impacts.onset, rtol=1e-15)
-        later, earlier = late.sections["deepest"], early.sections["deepest"]
+        later, earlier = late.outputs["deepest"], early.outputs["deepest"]
         np.testing.assert_allclose(later.times, start + earlier.times, rtol=1e-15)
         np.testing.assert_allclose(later.values["height"], earlier.values["height"], rtol=1e-9)
         assert sampled_compiled.programs() == programs
@@ -69,14 +69,13 @@ def test_forces_that_depend_on_time_use_the_time_of_the_scene(start):
         cj.State({"mass": cj.body_state((0.0, 0.0, 0.0))}),
         start + 1.0,
         {"since": cj.Parameter(lambda s: s.forces["push"].since)},
-        {"x": x_of},
+        {"x": x_of, "reached": section},
         [start + 0.125, start + 1.0],
         start_time=start,
-        save=cj.Saving(sections={"reached": section}),
     )
     x = (after**2 / 2.0 + slope * after**3 / 6.0) / mass
-    np.testing.assert_allclose(result.values["x"], [0.0, x], rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(result.outputs["x"], [0.0, x], rtol=1e-8, atol=1e-12)
     to_since = -(after + slope * after**2 / 2.0) / mass
     np.testing.assert_allclose(result.derivatives["x"][:, 0], [0.0, to_since], rtol=1e-8)
-    crossed = result.sections["reached"].times - start
+    crossed = result.outputs["reached"].times - start
     assert crossed == pytest.approx([0.75], abs=0.01)  # roughly, in a step that long

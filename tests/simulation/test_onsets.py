@@ -53,7 +53,7 @@ SPEED = {"speed": (cj.quantities.EntrySpeed("pin", "V"), "m/s")}
 def kept(times):
     """Return what all runs of an arm keep, so that they share one program."""
     sections = {"onsets": cj.Section(depth, SPEED, 4), "ends": cj.Section(height, SPEED, 4)}
-    return cj.Saving(times, impacts=True, sections=sections)
+    return {"save": cj.Saving(times, impacts=True), "outputs": sections}
 
 
 def restarts_agree(scene, state, rng, count):
@@ -62,7 +62,7 @@ def restarts_agree(scene, state, rng, count):
 
     def run(state, times, start=0.0):
         options = {"start_time": start, "progress": False}
-        return cj.simulate(scene, state, end, settings, kept(times), **options)
+        return cj.simulate(scene, state, end, settings, **kept(times), **options)
 
     whole = run(state, [end])
     onset = whole.impacts.onset[0]
@@ -92,12 +92,12 @@ def test_runs_continue_from_any_instant_of_their_onsets(seed):
 
 
 def test_sections_at_the_onset_and_the_end_of_contacts_have_their_entry_speeds():
-    solution = cj.simulate(*arm(damped()), 0.05, save=kept([0.05]), progress=False)
+    solution = cj.simulate(*arm(damped()), 0.05, **kept([0.05]), progress=False)
     impacts = solution.impacts.of("pin", "V")
     expected = impacts.entry_speed[:3]
     assert np.all(expected > 0.01)
     for name, times in {"onsets": impacts.onset, "ends": impacts.separation}.items():
-        crossings = solution.sections[name]
+        crossings = solution.outputs[name]
         np.testing.assert_allclose(crossings.values["speed"][:3], expected, rtol=1e-12)
         np.testing.assert_allclose(crossings.times[:3], times[:3], atol=2e-11)
 
@@ -109,9 +109,9 @@ def test_a_section_at_an_onset_has_the_force_after_its_jump():
     law = cj.laws.KelvinVoigt(0.5, 1e7, 3.0)
     depth, force = cj.quantities.Penetration("pin", "V"), cj.quantities.ContactForce("pin", "V")
     section = cj.Section(depth, {"force": (force, "N")}, 3)
-    save = cj.Saving(impacts=True, sections={"onsets": section})
-    solution = cj.simulate(*arm(law), 0.03, save=save, progress=False)
-    crossings, impacts = solution.sections["onsets"], solution.impacts.of("pin", "V")
+    options = {"save": cj.Saving(impacts=True), "outputs": {"onsets": section}}
+    solution = cj.simulate(*arm(law), 0.03, progress=False, **options)
+    crossings, impacts = solution.outputs["onsets"], solution.impacts.of("pin", "V")
     np.testing.assert_allclose(crossings.times[:2], impacts.onset[:2], atol=2e-11)
     gap = cj.extend.Gap(1e-300, impacts.entry_speed[:2])
     expected = law.force(gap, None)
@@ -165,13 +165,13 @@ def test_a_resting_start_needs_few_steps_and_stays_at_rest():
     """Without an entry speed, the law's smallest one made the contact rigid, with 77 505 steps."""
     scene, guess = arm(damped(0.9))
     state = cj.assemble(scene, guess, resting=["pin"])
-    solution = cj.simulate(scene, state, 0.2, save=kept([0.2]), progress=False)
+    solution = cj.simulate(scene, state, 0.2, **kept([0.2]), progress=False)
     assert solution.attempts < 1500
     # The force of each base is half of the reaction of an ideal joint when the arm is let go, and
     # the journal stays at its depth.
     force = 0.5 * ARM.mass * GRAVITY * (1.0 - 0.25 * ARM.mass / (0.5855 + 0.25 * ARM.mass))
     depth = (force / 1e10) ** (2 / 3)
-    soon = cj.simulate(scene, state, 2e-4, save=kept([2e-4]), progress=False)
+    soon = cj.simulate(scene, state, 2e-4, **kept([2e-4]), progress=False)
     for bodies in (state.bodies, soon.final.bodies):
         journal = bodies["arm"].position[1] - 0.5 * 2.0 * bodies["arm"].orientation[3]
         assert journal - 0.5e-3 == pytest.approx(depth, rel=0.02)
@@ -184,13 +184,13 @@ def test_a_failed_run_names_the_contact_whose_damping_makes_it_stiff():
     with pytest.raises(
         cj.SimulationError, match="Contact 'V'.*LankaraniN.*entry_speed_floor="
     ) as raised:
-        cj.simulate(scene, state, 0.2, settings, kept([0.2]), progress=False)
+        cj.simulate(scene, state, 0.2, settings, **kept([0.2]), progress=False)
     # The advice is followed.
     floor = float(str(raised.value).split("entry_speed_floor=")[1].split("`")[0])
     pin = scene.joints["pin"]
     pin = replace(pin, law=replace(pin.law, entry_speed_floor=floor))
     scene = replace(scene, joints={"pin": pin})
-    assert cj.simulate(scene, state, 0.2, settings, kept([0.2]), progress=False).attempts < 1500
+    assert cj.simulate(scene, state, 0.2, settings, **kept([0.2]), progress=False).attempts < 1500
 
 
 @pytest.mark.parametrize("depth", [2e-12, 1e-7])
@@ -199,9 +199,9 @@ def test_a_start_inside_the_wall_without_entry_speed_warns(depth):
     bodies = {"arm": cj.body_state((0.5, 0.5e-3 + depth, 0.0), velocity=(0.0, 0.1, 0.0))}
     speeds = {"pin": {"V": 0.1, "W": 0.1}}
     with pytest.warns(cj.UnusualValueWarning, match=r"state.entry_speeds\['pin'\]\['V'\]"):
-        cj.simulate(scene, cj.State(bodies), 0.001, save=kept([0.001]), progress=False)
+        cj.simulate(scene, cj.State(bodies), 0.001, **kept([0.001]), progress=False)
     cj.simulate(
-        scene, cj.State(bodies, entry_speeds=speeds), 0.001, save=kept([0.001]), progress=False
+        scene, cj.State(bodies, entry_speeds=speeds), 0.001, **kept([0.001]), progress=False
     )
 
 

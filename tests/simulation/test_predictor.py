@@ -59,7 +59,7 @@ def differences(scene: CatalogueScene) -> float:
     values, pull = jax.vjp(predict, predict.values)
     worst = 0.0
     for output, expected in forward.derivatives.items():
-        np.testing.assert_allclose(values[output], forward.values[output], rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(values[output], forward.outputs[output], rtol=1e-6, atol=1e-9)
         for k in (3, 8):
             seeds = {name: np.zeros(len(times)) for name in outputs}
             seeds[output][k] = 1.0

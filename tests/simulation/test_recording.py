@@ -23,17 +23,18 @@ from clearjoint._simulation.run.impact_recorder import (
 )
 from clearjoint._simulation.run.recorders import RowBuffer
 from tests.support.dropped_rod import dropped_rod
-from tests.support.recorded_rod import EIGHTHS, END, everything, recorded_rod
+from tests.support.recorded_rod import EIGHTHS, END, deepest, everything, recorded_rod
 
 
 @pytest.mark.slow
 def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
     found = recorded_rod()
-    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save=everything())
+    options = {"save": everything(), "outputs": deepest()}
+    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, **options)
     assert found.saved is not None and found.impacts is not None and run.saved is not None
     np.testing.assert_array_equal(found.saved.times, EIGHTHS)
     np.testing.assert_array_equal(
-        found.saved.states.bodies["rod"].position[::4, 1], found.values["height"]
+        found.saved.states.bodies["rod"].position[::4, 1], found.outputs["height"]
     )
     jax.tree.map(
         lambda here, there: np.testing.assert_allclose(here, there, rtol=1e-6, atol=1e-7),
@@ -47,7 +48,7 @@ def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
             assert (here == there).all()
         else:
             np.testing.assert_allclose(here, there, rtol=1e-6, err_msg=field.name)
-    here, there = found.sections["deepest"], run.sections["deepest"]
+    here, there = found.outputs["deepest"], run.outputs["deepest"]
     assert len(here) == len(there) >= 1
     np.testing.assert_allclose(here.times, there.times, rtol=1e-6)
     np.testing.assert_allclose(here.values["height"], there.values["height"], rtol=1e-6)
@@ -94,17 +95,15 @@ def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
 def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
     rooms: list[int] = []
 
-    def run(kept: module.Kept) -> module.Sampled:
-        assert kept.impacts is not None
-        rooms.append(kept.impacts)
-        end = cj.RESULTS.successful
-        return module.Sampled({}, {}, 0, 0, end, 0, 0, 0, None, _counted(20, kept.impacts))
+    def run(recorders, has_states: bool) -> module.Sampled:
+        rooms.append(recorders["impacts"].capacity)
+        end, record = cj.RESULTS.successful, _counted(20, rooms[-1])
+        return module.Sampled({}, {}, 0, 0, end, 0, 0, 0, None, {"impacts": record})
 
     monkeypatch.setattr(module, "sampled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
-    found = module.recorded_run((), False, True, {})
-    assert rooms == [2, 16, 128]
-    assert found.impacts is not None and most(found.impacts) == 20
+    found = module.recorded_run((), {}, False, True)
+    assert rooms == [2, 16, 128] and most(found.records["impacts"]) == 20
 
 
 def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():

@@ -46,20 +46,21 @@ def rotor(forces: dict | None = None, joints: dict | None = None) -> tuple[cj.Sc
     return scene, cj.State({"rotor": at})
 
 
-SAVING = cj.Saving(
-    sections={"up": cj.Section(X, {"x": (X, "m")}, count=99)},
-    outputs={"x": cj.Statistics(X, "m"), "peak": cj.Peak(X, "m", after=0.1, until=0.11)},
-)
+OUTPUTS = {
+    "up": cj.Section(X, {"x": (X, "m")}, count=99),
+    "x": cj.Statistics(X, "m"),
+    "peak": cj.Peak(X, "m", after=0.1, until=0.11),
+}
 
 
 @cache
 def free_rotor() -> cj.results.Solution:
-    return cj.simulate(*rotor(), DURATION, save=SAVING)
+    return cj.simulate(*rotor(), DURATION, outputs=OUTPUTS)
 
 
 def test_sections_of_a_free_rotor():
     """x = cos(angle) rises through zero at 3/4 of each revolution."""
-    times = free_rotor().sections["up"].times
+    times = free_rotor().outputs["up"].times
     assert times == pytest.approx((np.arange(TURNS) + 0.75) * DURATION / TURNS, abs=1e-12)
 
 
@@ -75,7 +76,7 @@ def test_statistics_of_a_free_rotor():
 
 def test_only_rotations_that_outputs_depend_on_limit_steps():
     still = cj.Statistics(cj.quantities.Position("rotor", "z"), "m")
-    found = cj.simulate(*rotor(), DURATION, save=cj.Saving(outputs={"z": still}))
+    found = cj.simulate(*rotor(), DURATION, outputs={"z": still})
     assert found.attempts < 10 < TURNS * 2 * np.pi < free_rotor().attempts
 
 
@@ -94,7 +95,7 @@ def test_sections_of_a_rotor_that_starts_from_rest(sign, driven):
         forces["drive"] = cj.DriveTorque("ground", "rotor", Z, torque)
     scene, _ = rotor(forces, joints)
     state = cj.State({"rotor": cj.body_state((RADIUS, 0.0, 0.0))})
-    times = cj.simulate(scene, state, DURATION, save=SAVING).sections["up"].times
+    times = cj.simulate(scene, state, DURATION, outputs=OUTPUTS).outputs["up"].times
     exact = np.sqrt(2.0 * (np.arange(99) + 0.75) * 2.0 * np.pi / abs(rate))
     assert times == pytest.approx(exact[exact < DURATION], abs=1e-8)
 
@@ -109,9 +110,9 @@ def test_sections_of_a_flight_without_errors(seed, sign):
     scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0, 0, -sign * gravity))
     start = cj.body_state((0, 0, sign * height), velocity=(0, 0, sign * speed))
     z = cj.quantities.Position("ball", "z")
-    save = cj.Saving(sections={"up": cj.Section(z, {"z": (z, "m")}, count=9)})
+    outputs = {"up": cj.Section(z, {"z": (z, "m")}, count=9)}
     end_time = generator.uniform(2.0, 4.0) * speed / gravity
-    found = cj.simulate(scene, cj.State({"ball": start}), end_time, save=save).sections["up"]
+    found = cj.simulate(scene, cj.State({"ball": start}), end_time, outputs=outputs).outputs["up"]
     first, last = np.sort(np.roots([-0.5 * gravity, speed, height]).real)
     expected = first if sign > 0 else last
     assert found.times == pytest.approx([expected] if expected < end_time else [], abs=1e-12)
@@ -120,10 +121,10 @@ def test_sections_of_a_flight_without_errors(seed, sign):
 @pytest.mark.slow
 def test_lanes_of_a_free_rotor():
     """The first of two lanes is the single run."""
-    outputs = {"x": SAVING.outputs["x"], "up": SAVING.sections["up"]}
+    outputs = {name: OUTPUTS[name] for name in ("x", "up")}
     masses = cj.Axis(lambda scene: scene.bodies["rotor"].mass, [5.0, 6.0])
     sweep = cj.sweep(*rotor(), DURATION, {"mass": masses}, outputs, progress=False)
     assert (sweep.up_count == TURNS).all()
     first, single = sweep.isel(mass=0), free_rotor()
-    np.testing.assert_array_equal(first.up_time[:TURNS], single.sections["up"].times)
+    np.testing.assert_array_equal(first.up_time[:TURNS], single.outputs["up"].times)
     np.testing.assert_array_equal(first.x_mean, single.outputs["x_mean"])

@@ -124,7 +124,7 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     scene, state = dropped(Buffer(*LAWS[law]))
     outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
     result = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], SETTINGS)
-    values = [result.values[name][0] for name in outputs]
+    values = [result.outputs[name][0] for name in outputs]
     derivatives = [result.derivatives[name][0] for name in outputs]
     np.testing.assert_allclose(values, arrived(END, DROP, *LAWS[law]), rtol=1e-7)
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
@@ -150,7 +150,7 @@ def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     parameters = {"play": cj.Parameter(lambda s: s.joints["pin"].axial.play)}
     outputs = {"spin": Q.AngularVelocity("shaft", "z")}
     result = cj.sensitivities(scene, state, end, parameters, outputs, [end], SETTINGS)
-    assert float(result.values["spin"][0]) < 59.9
+    assert float(result.outputs["spin"][0]) < 59.9
     expected = slope(spin, play, 1e-7)
     np.testing.assert_allclose(result.derivatives["spin"][0, 0], expected, rtol=1e-5)
 
@@ -249,7 +249,7 @@ def test_derivatives_along_the_times_of_switched_forces():
     }
     outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
     result = cj.sensitivities(scene, state, 1.0, parameters, outputs, [0.2, 0.3, 1.0])
-    np.testing.assert_allclose(result.values["x"], [0.0, 0.0, 5.0 * 0.49 / 4], atol=1e-12)
+    np.testing.assert_allclose(result.outputs["x"], [0.0, 0.0, 5.0 * 0.49 / 4], atol=1e-12)
     x, v = result.derivatives["x"], result.derivatives["v"]
     np.testing.assert_allclose(x, [[0, 0, 0], [0, 0, 0], [-1.4, -0.35, 0.1225]], atol=1e-9)
     np.testing.assert_allclose(v, [[0, 0, 0], [-2, -0.5, 0], [-2, -0.5, 0.35]], atol=1e-9)

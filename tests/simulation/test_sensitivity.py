@@ -155,7 +155,7 @@ def test_closed_forms_of_an_oscillator():
     expected = np.stack(
         [to_log_k, -to_log_k / 2.0 * slope, 0.1 * np.cos(angle), np.sin(angle) / 5.0], axis=-1
     )
-    np.testing.assert_allclose(found.values["x"], 0.3 * np.cos(angle), atol=1e-9)
+    np.testing.assert_allclose(found.outputs["x"], 0.3 * np.cos(angle), atol=1e-9)
     np.testing.assert_allclose(found.derivatives["x"], expected, atol=1e-8)
 
 
@@ -169,7 +169,7 @@ def test_many_times_are_looked_at_in_blocks():
         cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::step_outcome])
         for step_outcome in (1, 10)
     )
-    for name in ("values", "derivatives"):
+    for name in ("outputs", "derivatives"):
         all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]
         np.testing.assert_allclose(all_rows[::10], some, rtol=1e-12, atol=1e-15)
     scene, state = arguments[0]
@@ -194,7 +194,7 @@ def test_a_run_that_fails_keeps_what_it_reached():
     found = raised.value.solution
     assert found.result == cj.RESULTS.max_steps_reached
     assert found.times.tolist() == [0.001]
-    assert found.values["x"].shape == (1,)
+    assert found.outputs["x"].shape == (1,)
     assert found.derivatives["x"].shape == (1, 1)
     assert 0.001 <= found.time < 1.5
 

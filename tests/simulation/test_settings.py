@@ -150,7 +150,7 @@ def screened(settings):
 
 SINGLE, ACROSS = cj.Settings(allow_float32=True), cj.Settings(landing_tolerance=None)
 IMPLICIT = cj.Settings(solver=diffrax.Kvaerno3(), atol=1e-9)
-SAVED = {"swing": cj.Saved([0.1], {"angle": (angle, "rad")})}
+SECTION = {"zero": cj.Section(angle, {"angle": (angle, "rad")}, 1)}
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ SAVED = {"swing": cj.Saved([0.1], {"angle": (angle, "rad")})}
         ),
         (lambda: screened(FIXED), "`controller` must be None where runs of several tolerances"),
         (lambda: sweep(SINGLE), "`allow_float32` must be False for sweeps"),
-        (lambda: sweep(IMPLICIT, SAVED), "`solver` must be an explicit Runge-Kutta method"),
+        (lambda: sweep(IMPLICIT, SECTION), "`solver` must be an explicit Runge-Kutta method"),
         (lambda: sweep({"rtol": 1e-8}), "`settings` must be Settings or None, but is 'dict'"),
         (
             lambda: cj.simulate(*rotor(), 1.0, cj.Saving([0.5])),
@@ -220,7 +220,7 @@ def test_derivatives_have_a_ledger_if_it_is_asked_for():
         replace(presets.derivatives, ledger=True),
     )
     turn, bend = SPEED * time, time**2 / INERTIA
-    assert found.values["work"][0] == pytest.approx(torque * turn + 0.5 * torque**2 * bend)
+    assert found.outputs["work"][0] == pytest.approx(torque * turn + 0.5 * torque**2 * bend)
     assert found.derivatives["work"][0, 0] == pytest.approx(turn + torque * bend)
 
 
@@ -231,7 +231,7 @@ def test_derivatives_take_a_first_step_and_a_controller_of_ones_own():
     stiffness, time = 10.0, 0.2
     w = np.sqrt(stiffness / INERTIA)
     slope = SPEED / w**2 * (w * time * np.cos(w * time) - np.sin(w * time))
-    assert found.values["angle"][0] == pytest.approx(SPEED / w * np.sin(w * time), rel=1e-4)
+    assert found.outputs["angle"][0] == pytest.approx(SPEED / w * np.sin(w * time), rel=1e-4)
     along = found.derivatives["angle"][0, 0]
     assert along == pytest.approx(slope * w / (2.0 * stiffness), rel=1e-4)
 

@@ -144,7 +144,7 @@ def test_an_interrupted_search_returns_all_runs_so_far(monkeypatch):
     np.testing.assert_allclose(found.times, 0.1 / 16 * np.arange(1, 241))
     np.testing.assert_allclose(found.states.bodies["crank"].spin[:, 2], rate)
     assert (found.attempts, found.accepted, found.saved_count) == (60, 40, 240)
-    assert len(found.sections["settle"]) == 15
+    assert len(found.outputs["settle"]) == 15
 
 
 def pendulum(*dampers):

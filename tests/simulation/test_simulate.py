@@ -13,6 +13,7 @@ import clearjoint as cj
 from clearjoint._dynamics.formulation import Formulation
 from clearjoint._simulation.run import host_run
 from clearjoint._simulation.run.host_run import begin, recorders_of, segment, segment_compiled
+from clearjoint._simulation.run.outputs import kept_by
 from clearjoint._simulation.step.landing import Landing
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.solvers import default_controller, ready_solver
@@ -55,9 +56,9 @@ def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, landing)
     scheme = Scheme(method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
-    recorders = recorders_of(cj.Saving(saving))
+    recorders = recorders_of(kept_by(None, cj.Saving(saving)))
     run = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
-    arguments = scheme, scene, recorders, run, saving, times[1], jnp.asarray(9)
+    arguments = scheme, scene, recorders, run, saving, times[1], jnp.asarray(9), {}
     lowered = eqx.filter_jit(segment).lower(*arguments)
     compiled = lowered.compile()
     text = compiled.compiled.as_text()
@@ -303,26 +304,24 @@ def test_reductions_of_a_run_see_what_is_between_saved_states():
     state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
     speed = cj.quantities.Velocity("ball", "x")
     outputs = {"speed": cj.Peak(speed, "m/s"), "mean": cj.Statistics(speed, "m/s", until=0.3)}
-    save, end = cj.Saving([0.0, 0.5], outputs=outputs), 0.5
-    found = cj.simulate(scene, state, end, cj.Settings(rtol=1e-9), save).outputs
+    save, end, exact = cj.Saving([0.0, 0.5]), 0.5, cj.Settings(rtol=1e-9)
+    found = cj.simulate(scene, state, end, exact, save, outputs=outputs).outputs
     assert found["speed"] == pytest.approx(1.0, rel=1e-6)
     assert found["speed_time"] == pytest.approx(0.15 * np.pi, rel=1e-4)
     assert found["mean_mean"] == pytest.approx(0.1 * (np.cos(3.0) - 1.0) / 0.3, rel=1e-6)
-    assert cj.simulate(scene, state, end, cj.Settings(rtol=1e-9)).outputs == {}
-    with pytest.raises(ValueError, match="outputs.*none under a transformation"):
-        jax.jit(lambda t: cj.simulate(scene, state, t, save=save).time)(end)
+    assert cj.simulate(scene, state, end, exact).outputs == {}
+    with pytest.raises(ValueError, match=r"outputs\['speed'\].*a quantity under a transformation"):
+        jax.jit(lambda t: cj.simulate(scene, state, t, outputs=outputs).time)(end)
     joint = cj.ImpactCount("pin")
     with pytest.raises(ValueError, match="Output 'hits'.*pin"):
-        cj.simulate(scene, state, end, save=cj.Saving(outputs={"hits": joint}))
+        cj.simulate(scene, state, end, outputs={"hits": joint})
     with pytest.raises(ValueError, match=r"outputs\['lost'\]"):
-        cj.simulate(scene, state, end, save=cj.Saving(outputs={"lost": cj.MeanPowerLost()}))
+        cj.simulate(scene, state, end, outputs={"lost": cj.MeanPowerLost()})
 
 
-def test_times_that_stand_twice_and_outputs_of_other_kinds_are_refused():
+def test_times_that_stand_twice_are_refused():
     with pytest.raises(ValueError, match="`times` must be without repetition.*numpy.unique"):
         cj.Saving([0.0, 1.0, 1.0])
-    with pytest.raises(ValueError, match=r"outputs\['x'\].*a reduction"):
-        cj.Saving(outputs={"x": cj.quantities.Position("ball", "x")})
 
 
 def test_ctrl_c_in_the_last_segment_is_raised(pendulum, monkeypatch):

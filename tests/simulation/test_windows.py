@@ -240,7 +240,7 @@ def test_a_window_may_follow_the_values_of_a_lane():
     rate = np.sqrt(np.array(stiffness) / 2.0)
     expected = np.where(2.0 * np.pi / rate < 1.6, 0.3, 0.3 * np.cos(1.6 * rate))
     np.testing.assert_allclose(found.top, expected, rtol=1e-6)
-    alone = cj.simulate(scene, state, 1.6, settings, save=cj.Saving(outputs=outputs))
+    alone = cj.simulate(scene, state, 1.6, settings, outputs=outputs)
     np.testing.assert_array_equal(alone.outputs["x_mean"], found.x_mean[1])
 
 

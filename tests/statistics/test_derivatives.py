@@ -45,7 +45,7 @@ def derivatives(uncertain, **options):
     scene, state = scene_and_state()
     outputs = {"f": Polynomial(degree_five)}
     return cj.statistics_derivatives(
-        scene, state, 1e-3, uncertain, outputs, progress=False, **{"members": 400, **options}
+        scene, state, 1e-3, uncertain, outputs, progress=False, **{"draws": 400, **options}
     )
 
 
@@ -73,7 +73,7 @@ def test_normal_tolerances_give_the_derivatives_in_closed_form():
     truth = exact(0.3, -0.2, 0.1, (sigma**2, 3.0 * sigma**4, sigma**2))
     inside = [covered(derivatives(uncertain, seed=seed), truth) for seed in range(8)]
     assert np.mean(inside) >= 0.8
-    found = derivatives(uncertain, members=20_000)
+    found = derivatives(uncertain, draws=20_000)
     np.testing.assert_allclose(found["f_derivative"].values, truth, atol=0.15)
 
 
@@ -127,14 +127,14 @@ SMOOTH = {
 """Outputs for two parameters on scales `Log` with a deviation of 10 %, or for one."""
 
 
-def coverage(output, members, cases):
+def coverage(output, draws, cases):
     """Share of 95 % intervals that contain the derivative, and the root mean square error and the
     median half width over the derivative's size."""
     function, truth = output
     inside, errors, halves = [], [], []
     for seed in range(cases):
-        z = np.random.default_rng([seed, members]).standard_normal((members, len(truth)))
-        found = estimate(z, function(z), members, np.full(len(truth), True))
+        z = np.random.default_rng([seed, draws]).standard_normal((draws, len(truth)))
+        found = estimate(z, function(z), draws, np.full(len(truth), True))
         halves.append(t.ppf(0.975, found.freedom) * found.errors)
         errors.append(found.derivatives - truth)
         inside.append(np.abs(errors[-1]) <= halves[-1])
@@ -154,9 +154,9 @@ def test_intervals_by_the_fewest_runs_hold_smooth_derivatives_as_often_as_stated
 def test_the_coverage_of_intervals_for_outputs_of_every_kind():
     print("\n| output | runs | 95 % intervals that hold it, % | error | half width |")
     for name, output in SMOOTH.items():
-        for members in (80, 160, 320, 1000):
-            share, rms, half = coverage(output, members, 300)
-            print(f"| {name} | {members} | {100.0 * share:.1f} | {rms:.2g} | {half:.2g} |")
+        for draws in (80, 160, 320, 1000):
+            share, rms, half = coverage(output, draws, 300)
+            print(f"| {name} | {draws} | {100.0 * share:.1f} | {rms:.2g} | {half:.2g} |")
             assert share > 0.915
 
 
@@ -178,7 +178,7 @@ def test_intervals_of_a_mechanism_hold_the_derivatives_of_the_closed_form():
     truth, inside = np.array([0.5, -0.5]) * mean, []
     for seed in range(100):
         found = cj.statistics_derivatives(
-            scene, state, 0.5, uncertain, outputs, members=80, seed=seed, progress=False
+            scene, state, 0.5, uncertain, outputs, draws=80, seed=seed, progress=False
         )
         low, high = found["v_derivative_low"].values, found["v_derivative_high"].values
         inside.append((low < truth) & (truth < high))
@@ -202,7 +202,7 @@ def test_failed_runs_are_left_out():
     y = 3.0 * z[:, 0]
     y[::7] = np.nan
     assert estimate(z, y, 200, np.array([True])).derivatives[0] == pytest.approx(3.0)
-    with pytest.raises(ValueError, match="`members` must be so many that 40 runs succeed"):
+    with pytest.raises(ValueError, match="`draws` must be so many that 40 runs succeed"):
         estimate(z, np.where(np.arange(200) < 20, y, np.nan), 200, np.array([True]))
 
 
@@ -238,8 +238,8 @@ def test_bad_distributions_are_refused(size, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"members": 401}, "`members` must be even"),
-        ({"members": 20}, "`members` must be 40 or more for 1 parameters"),
+        ({"draws": 401}, "`draws` must be even"),
+        ({"draws": 20}, "`draws` must be 40 or more for 1 parameters"),
         ({"confidence": 1.0}, "`confidence` must be between 0 and 1"),
         ({"disturbance": -1.0}, "`disturbance` must be positive"),
     ],
@@ -264,7 +264,7 @@ def test_designs_fill_the_cube_and_larger_ones_append(method):
 
 
 def test_sobol_points_of_another_number_than_a_power_of_two_give_advice():
-    with pytest.warns(UserWarning, match='`count` is 100.*64 or 128.*"halton"') as caught:
+    with pytest.warns(UserWarning, match='`draws` is 100.*64 or 128.*"halton"') as caught:
         points = unit_cube(3, 100, "sobol", 1)
     assert len(caught) == 1
     np.testing.assert_array_equal(points, unit_cube(3, 128, "sobol", 1)[:100])

@@ -49,7 +49,7 @@ class Speed(cj.extend.AbstractReduction):
 @pytest.mark.slow
 def test_exponent_of_an_upright_pendulum_is_the_root_of_gravity_over_length():
     scene, state = pendulum(np.pi)
-    found = cj.ensemble(scene, state, 2.0, members=3, exponents=3, disturbance=1e-12)
+    found = cj.ensemble(scene, state, 2.0, draws=3, exponents=3, disturbance=1e-12)
     exact = np.sqrt(GRAVITY / LENGTH)
     assert float(found["lyapunov_exponent"]) == pytest.approx(exact, rel=1e-3)
     assert float(found["lyapunov_exponent_standard_error"]) < 1e-3 * exact
@@ -59,14 +59,14 @@ def test_axes_with_names_of_disturbances_are_refused():
     name = "disturbed velocity x of ball"
     axes = {name: cj.Axis(lambda s: s.bodies["ball"].mass, [1.0, 2.0])}
     with pytest.raises(ValueError, match=f"`axes` must be .* but is '{name}': rename it"):
-        cj.ensemble(*ball(), 1.0, members=2, axes=axes)
+        cj.ensemble(*ball(), 1.0, draws=2, axes=axes)
 
 
 def test_exponent_of_an_overdamped_pendulum_is_its_slower_rate():
     scene, state = pendulum(0.0)
     damper = cj.TorsionalSpring("ground", "bob", (0, 0, 1), stiffness=0.0, damping=5.0)
     scene = cj.Scene(scene.bodies, scene.joints, {"damper": damper}, scene.gravity)
-    found = cj.ensemble(scene, state, 3.0, members=2, exponents=2)
+    found = cj.ensemble(scene, state, 3.0, draws=2, exponents=2)
     half = 0.5 * 5.0 / LENGTH**2
     rate = -half + np.sqrt(half**2 - GRAVITY / LENGTH)
     assert float(found["lyapunov_exponent"]) == pytest.approx(rate, rel=1e-3)
@@ -75,17 +75,17 @@ def test_exponent_of_an_overdamped_pendulum_is_its_slower_rate():
 def test_statistics_of_a_linear_system_follow_the_distribution_of_its_starts():
     """v(t) = v0 cos(w t) - 0.1 w sin(w t), where v0 is normal with the deviation of one axis."""
     scene, state = ball()
-    end, size, members = 0.05, 1e-4, 400
+    end, size, draws = 0.05, 1e-4, 400
     found = cj.ensemble(
-        scene, state, end, outputs={"v": Speed()}, members=members, disturbance=size, seed=3
+        scene, state, end, outputs={"v": Speed()}, draws=draws, disturbance=size, seed=3
     )
     w = np.sqrt(SPRING / MASS)
     # The body has six free velocities, which share the mean square of the disturbance.
     deviation = size / np.sqrt(6.0) * np.cos(w * end)
     mean = -0.1 * w * np.sin(w * end)
-    assert float(found["v_deviation"]) == pytest.approx(deviation, rel=4.0 / np.sqrt(2.0 * members))
+    assert float(found["v_deviation"]) == pytest.approx(deviation, rel=4.0 / np.sqrt(2.0 * draws))
     assert float(found["v_standard_error"]) == pytest.approx(
-        float(found["v_deviation"]) / np.sqrt(members)
+        float(found["v_deviation"]) / np.sqrt(draws)
     )
     assert abs(float(found["v_mean"]) - mean) < 4.0 * float(found["v_standard_error"])
     z = (found["v_quantile"].values - mean) / deviation
@@ -93,15 +93,15 @@ def test_statistics_of_a_linear_system_follow_the_distribution_of_its_starts():
     assert (found["v_quantile_standard_error"].values > 0.0).all()
 
 
-@pytest.mark.parametrize("members", [5, 20, 100])
+@pytest.mark.parametrize("draws", [5, 20, 100])
 @pytest.mark.parametrize("shape", ["standard_normal", "standard_exponential", "random"])
-def test_standard_errors_of_quantiles_are_those_of_many_ensembles_or_nan(members, shape):
-    """Formerly 0.06 to 0.6 of them at levels that few members do not reach."""
+def test_standard_errors_of_quantiles_are_those_of_many_ensembles_or_nan(draws, shape):
+    """Formerly 0.06 to 0.6 of them at levels that few draws do not reach."""
     levels = np.array([0.01, 0.05, 0.5, 0.95, 0.99])
-    runs = getattr(np.random.default_rng(0), shape)((1000, members))
+    runs = getattr(np.random.default_rng(0), shape)((1000, draws))
     errors = _quantile_errors(runs, levels)
     ratios = errors.mean(axis=0) / np.quantile(runs, levels, axis=1).std(axis=1)
-    known = np.minimum(levels, 1.0 - levels) * (members + 1) > 1.0 - 1e-9
+    known = np.minimum(levels, 1.0 - levels) * (draws + 1) > 1.0 - 1e-9
     assert (np.isfinite(ratios) == known).all()
     assert ((ratios[known] > 0.65) & (ratios[known] < 1.15)).all()
     assert np.isnan(_quantile_errors(np.array([1.0, np.nan]), levels)).all()
@@ -113,11 +113,11 @@ def test_points_share_their_starts_and_failed_runs_are_counted():
     settings = cj.Settings(max_steps=40)
     with pytest.warns(UserWarning, match="lanes failed"):
         found = cj.ensemble(
-            scene, state, 0.2, axes, {"v": Speed()}, settings, members=4, progress=False
+            scene, state, 0.2, axes, {"v": Speed()}, settings, draws=4, progress=False
         )
     assert found["failed"].values.tolist() == [0, 4]
     assert np.isfinite(found["v_mean"].values[0]) and np.isnan(found["v_mean"].values[1])
-    assert found["v"].dims == ("stiffness", "member")
+    assert found["v"].dims == ("stiffness", "draw")
 
 
 @pytest.mark.slow
@@ -128,24 +128,24 @@ def test_seeds_threads_and_stores_give_the_same_bits(tmp_path):
 
     def forces(**options):
         return cj.ensemble(
-            scene, state, 0.004, axes, outputs, progress=False, **{"members": 4, **options}
+            scene, state, 0.004, axes, outputs, progress=False, **{"draws": 4, **options}
         )["force"].values
 
     path = tmp_path / "runs.zarr"
     first = forces(threads=1, path=path)
     np.testing.assert_array_equal(first, forces(threads=2))
-    np.testing.assert_array_equal(first, forces(members=6, path=path)[:, :4])
+    np.testing.assert_array_equal(first, forces(draws=6, path=path)[:, :4])
     assert (first != forces(seed=1)).any()
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"members": 1}, "`members` must be 2 or more, but is 1"),
+        ({"draws": 1}, "`draws` must be 2 or more, but is 1"),
         ({"disturbance": 0.0}, "`disturbance` must be positive"),
         ({"quantiles": (1.5,)}, "`quantiles` must be levels between 0 and 1"),
         ({"exponents": 1}, "`exponents` must be 0, or a whole number from 2"),
-        ({"axes": {"member": cj.Axis(lambda s: s.gravity[0], [0.0])}}, "not named"),
+        ({"axes": {"draw": cj.Axis(lambda s: s.gravity[0], [0.0])}}, "not named"),
         ({"axes": {"g": 1.0}}, "must be an Axis"),
     ],
 )

@@ -51,7 +51,7 @@ def indices(**options):
 
 
 def test_indices_of_the_ishigami_function():
-    found = indices(count=1024)
+    found = indices(draws=1024)
     for order, exact in zip(("first_order", "total_order"), closed_form(), strict=True):
         np.testing.assert_allclose(found[f"f_{order}"].values, exact, atol=0.05)
         low, high = found[f"f_{order}_low"].values, found[f"f_{order}_high"].values
@@ -61,15 +61,15 @@ def test_indices_of_the_ishigami_function():
 
 
 def test_seeds_give_the_same_bits():
-    first, second = indices(count=64, seed=4), indices(count=64, seed=4)
+    first, second = indices(draws=64, seed=4), indices(draws=64, seed=4)
     assert first.equals(second)
-    assert not first.equals(indices(count=64, seed=5))
+    assert not first.equals(indices(draws=64, seed=5))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"count": 100}, "`count` must be a power of two, but is 100"),
+        ({"draws": 100}, "`draws` must be a power of two, but is 100"),
         ({"confidence": 2.0}, "`confidence` must be between 0 and 1"),
     ],
 )
@@ -86,7 +86,7 @@ def test_groups_with_a_failed_run_are_left_out():
     assert caught[0].filename == __file__
     assert found["first_order"].shape == (2,)
     groups[np.arange(32) % 4 != 3] = np.nan
-    with pytest.raises(ValueError, match="`count` must be 2 groups .* different randomisations"):
+    with pytest.raises(ValueError, match="`draws` must be 2 groups .* different randomisations"):
         _indices(groups, 0.95)
 
 

@@ -22,10 +22,14 @@ def _approach(now):
     return -now.contact_gaps["pin"]["V"].rate
 
 
+def deepest(start: float = 0.0) -> dict[str, cj.Section]:
+    """Where the journal is deepest in the wall, without the first time."""
+    return {"deepest": cj.Section(_approach, {"height": (HEIGHT, "m")}, 2, after=start + 0.02)}
+
+
 def everything(start: float = 0.0) -> cj.Saving:
-    """States, impacts, and where the journal is deepest in the wall, without the first time."""
-    deepest = cj.Section(_approach, {"height": (HEIGHT, "m")}, 2, after=start + 0.02)
-    return cj.Saving(start + EIGHTHS, impacts=True, sections={"deepest": deepest})
+    """States and impacts."""
+    return cj.Saving(start + EIGHTHS, impacts=True)
 
 
 def recorded_rod(start: float = 0.0) -> cj.results.Sensitivities:
@@ -34,7 +38,7 @@ def recorded_rod(start: float = 0.0) -> cj.results.Sensitivities:
         *dropped_rod(),
         start + END,
         {"clearance": CLEARANCE},
-        {"height": HEIGHT, "entry": ENTRY, "time": clock},
+        {"height": HEIGHT, "entry": ENTRY, "time": clock, **deepest(start)},
         start + SELDOM,
         start_time=start,
         save=everything(start),

@@ -72,13 +72,16 @@ class Turnings(cj.extend.AbstractReduction):
 
 
 OUTPUTS = {
-    "swing": cj.Saved(TIMES, {"angle": (angle, "rad"), "spin": (lambda now: spin(now), "rad/s")}),
+    "swing_angle": angle,
+    "swing_spin": lambda now: spin(now),
     "zero": cj.Section(angle, {"spin": (lambda now: spin(now), "rad/s")}, count=2, after=AFTER),
     "largest": cj.Peak(angle, "rad"),
     "angle": cj.Statistics(angle, "rad"),
     "late": cj.Statistics(angle, "rad", after=0.5, until=0.75),
     "turnings": Turnings(lambda now: spin(now)),
 }
+SAMPLED = cj.Saving(TIMES, states=False)
+"""The sample times of the quantities among the outputs."""
 
 
 def spin(now):
@@ -107,5 +110,7 @@ def swept(stiffness, *, threads=1, offset=None, **options):
     if offset is not None:
         axes["offset"] = cj.Axis.initial(lambda state: state.bodies["rotor"].position[0], offset)
     options = {"outputs": OUTPUTS, "zipped": True, "progress": False, **options}
+    if "swing_angle" in options["outputs"]:
+        options.setdefault("save", SAMPLED)
     end = options.pop("end_time", END)
     return cj.sweep(*rotor(), end, axes, threads=threads, **options)

@@ -281,8 +281,8 @@ def test_a_plain_run_with_the_answer_keeps_the_limits(drop, allowed):
     options = {"between": (0.05e-3, 1e-3), "tolerance": 1e-9}
     found = cj.largest_feasible(scene, state, 0.03, CLEARANCE, quantity, allowed, **options)
     answer = cj.set_value(scene, CLEARANCE.variation.path, found.value)
-    peak = cj.Saving(outputs={"peak": cj.Peak(quantity, "m")})
-    assert float(cj.simulate(answer, state, 0.03, save=peak).outputs["peak"]) <= allowed
+    peak = {"peak": cj.Peak(quantity, "m")}
+    assert cj.simulate(answer, state, 0.03, outputs=peak).outputs["peak"] <= allowed
 
 
 @pytest.mark.slow

@@ -23,8 +23,8 @@ AXES = {
     "clearance": cj.Axis(lambda s: s.joints["shoulder"].clearance, CLEARANCES),
     "restitution": cj.Axis(lambda s: s.joints["shoulder"].law.restitution, RESTITUTIONS),
 }
-CHANNELS = {
-    f"{arm} {kind.__name__} {axis}": (kind(arm, axis), "m" if kind is q.Position else "m/s")
+PATH = {
+    f"path_{arm} {kind.__name__} {axis}": kind(arm, axis)
     for arm in ARMS
     for kind in (q.Position, q.Velocity)
     for axis in "xyz"
@@ -34,7 +34,7 @@ OUTPUTS = {
     "impacts": cj.ImpactCount("shoulder"),
     "dissipated": cj.DissipatedEnergy(),
     "height": cj.Statistics(q.Position("arm 2", "y"), "m"),
-    "path": cj.Saved(TIMES, CHANNELS),
+    **PATH,
     "rebound": cj.Section(
         lambda now: -now.contact_gaps["shoulder"]["V"].rate,
         {"depth": (lambda now: now.contact_gaps["shoulder"]["V"].depth, "m")},
@@ -42,6 +42,7 @@ OUTPUTS = {
     ),
     "hits": cj.ImpactTable(4),
 }
+SAMPLED = cj.Saving(TIMES, states=False)
 TABLED = [
     field.name for field in fields(cj.results.Impacts) if field.name not in ("joint", "contact")
 ]
@@ -55,6 +56,7 @@ def grid():
         AXES,
         OUTPUTS,
         settings=cj.Settings(ledger=True),
+        save=SAMPLED,
         threads=1,
     )
 
@@ -66,9 +68,8 @@ def test_neither_threads_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_p
     kept = {"clearance": CLEARANCES[1:3], "restitution": RESTITUTIONS[:2]}
     axes = {name: cj.Axis(AXES[name].variation, values) for name, values in kept.items()}
     path, settings = tmp_path / "sweep", cj.Settings(ledger=True)
-    cj.sweep(
-        *cj.mechanisms.double_pendulum(), END, axes, OUTPUTS, settings, threads=count, path=path
-    )
+    start, options = cj.mechanisms.double_pendulum(), {"threads": count, "path": path}
+    cj.sweep(*start, END, axes, OUTPUTS, settings, SAMPLED, **options)
     found, expected = cj.open_sweep(path), grid.sel(kept)
     assert list(found.hits_contact.values) == ["shoulder V", "shoulder W"]
     for name in found.data_vars:
@@ -229,7 +230,7 @@ def test_result_is_labelled_with_units_and_settings(grid):
     assert grid.sizes["clearance"] == 5 and grid.sizes["restitution"] == 3
     assert grid.clearance.attrs["units"] == "m" and grid.restitution.attrs["units"] == "1"
     assert grid.force.attrs == {"units": "N", "long_name": "Peak"}
-    units = {"final_spin": "rad/s", "dissipated": "J", "path_time": "s", "impacts": "1"}
+    units = {"final_spin": "rad/s", "dissipated": "J", "saved_time": "s", "impacts": "1"}
     units |= {"hits_exit_speed": "m/s", "hits_peak_force": "N", "hits_largest_penetration": "m"}
     assert {name: grid[name].attrs["units"] for name in units} == units
     assert grid.final_position.dims == ("clearance", "restitution", "body", "component")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import clearjoint as cj
 from clearjoint._sweeps.store.store import SweepStore
-from tests.support.rotor import LARGEST, OUTPUTS, SPEED, TIMES, swept
+from tests.support.rotor import LARGEST, SPEED, TIMES, swept
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*lanes failed")
 
@@ -25,15 +25,14 @@ def end(scene):
     return 1e-9 if 2.0 < stiffness < 5.0 else 3.0 / np.sqrt(stiffness)
 
 
-SAVED = cj.Saved(lambda scene: end(scene) * TIMES, OUTPUTS["swing"].channels)
+SAVE = cj.Saving(lambda scene: end(scene) * TIMES, states=False)
 """Each lane at times of its own."""
 LANES = st.lists(st.integers(0, len(STIFFNESS) - 1), min_size=1, max_size=40)
 THREADS = st.integers(1, 3)
 
 
 def sweep_of(lanes: list[int], threads: int, **options) -> xr.Dataset:
-    outputs = {**OUTPUTS, "swing": SAVED}
-    return swept(STIFFNESS[lanes], end_time=end, outputs=outputs, threads=threads, **options)
+    return swept(STIFFNESS[lanes], end_time=end, save=SAVE, threads=threads, **options)
 
 
 @pytest.fixture(scope="module")

@@ -48,7 +48,7 @@ def test_step_limit_of_a_stiff_lane(good):
     assert int(lane.attempts[0]) == 500
     reached = float(lane.time_reached[0])
     assert 0.1 < reached < END
-    saved = lane.swing_time[0] <= reached
+    saved = lane.saved_time <= reached
     assert np.isfinite(lane.swing_angle[0, saved.values]).all()
     assert np.isnan(lane.swing_angle[0, ~saved.values]).all()
     assert np.isfinite(lane.largest[0])
@@ -193,7 +193,8 @@ def test_nothing_is_said_of_success():
 AXES = {"stiffness": stiffness_axis(GOOD)}
 LATER = lambda scene: 2.0 if scene.forces["spring"].stiffness > 10 else -1.0  # noqa: E731
 UNEVEN = lambda scene: np.linspace(0, 1, int(scene.forces["spring"].stiffness))  # noqa: E731
-CHANNELS = OUTPUTS["swing"].channels
+CHANNELS = OUTPUTS["zero"].channels
+SWING = {"swing": angle}
 
 
 @pytest.mark.parametrize(
@@ -202,19 +203,19 @@ CHANNELS = OUTPUTS["swing"].channels
         ({"end_time": 0.0}, r"`end_time`.*after start_time = 0\.0.*\[0\.0\]"),
         ({"end_time": LATER}, r"`end_time`.*is \[-1\.0\]"),
         ({"settings": {"rtol": 1e-8}}, "`settings` must be Settings or None"),
-        ({"outputs": {"swing": cj.Saved([0.0, 2.0], CHANNELS)}}, "`times`.*end_time"),
-        ({"outputs": {"swing": cj.Saved(UNEVEN, CHANNELS)}}, r"`times`.*equally many.*\[1, 5, 20"),
-        ({"outputs": {"one": cj.Saved([1.0], CHANNELS), "two": cj.Saved([1.0], CHANNELS)}}, "one"),
-        ({"outputs": {"force": angle}}, r"outputs\['force'\].*AbstractReduction"),
-        ({"outputs": {"final": cj.Saved([1.0], {"spin": (angle, "rad")})}}, "final_spin.*rename"),
+        ({"outputs": SWING, "save": cj.Saving([0.0, 2.0])}, "`times`.*end_time"),
+        ({"outputs": SWING, "save": cj.Saving(UNEVEN)}, r"`times`.*equally many.*\[1, 5, 20"),
+        ({"outputs": SWING}, r"`times`.*outputs\['swing'\].*cj\.Saving\(times\)"),
+        ({"outputs": {"force": 3}}, r"outputs\['force'\].*a quantity, a reduction, a Section"),
+        ({"outputs": {"final_spin": angle}, "save": cj.Saving([1.0])}, "final_spin.*rename"),
         ({"outputs": {"attempts": cj.Peak(angle, "rad")}}, "attempts.*rename"),
         ({"outputs": {"stiffness": cj.Peak(angle, "rad")}}, "stiffness.*rename the axis"),
         ({"outputs": {"lost": cj.DissipatedEnergy()}}, r"Settings\(ledger=True\)"),
         ({"axes": {}}, "`axes`.*at least one axis"),
         ({"axes": {"body": stiffness_axis(GOOD)}}, "body.*rename the axis"),
         (
-            {"axes": {"swing_number": stiffness_axis(GOOD)}, "outputs": OUTPUTS},
-            "swing_number.*rename the axis",
+            {"axes": {"saved_time": stiffness_axis(GOOD)}, "save": cj.Saving([1.0])},
+            "saved_time.*rename the axis",
         ),
         ({"axes": {**AXES, "k": stiffness_axis([1.0])}, "zipped": True}, "equally many"),
         ({"axes": {"gravity": cj.Axis(lambda s: s.gravity, GOOD)}}, r"`value`.*shape \(3,\)"),
@@ -242,9 +243,9 @@ def test_what_no_sweep_can_use_is_refused(changes, says):
         (lambda: cj.Axis("gravity", GOOD), "`path`.*lambda scene"),
         (lambda: cj.Axis.initial("spin", GOOD), "`path`.*lambda state"),
         (lambda: cj.Axis.change(None, GOOD), "`make`.*lambda scene, state, value"),
-        (lambda: cj.Saved([1.0], {}), "`channels`.*by name"),
-        (lambda: cj.Saved([1.0], {"x": angle}), "`channels`.*pair"),
-        (lambda: cj.Saved([1.0], {"time": (angle, "rad")}), "`channels`.*time.*rename"),
+        (lambda: cj.Section(angle, {}, 1), "`channels`.*by name"),
+        (lambda: cj.Section(angle, {"x": 3}, 1), r"`channels\['x'\]`.*pair"),
+        (lambda: cj.Section(angle, {"time": (angle, "rad")}, 1), "`channels`.*time.*rename"),
         (lambda: cj.Section(angle, CHANNELS, count=0), "`count`.*positive"),
         (
             lambda: cj.Statistics(angle, "rad", after=1.0, until=0.5),

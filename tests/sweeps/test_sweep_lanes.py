@@ -9,7 +9,7 @@ import xarray as xr
 import clearjoint as cj
 from clearjoint._simulation.lanes import scheduler, xla_lanes
 from clearjoint._sweeps.work import Work
-from tests.support.rotor import AFTER, END, INERTIA, OUTPUTS, SPEED, TIMES, swept
+from tests.support.rotor import AFTER, END, INERTIA, SPEED, TIMES, swept
 
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)
 FREQUENCY = np.sqrt(STIFFNESS / INERTIA)
@@ -32,7 +32,8 @@ def same(one: xr.Dataset, other: xr.Dataset) -> None:
 def test_saved_rows_are_at_the_times_and_on_the_motion(lanes):
     """Many lie within one step of the softest spring."""
     w = FREQUENCY[:, None]
-    np.testing.assert_array_equal(lanes.swing_time, np.tile(TIMES, (9, 1)))
+    np.testing.assert_array_equal(lanes.saved_time, TIMES)
+    assert lanes.swing_angle.dims == ("lane", "saved_time") and "saved_position" not in lanes
     exact = SPEED / w * np.sin(w * TIMES)
     error = np.abs(lanes.swing_angle - exact).max(axis=1) / AMPLITUDE
     assert (error < 1e-5).all() and len(TIMES) > 8 * int(lanes.accepted[0])
@@ -115,11 +116,11 @@ def test_end_and_saved_times_follow_the_scene():
     def quarter(scene) -> float:
         return 0.5 * np.pi / np.sqrt(scene.forces["spring"].stiffness / INERTIA)
 
-    own = {"swing": cj.Saved(lambda s: TIMES * quarter(s), OUTPUTS["swing"].channels)}
-    found = swept(STIFFNESS, end_time=quarter, outputs={**OUTPUTS, **own})
+    own = cj.Saving(lambda scene: TIMES * quarter(scene), states=False)
+    found = swept(STIFFNESS, end_time=quarter, save=own)
     ends = 0.5 * np.pi / FREQUENCY
     np.testing.assert_array_equal(found.time_reached, ends)
-    np.testing.assert_allclose(found.swing_time, ends[:, None] * TIMES, rtol=1e-15)
+    np.testing.assert_allclose(found.saved_time, ends[:, None] * TIMES, rtol=1e-15)
     np.testing.assert_allclose(found.swing_angle[:, -1], SPEED / FREQUENCY, rtol=1e-6)
 
 

@@ -10,30 +10,33 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._math.vectors import fold_constants
-from clearjoint._simulation.lanes.lane import Plan
+from clearjoint._simulation.lanes.lane import SAVED, Plan
 from clearjoint._simulation.run import impact_recorder
 from clearjoint._simulation.run.impact_recorder import ImpactRecorder
+from clearjoint._simulation.run.outputs import kept_by
 from clearjoint._simulation.step.method import Scheme
+from clearjoint._sweeps.outputs import sampled_channels
 from clearjoint._sweeps.store.program import RUN, programs
 from clearjoint._sweeps.work import Chunks
-from tests.support.rotor import OUTPUTS, Turnings, angle, rotor, spin
+from tests.support.rotor import OUTPUTS, SAMPLED, Turnings, angle, rotor, spin
 
 USUAL = cj.Settings(atol=1e-9)
 
 
 def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     """Programs of a sweep with the given outputs."""
-    outputs = outputs or {}
-    recorded = {n: o for n, o in outputs.items() if isinstance(o, cj.Saved | cj.Section)}
+    kept = kept_by(outputs, SAMPLED)
     plan = Plan(
         Scheme.of(settings),
-        {n: o for n, o in outputs.items() if isinstance(o, cj.extend.AbstractReduction)},
-        {n: o.state_recorder for n, o in recorded.items() if isinstance(o, cj.Section)},
-        any(isinstance(o, cj.Saved) for o in recorded.values()),
+        kept.reductions,
+        {name: section.state_recorder for name, section in kept.sections.items()},
+        bool(kept.quantities),
         np.asarray(1000),
-        {n: ImpactRecorder(o.joint) for n, o in outputs.items() if isinstance(o, cj.ImpactTable)},
+        {name: ImpactRecorder(table.joint) for name, table in kept.tables.items()},
     )
-    channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in recorded.items()}
+    channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in kept.sections.items()}
+    if kept.quantities:
+        channels[SAVED] = sampled_channels(kept, scene)
     return programs(plan, fold_constants(scene), state, 0.0, channels)
 
 
@@ -182,7 +185,8 @@ def test_how_impacts_are_found_concerns_their_table(usual, monkeypatch):
 def test_another_quantity_concerns_its_variables():
     def found(quantity):
         outputs = {
-            "swing": cj.Saved([0.1], {"x": (quantity, "1"), "spin": (spin, "rad/s")}),
+            "swing_x": quantity,
+            "swing_spin": spin,
             "zero": cj.Section(quantity, {"spin": (spin, "rad/s")}, 1),
             "largest": cj.Peak(spin, "1"),
             "late": cj.Statistics(lambda now: quantity(now), "1"),

@@ -28,6 +28,7 @@ from tests.support.rotor import (
     END,
     INERTIA,
     OUTPUTS,
+    SAMPLED,
     SPEED,
     TorsionSpring,
     angle,
@@ -359,7 +360,15 @@ def other_scene(options):
     """The sweep of a rotor of another mass, which is not swept."""
     scene, state = rotor()
     scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, 2.0)
-    cj.sweep(scene, state, END, {"stiffness": stiffness_axis(STIFFNESS)}, OUTPUTS, **options)
+    cj.sweep(
+        scene,
+        state,
+        END,
+        {"stiffness": stiffness_axis(STIFFNESS)},
+        OUTPUTS,
+        save=SAMPLED,
+        **options,
+    )
 
 
 @pytest.mark.parametrize(

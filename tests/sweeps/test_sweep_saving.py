@@ -1,4 +1,4 @@
-"""A `Saving` keeps the same results of lanes as of single runs."""
+"""Outputs and a `Saving` keep the same results of lanes as of single runs."""
 
 import diffrax
 import jax
@@ -10,7 +10,8 @@ from clearjoint.quantities import AbstractQuantity
 from tests.support.rotor import AFTER, OUTPUTS, TIMES, angle, rotor, stiffness_axis
 
 STIFFNESS = [10.0, 40.0]
-STEADY = cj.Saving(TIMES, sections={"zero": OUTPUTS["zero"]})
+STEADY = cj.Saving(TIMES)
+ZERO = {"zero": OUTPUTS["zero"], "angle": angle}
 PARTS = ("position", "orientation", "velocity", "spin")
 
 
@@ -22,20 +23,21 @@ def swept(**options):
 @pytest.fixture(scope="module")
 def lanes(tmp_path_factory):
     path = tmp_path_factory.mktemp("store") / "sweep"
-    swept(save=STEADY, path=path)
+    swept(save=STEADY, outputs=ZERO, path=path)
     return cj.open_sweep(path)
 
 
 @pytest.mark.parametrize("lane", range(2))
-def test_states_and_sections_of_a_lane_are_those_of_its_single_run(lanes, lane):
-    run = cj.simulate(*rotor(STIFFNESS[lane]), 1.0, save=STEADY)
+def test_states_and_outputs_of_a_lane_are_those_of_its_single_run(lanes, lane):
+    run = cj.simulate(*rotor(STIFFNESS[lane]), 1.0, save=STEADY, outputs=ZERO)
     there, here = run.states.bodies["rotor"], lanes.isel(stiffness=lane).sel(body="rotor")
     np.testing.assert_array_equal(here.saved_time, TIMES)
     for part in PARTS:
         found, expected = here[f"saved_{part}"].values, getattr(there, part)
         assert found.shape == expected.shape
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-    crossings = run.sections["zero"]
+    np.testing.assert_allclose(here["angle"], run.outputs["angle"], rtol=1e-12, atol=1e-12)
+    crossings = run.outputs["zero"]
     kept = slice(int(here.zero_count))
     assert len(crossings) == kept.stop >= 1 and (crossings.times > AFTER).all()
     np.testing.assert_allclose(here.zero_time[kept], crossings.times, rtol=1e-12)
@@ -61,9 +63,8 @@ LOST = {"zero": cj.Section(Lost(), OUTPUTS["zero"].channels, 2)}
         ({"save": cj.Saving(impacts=True)}, r"`impacts`.*ImpactTable\(20\)"),
         ({"save": cj.Saving(steps=True)}, r"`steps`.*simulate\(\)"),
         ({"save": cj.Saving([2.0])}, "`times`.*end_time"),
-        ({"save": STEADY, "outputs": {"zero": cj.Peak(angle, "rad")}}, "zero.*rename"),
-        ({"save": STEADY, "outputs": {"swing": OUTPUTS["swing"]}}, "swing.*join their times"),
-        ({"save": cj.Saving(sections=LOST)}, "'zero'.*'lost'"),
+        ({"save": STEADY, "outputs": {"saved_spin": angle}}, "saved_spin.*rename"),
+        ({"outputs": LOST}, "'zero'.*'lost'"),
         ({"save": TIMES}, "`save` must be a Saving or None"),
     ],
 )
@@ -74,10 +75,8 @@ def test_what_a_sweep_cannot_save_is_refused(options, says):
 
 def test_a_run_that_cannot_look_inside_steps_refuses_sections():
     with pytest.raises(ValueError, match="sections.*Tsit5"):
-        cj.simulate(*rotor(), 1.0, cj.Settings(solver=diffrax.Kvaerno5()), STEADY)
-    with pytest.raises(ValueError, match="Section 'zero'.*'lost'"):
-        cj.simulate(*rotor(), 1.0, save=cj.Saving(sections=LOST))
-    with pytest.raises(ValueError, match=r"`sections\['zero'\]`.*a Section"):
-        cj.Saving(sections={"zero": angle})
-    with pytest.raises(ValueError, match="`sections`.*under a transformation"):
-        jax.jit(lambda end: cj.simulate(*rotor(), end, save=STEADY).time)(1.0)
+        cj.simulate(*rotor(), 1.0, cj.Settings(solver=diffrax.Kvaerno5()), STEADY, outputs=ZERO)
+    with pytest.raises(ValueError, match="Output 'zero'.*'lost'"):
+        cj.simulate(*rotor(), 1.0, outputs=LOST)
+    with pytest.raises(ValueError, match=r"`outputs\['zero'\]`.*under a transformation"):
+        jax.jit(lambda end: cj.simulate(*rotor(), end, outputs=LOST).time)(1.0)

@@ -113,7 +113,7 @@ def posterior(
     guess: Guess | None = None,
     spread: float | Mapping[str, float] = 1.0,
     log_prior: LogPrior | None = None,
-    number: int = 500,
+    draws: int = 500,
     seed: int = 0,
     progress: bool = True,
 ) -> Posterior:
@@ -135,10 +135,10 @@ def posterior(
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
       It is called for some ten thousand values, some hundred or thousand at once.
-    - `number`: number of points, at least 32. The importance sampling goes on until the effective
-      number of its weighted runs is at least this, for at most five rounds; the result's `warnings`
-      tell if the effective number is too small. With three parameters, 500 points take about 10 000
-      runs.
+    - `draws`: number of draws from the posterior, the points of the result, at least 32. The
+      importance sampling goes on until the effective number of its weighted runs is at least this,
+      for at most five rounds; the result's `warnings` tell if the effective number is too small.
+      With three parameters, 500 points take about 10 000 runs.
     - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
       any number of threads.
 
@@ -150,7 +150,7 @@ def posterior(
     they have no covariance.
 
     >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)})
-    >>> options = {"spread": 0.3, "number": 64, "progress": False}
+    >>> options = {"spread": 0.3, "draws": 64, "progress": False}
     >>> found = cj.posterior(scene, state, data, {"stiffness": stiffness}, **options)
     >>> found.coordinates.shape, abs(found.means["stiffness"] - 100.0) < 1.0
     ((64, 1), True)
@@ -164,9 +164,9 @@ def posterior(
     remedy = "pass the possible error of each guess"
     positive = bool(np.all(np.isfinite(half) & (half > 0.0)))
     require(positive, "spread", spread, "finite and positive for each parameter", remedy)
-    enough = isinstance(number, int) and number >= FEWEST
+    enough = isinstance(draws, int) and draws >= FEWEST
     expected = f"a whole number from {FEWEST}"
-    require(enough, "number", number, expected, "500 points serve up to about five parameters")
+    require(enough, "draws", draws, expected, "500 points serve up to about five parameters")
     is_seed = isinstance(seed, int) and seed >= 0
     require(is_seed, "seed", seed, "a whole number from 0", "pass 0")
     settings = settings_or(settings, presets.identification)
@@ -181,7 +181,7 @@ def posterior(
             bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")
             bar.update()
 
-        result = drawn_posterior(compared, box, log_prior, number, seed, on_step=on_step)
+        result = drawn_posterior(compared, box, log_prior, draws, seed, on_step=on_step)
     return replace(result, seconds=time.perf_counter() - begun)
 
 

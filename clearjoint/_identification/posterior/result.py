@@ -51,7 +51,7 @@ class Posterior(AbstractTabular):
     - `seconds`: computing time.
 
     >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-3)})
-    >>> options = {"spread": 0.3, "number": 64, "progress": False}
+    >>> options = {"spread": 0.3, "draws": 64, "progress": False}
     >>> found = cj.posterior(scene, state, data, {"stiffness": stiffness}, **options)
     >>> low, high = found.intervals["stiffness"]
     >>> low < 100.0 < high, found.failed, found.weights.size
@@ -142,7 +142,7 @@ class Posterior(AbstractTabular):
         if self.effective_sample_size < min(FEWEST_EFFECTIVE, 0.5 * len(self.coordinates)):
             sentences.append(
                 f"The points, {self.distinct} of which are distinct, come from only "
-                f"{self.effective_sample_size:.0f} effective runs: increase `number`."
+                f"{self.effective_sample_size:.0f} effective runs: increase `draws`."
             )
         return sentences
 

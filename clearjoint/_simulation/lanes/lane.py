@@ -23,8 +23,9 @@ from ..._result_codes import RESULTS
 from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction
 from ..results.solution import contact_label
-from ..run.host_run import IMPACTS, LATEST, REDUCTIONS, SECTIONS
+from ..run.host_run import LATEST
 from ..run.impact_recorder import ImpactRecorder
+from ..run.outputs import REDUCTIONS, SECTIONS, TABLES
 from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
 from ..run.run_checks import assembled
 from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
@@ -36,6 +37,8 @@ from ..step.stepping import running
 from ..step.types import Integers, Numbers
 
 T = TypeVar("T")
+SAVED = "saved"
+"""Name of the log of the states at the times to save at."""
 WINDOW = ROWS + 1
 """Length of the array of save times in a `LaneRequest`: one more than a buffer has rows, so that a
 lane with a full buffer still knows whether more states are to be saved."""
@@ -62,7 +65,7 @@ class Plan(eqx.Module):
                 name: replace(recorder, wanted=request.wanted.get(name))
                 for name, recorder in self.sections.items()
             },
-            IMPACTS: {
+            TABLES: {
                 name: replace(recorder, wanted=_under(f"{name}/", request.wanted))
                 for name, recorder in self.impacts.items()
             },
@@ -103,7 +106,7 @@ class Lane(eqx.Module):
         """Return the buffers of crossings and of impacts, by name of the log."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
-        for name, record in records[IMPACTS].items():
+        for name, record in records[TABLES].items():
             for joint, family in record.items():
                 for contact, contact_record in family.items():
                     buffers[impact_log(name, joint, contact)] = contact_record.rows
@@ -250,8 +253,8 @@ class Common(eqx.Module):
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities that are reported for each recorded state of a log.
-    - `saved`: name of the log of saved states; empty if no states are saved.
+    - `channels[log][name]`: quantities that are reported for each recorded state of a log of
+      crossings, or of saved states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: pairs of name and digest of the traced programs; empty if unknown. No compiled
       program is reused that was traced from code that has changed since.
@@ -262,13 +265,12 @@ class Common(eqx.Module):
     start_time: Single
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
-    saved: str = eqx.field(default="", static=True)
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, RowBuffer]:
         """Return the buffers of a lane, by name of the log."""
-        saved = {} if lane.saved is None else {self.saved: lane.saved}
+        saved = {} if lane.saved is None else {SAVED: lane.saved}
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:

@@ -34,6 +34,7 @@ from ..run.terminal import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
 from .lane import (
+    SAVED,
     WINDOW,
     Common,
     Lane,
@@ -102,7 +103,7 @@ class Batch:
         self.lengths, count = dict(common.capacity), len(tasks.end_time)
         self._save_at = np.zeros((count, 0)) if tasks.save_at is None else tasks.save_at
         if tasks.save_at is not None:
-            self.lengths[common.saved] = tasks.save_at.shape[1]
+            self.lengths[SAVED] = tasks.save_at.shape[1]
         # Data that Python gives the lanes: tasks and first requests, with a first axis of length L.
         # Times to save at are no part of a task's data: they reach a lane through the window of its
         # request.
@@ -401,7 +402,7 @@ class _Group:
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
         batch = self._shared.batch
-        return batch.next_saves(slot.number, slot.recorded(batch.common.saved))
+        return batch.next_saves(slot.number, slot.recorded(SAVED))
 
     def _end(self, columns: list[int]) -> None:
         # The compiled function takes the cells of a task, followed by those of a lane's state.

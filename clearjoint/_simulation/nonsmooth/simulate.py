@@ -310,13 +310,13 @@ def simulate_nonsmooth(
     save.require_none(EXCEPT_TIMES, "of a run with rigid contacts", "take simulate() for it")
     coordinates = JointCoordinates() if coordinates is None else coordinates
     traced = is_traced((scene, state, end_time, start_time, step, restitution))
-    times: ArrayLike | None = save.times
+    times: ArrayLike | None = save.at(scene)
     redundant_constraints: tuple[str, ...] = ()
 
     def check() -> None:
         require_positive("step", step, "give the longest step in s")
         check_span(start_time, end_time)
-        save.times_between(start_time, end_time)
+        save.times_between(scene, start_time, end_time)
         check_numbers(scene, state)
         require_restitution(scene, restitution)
 
@@ -328,7 +328,7 @@ def simulate_nonsmooth(
         expected = f"at least {shortest:.1g} s, a part in {MOST_STEPS:.0g} of the span"
         remedy = "give a longer step in s, or an earlier end_time"
         require(bool(float(step) >= shortest), "step", step, expected, remedy)
-        times = save.times_between(start_time, end_time)
+        times = save.times_between(scene, start_time, end_time)
         redundant_constraints = check_start(scene, state, start_time, coordinates)
     formulation = Formulation(
         coordinates, redundant=bool(redundant_constraints) if redundant is None else redundant

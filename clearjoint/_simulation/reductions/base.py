@@ -6,7 +6,7 @@ does not grow with the number of steps.
 
 import abc
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, TypeAlias
 
@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._fields.checks import as_number, errors_about, require
+from ..._fields.checks import as_number, require
 from ..._fields.objects import AbstractConverting
 from ..._math.vectors import Condition, Scalar
 from ..._model.scene import Scene
@@ -105,19 +105,6 @@ class AbstractReduction(AbstractConverting):
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
         """Return the unit of each result, with the keys of the dictionary from `results`."""
-
-
-def check_reductions(outputs: Mapping[str, object], scene: Scene, ledger: bool) -> None:
-    """Check that a run of a scene, with or without energy `ledger`, can compute the reductions
-    among its outputs, or raise a `ValueError` that names the output."""
-    for name, output in outputs.items():
-        if not isinstance(output, AbstractReduction):
-            continue
-        expected = f"True for outputs[{name!r}]"
-        suffices = ledger or not output.needs_ledger
-        require(suffices, "ledger", ledger, expected, "pass Settings(ledger=True)")
-        with errors_about(f"Output {name!r}"):
-            output.check(scene)
 
 
 def optional_time(value: Instants) -> Instants:

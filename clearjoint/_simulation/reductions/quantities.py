@@ -59,7 +59,7 @@ class Peak(AbstractQuantityReduction):
 
     The results are named "" (the value) and "time" (s). The peak may lie between the ends of a
     step: it is searched for in the solver's dense output. At usual tolerances the peak of a contact
-    force agrees with that of an `ImpactTable`, an output of sweeps, to 1e-6 of its value.
+    force agrees with that of an `ImpactTable` to 1e-6 of its value.
 
     **Arguments:**
 
@@ -221,7 +221,7 @@ class Quantiles(AbstractQuantityReduction):
     below the first edge or above the last one it is NaN. In each step the quantity is approximated
     by the parabola through both ends and the middle.
 
-    For quantiles over impacts instead of over time, use `ImpactTable`, an output of sweeps, whose
+    For quantiles over impacts instead of over time, use `ImpactTable`, whose
     quantiles are exact.
 
     ```python

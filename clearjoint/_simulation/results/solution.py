@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -318,9 +318,10 @@ class Solution(AbstractReadable, AbstractTabular):
       step; ``None`` unless requested.
     - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
       requested.
-    - `sections[name]`: the `Crossings` of each requested Poincaré section.
-    - `outputs[name]`: the result of each requested reduction. A reduction with several results has
-      entries "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
+    - `outputs[name]`: the result of each requested output: the (N,) values of a quantity at those
+      requested times that the run reached, the `Crossings` of a `Section`, the `Impacts` of an
+      `ImpactTable`, and the number of a reduction. A reduction with several results has entries
+      "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
     - `formulation`: coordinates, stabilisation of the constraints, and whether the energy ledger
       was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
@@ -345,8 +346,7 @@ class Solution(AbstractReadable, AbstractTabular):
     impacts: Impacts | None = eqx.field(static=True)
     formulation: Formulation
     redundant_constraints: tuple[str, ...] = eqx.field(static=True)
-    sections: Mapping[str, Crossings] = eqx.field(default_factory=dict)
-    outputs: Mapping[str, float] = eqx.field(default_factory=dict)
+    outputs: Mapping[str, Any] = eqx.field(default_factory=dict)
     settings: Notes = eqx.field(default=(), static=True)
 
     @override
@@ -359,8 +359,8 @@ class Solution(AbstractReadable, AbstractTabular):
                 lines.append(f"{name}: {kept}")
         if self.impacts is not None:
             lines.append(f"impacts: {len(self.impacts)}")
-        if self.sections:
-            lines.append(f"sections: {', '.join(map(repr, self.sections))}")
+        if self.outputs:
+            lines.append(f"outputs: {', '.join(map(repr, self.outputs))}")
         return run_text(self, self.final, self.redundant_constraints, lines)
 
     @property

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import and_
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +23,7 @@ from ..._math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ..._model.bodies import State
 from ..._native import Native
 from ..._result_codes import RESULTS, result_number
+from ...quantities.base import Quantity
 from ..results.impact_table import Impacts
 from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot, look_inside
@@ -31,10 +32,9 @@ from ..step.method import Scheme
 from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
+from .outputs import REDUCTIONS, Kept
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
 from .run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state, state_of
-from .saving import Saving
-from .sections import Section, crossings_of
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
@@ -42,19 +42,14 @@ STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 part of the compiled program. When one of them is full, compiled code returns to Python. The buffer
 of steps is larger, because every accepted step writes a row."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
-SECTIONS, REDUCTIONS = "sections", "reductions"
-"""Keys of the dictionaries of recorders and of records. `LATEST` is the latest accepted attempt,
-`STEPS` the states at the start and after accepted steps, `IMPACTS` the impacts of all contacts. The
-values at `SECTIONS` and `REDUCTIONS` are dictionaries by the name of the section or reduction."""
+"""Keys of the dictionaries of recorders and of records beside those of the outputs. `LATEST` is the
+latest accepted attempt, `STEPS` the states at the start and after accepted steps, `IMPACTS` the
+impacts of all contacts."""
 
 
-def recorders_of(save: Saving) -> Recorders:
-    """Return the recorders of a single run for the results to `save`, by those of the keys that are
-    needed."""
-    recorders: dict[str, Recorders] = {
-        SECTIONS: save.section_recorders(),
-        REDUCTIONS: {name: ReductionRecorder(of) for name, of in save.outputs.items()},
-    }
+def recorders_of(kept: Kept) -> dict[str, Recorders]:
+    """Return the recorders of a single run for all that it keeps."""
+    save, recorders = kept.save, kept.recorders()
     if save.times is not None:
         recorders[LATEST] = LatestAttempt()
     if save.steps:
@@ -62,6 +57,13 @@ def recorders_of(save: Saving) -> Recorders:
     if save.impacts:
         recorders[IMPACTS] = ImpactRecorder(capacity=IMPACT_ROWS)
     return recorders
+
+
+class SavedRows(NamedTuple):
+    """The state of a run, in scalar form, and values of quantities, at one or more times."""
+
+    state: State
+    values: dict[str, Numbers]
 
 
 def begin(
@@ -87,15 +89,16 @@ def segment(
     save_times: Numbers | None,
     t_end: Scalar,
     attempts: Scalar,
+    quantities: Mapping[str, Quantity],
     loops: Loops = PLAIN,
-) -> tuple[Progress, tuple[State, jax.Array] | None]:
+) -> tuple[Progress, tuple[SavedRows, jax.Array] | None]:
     """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
     buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
     must contain a `LatestAttempt` at the key `LATEST`.
 
     **Returns:** the run after the segment, and, unless `save_times` is ``None``, a pair of the
-    states at the N times, in scalar form, and whether the run has reached each time, (N,). A state
-    at a time that the run has not reached is meaningless.
+    `SavedRows` at the N times, and whether the run has reached each time, (N,). Rows at a time
+    that the run has not reached are meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
@@ -104,12 +107,15 @@ def segment(
     if save_times is None:
         return loop.until(t_end, now, attempts, _has_room), None
 
-    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[State, jax.Array]]:
+    def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[SavedRows, jax.Array]]:
         # Steps are not shortened to end at the save time, because saving must not change the
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
-        state = state_of(system, *look_inside(method, system, now.records[LATEST], time))
-        return now, (state, jnp.asarray(time <= now.step.t))
+        y, entry_speeds = look_inside(method, system, now.records[LATEST], time)
+        instant = Snapshot(time, y, entry_speeds).instant(system)
+        values = {n: jnp.asarray(of(instant), dtype=float) for n, of in quantities.items()}
+        samples = SavedRows(state_of(system, y, entry_speeds), values)
+        return now, (samples, jnp.asarray(time <= now.step.t))
 
     return loops.each(save_next, now, save_times)
 
@@ -147,11 +153,12 @@ segment_compiled = Native(segment)
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start: packed scene, scheme, recorders, end time, s, and names of
-    redundant constraints."""
+    """A run that is ready to start: packed scene, scheme, what it keeps, with the recorders for
+    it, end time, s, and names of redundant constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
+    kept: Kept
     recorders: Recorders
     end: Scalar
     redundant: tuple[str, ...]
@@ -160,21 +167,22 @@ class Run:
         self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
     ) -> Solution:
         """Run to the end inside a computation that JAX traces, such as under `jax.grad`, and return
-        a `Solution` of traced arrays, without steps, impacts, sections and outputs. Saved states at
-        times `save_at`, (N,) s, that the run did not reach are meaningless."""
+        a `Solution` of traced arrays, without steps and impacts. Saved states and values of
+        quantities at times `save_at`, (N,) s, that the run did not reach are meaningless."""
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
         program = self.scheme, self.folded_scene
-        rest = self.recorders, now, times, self.end, jnp.asarray(max_steps)
+        rest = self.recorders, now, times, self.end, jnp.asarray(max_steps), self.kept.quantities
         # With JAX's own loops, reverse-mode differentiation of this result raises an error.
         now, saved = loops.guarded(segment(*program, *rest, loops))
         final, result, _, _ = _end_of(*program, {}, {}, now.step, self.end)
-        trajectory = count = None
+        trajectory, count, values = None, None, {}
         if saved is not None:
             # Leave out the last row, the state at the end of the run, which was added above.
-            states, reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
-            trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
+            (states, values), reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
+            if self.kept.save.states:
+                trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
         return Solution(
             time=now.step.t,
             final=final,
@@ -187,6 +195,7 @@ class Run:
             impacts=None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
+            outputs=values,
         )
 
     def on_host(
@@ -195,7 +204,6 @@ class Run:
         save_at: np.ndarray | None,
         max_steps: int,
         progress: bool,
-        sections: Mapping[str, Section],
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
         """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
@@ -208,7 +216,7 @@ class Run:
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, now.step.t.dtype))  # pyright: ignore
-        saved_states: list[State] = []
+        samples: list[SavedRows] = []
         saved_count, wanted = 0, 0 if save_at is None else len(save_at)
         steps: list[TimedState] = []
         impacts: list[tuple[str | float, ...]] = []
@@ -232,14 +240,14 @@ class Run:
                     following = save_at[saved_count:][:SAVES_A_SEGMENT]
                     filling = 0, SAVES_A_SEGMENT - len(following)
                     times = np.pad(following, filling, constant_values=end)
-                rest = self.recorders, now, times, self.end, limit
+                rest = self.recorders, now, times, self.end, limit, self.kept.quantities
                 now, saved = segment_compiled(*program, *rest)
                 if saved is not None:
-                    # Only the first `count` states are kept. The others are at times that the run
+                    # Only the first `count` samples are kept. The others are at times that the run
                     # has not reached yet, or belong to the filling.
-                    states, reached = saved
+                    sampled, reached = saved
                     count = int(np.sum(reached[: wanted - saved_count]))
-                    saved_states.append(_first_rows(states, count))
+                    samples.append(_first_rows(sampled, count))
                     saved_count += count
                 # Empty the buffers after each segment, so that their size does not limit the run.
                 if STEPS in now.records:
@@ -259,10 +267,17 @@ class Run:
                     break
         reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]
         final, result, slid_out, results = _end_compiled(*program, *reductions, now.step, self.end)
-        step, saved, trajectory = now.step, None, None
+        step, saved, trajectory, outputs = now.step, None, None, {}
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
         if save_at is not None:
-            saved = Trajectory(save_at[:saved_count], pack(_joined(saved_states)))
+            states, outputs = _joined(samples)
+            if self.kept.save.states:
+                saved = Trajectory(save_at[:saved_count], pack(states))
+        outputs |= self.kept.recorded(now.records) | {
+            f"{name}_{part}" if part else name: float(value)
+            for name, parts in jax.device_get(results).items()
+            for part, value in parts.items()
+        }
         if STEPS in now.records:
             rows = _joined(steps)
             trajectory = Trajectory(rows.t, pack(rows.state))
@@ -278,12 +293,7 @@ class Run:
             impacts=Impacts.of_rows(impacts) if IMPACTS in now.records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            sections=crossings_of(now.records[SECTIONS], sections),
-            outputs={
-                f"{name}_{part}" if part else name: float(value)
-                for name, parts in jax.device_get(results).items()
-                for part, value in parts.items()
-            },
+            outputs=outputs,
             settings=notes,
         )
         return solution, interrupted, bool(slid_out)

@@ -24,8 +24,8 @@ from ..results.solution import SUCCESSFUL, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint, RecordedRun
+from .outputs import EXAMPLE, RECORDED, kept_by
 from .run_checks import derivative_scheme
-from .sensitivities import check_outputs
 
 KEPT_RUNS = 4
 """Number of the latest runs that a predictor keeps, so that a gradient does not repeat the run that
@@ -199,8 +199,11 @@ def predictor(
 
     **Raises:** `ValueError` for invalid arguments, as `sensitivities`.
     """
-    check_outputs(outputs, scene)
+    kept = kept_by(outputs, None)
+    kept.refuse(RECORDED, "a quantity in reverse mode", "pass the quantity itself")
+    require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
+    kept.check(scene, settings.ledger)
     check_span(start_time, end_time)
     checked = checked_times(start_time, end_time, times, "times")
     span = float(start_time), float(end_time)

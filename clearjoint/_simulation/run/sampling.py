@@ -38,11 +38,10 @@ from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Vari
 from ..step.stepping import attempt, start
 from ..step.trial_step import term_of
 from ..step.types import Gradients, Numbers
-from .host_run import IMPACTS, LATEST, SECTIONS
-from .impact_recorder import ImpactRecord, ImpactRecorder, most
+from .host_run import IMPACTS, LATEST
+from .impact_recorder import ImpactRecorder, most
 from .recorders import LatestAttempt, TangentPeak, TangentPeakRecorder
-from .run_loop import Progress, Recorders, RunLoop, final_result, state_of
-from .sections import SectionRecord, SectionRecorder
+from .run_loop import Progress, Recorders, Records, RunLoop, final_result, state_of
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
@@ -50,17 +49,6 @@ programs are compiled. The additional times repeat the end time; quantities at r
 computed only once."""
 
 
-class Kept(eqx.Module):
-    """Results that a run with tangents keeps besides the values of quantities: the state at each
-    time, the impacts of each contact up to a number for which the buffers have room, and crossings.
-    """
-
-    states: bool = eqx.field(default=False, static=True)
-    impacts: int | None = eqx.field(default=None, static=True)
-    sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
-
-
-NOTHING_ELSE = Kept()
 PEAK = "peak"
 """Name of the recorder of the largest derivatives."""
 IMPACTS_AT_FIRST = 512
@@ -78,8 +66,8 @@ class Sampled(eqx.Module):
     - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
       derivatives to that of the speeds' derivatives at their peak: this peak times the time since
       then, over the largest derivative of a position since then.
-    - `impacts`: the record of impacts, with times since the start of the run; `sections`: the
-      records of crossings, with times on the clock of the scene.
+    - `records`: the records of the run's recorders. Impacts have times since the start of the run,
+      and crossings times on the clock of the scene.
     """
 
     values: dict[str, Numbers]
@@ -91,8 +79,7 @@ class Sampled(eqx.Module):
     accepted: Scalar
     amplification: jax.Array
     states: State | None = None
-    impacts: ImpactRecord | None = None
-    sections: dict[str, SectionRecord] = eqx.field(default_factory=dict)
+    records: Records = eqx.field(default_factory=dict)
 
 
 def start_with_tangents(
@@ -186,20 +173,15 @@ def _sampled_from(
     t0: Scalar,
     t_end: Scalar,
     max_steps: Scalar,
-    kept: Kept,
+    recorders: dict[str, Recorders],
+    has_states: bool,
 ) -> Sampled:
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
-    recorders: dict[str, Recorders] = {
-        LATEST: LatestAttempt(),
-        PEAK: TangentPeakRecorder(),
-        SECTIONS: kept.sections,
-    }
-    if kept.impacts is not None:
-        recorders[IMPACTS] = ImpactRecorder(capacity=kept.impacts)
+    all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **recorders}
     # JAX would otherwise trace an attempt again wherever `loop` calls it.
     tried = traced_once(attempt)
-    loop = RunLoop(method, system, own_end, recorders, family=systems, attempt=tried)
+    loop = RunLoop(method, system, own_end, all_recorders, family=systems, attempt=tried)
 
     no_values = dict.fromkeys(outputs, jnp.zeros(()))
     no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(family.values)))
@@ -230,7 +212,7 @@ def _sampled_from(
         # copied below. States are not copied, so they are computed at every time.
         values = jax.lax.cond(is_new, quantities, lambda: (no_values, no_derivatives))
         state = None
-        if kept.states:
+        if has_states:
             system = systems.system()
             state = state_of(system, *look_inside(method, system, latest, time))
         return now, (*values, state, time <= now.step.t)
@@ -251,8 +233,7 @@ def _sampled_from(
         attempts=step.attempts,
         accepted=step.accepted,
         states=states,
-        impacts=records.get(IMPACTS),
-        sections=records[SECTIONS],
+        records={name: records[name] for name in recorders},
         amplification=_amplification(step, records[PEAK]),
     )
 
@@ -291,30 +272,35 @@ def sampled(
     t_end: Scalar,
     first_step: Scalar,
     max_steps: Scalar,
-    kept: Kept = NOTHING_ELSE,
+    recorders: dict[str, Recorders] | None = None,
+    has_states: bool = False,
 ) -> Sampled:
     """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
     given times. This is the whole run of `sensitivities` and fits.
 
     **Arguments:** `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that
     reaches the last time, so that this must be `t_end` or later, as `padded` ensures; times after
-    `t_end` are not reached. `kept`: results to keep besides the values of the quantities. If a
-    contact has more impacts than `kept.impacts`, the record lacks some of them; see `recorded_run`.
+    `t_end` are not reached. `recorders`: further recorders; `has_states`: whether to keep the state
+    at each time.
     """
     first = first_compiled(scheme, family, t0, t_end, first_step)
-    return sampled_compiled(first, scheme, family, outputs, times, t0, t_end, max_steps, kept)
+    rest = times, t0, t_end, max_steps, recorders or {}, has_states
+    return sampled_compiled(first, scheme, family, outputs, *rest)
 
 
 def recorded_run(
-    arguments: tuple[PyTree, ...], states: bool, impacts: bool, sections: dict[str, SectionRecorder]
+    arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
-    """Call `sampled` with the `arguments` before `kept`, with larger buffers each time until they
-    have room for all impacts, and return its last result as NumPy arrays."""
-    room = IMPACTS_AT_FIRST if impacts else None
+    """Call `sampled` with the `arguments` before `recorders`, and return its result as NumPy
+    arrays. With `impacts`, all impacts are recorded at the key `IMPACTS`, by larger buffers in
+    further runs until they have room for all."""
+    room = IMPACTS_AT_FIRST
     while True:
-        kept = Kept(states, room, sections)
-        result: Sampled = jax.device_get(sampled(*arguments, kept=kept))
-        if result.impacts is None or room is None or most(result.impacts) <= room:
+        every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}
+        result: Sampled = jax.device_get(
+            sampled(*arguments, recorders=recorders | every, has_states=has_states)
+        )
+        if not impacts or most(result.records[IMPACTS]) <= room:
             return result
         room *= GROWTH
 

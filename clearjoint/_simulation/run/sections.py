@@ -8,7 +8,7 @@ by one, so they record the state at each crossing, and the channels are computed
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,40 +21,16 @@ from ..._math.interpolation import Parabola, Point, secant_root
 from ..._math.vectors import Scalar
 from ..._model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
-from ..results.solution import TIME, Crossings
+from ..results.solution import TIME
 from ..step.dense_output import Snapshot
 from ..step.landing import LATEST
 from ..step.step_state import choose
 from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
-Channels = Mapping[str, tuple[Quantity, str]]
-"""Channels by name: pairs of a quantity and its unit, such as "m/s"."""
-PASS_CHANNELS = 'pass for example {"x": (Position("slider", "x"), "m")}'
-
-
-def check_channels(channels: Channels) -> None:
-    """Check that channels are pairs of a quantity and a unit, with names that results and files can
-    have, or raise a `ValueError` as `Section`."""
-    require_array_names("channels", channels, PASS_CHANNELS)
-    are_pairs = bool(channels) and all(
-        isinstance(pair, tuple)
-        and len(pair) == 2
-        and callable(pair[0])
-        and isinstance(pair[1], str)
-        for pair in channels.values()
-    )
-    require(are_pairs, "channels", channels, "a (quantity, unit) pair by name", PASS_CHANNELS)
-    # The results have arrays with the times of the crossings and the number of crossings.
-    taken = sorted({"time", "count"} & set(channels))
-    require(not taken, "channels", taken, "of names that the output does not use", "rename them")
-
-
-def check_quantities(channels: Channels, scene: Scene) -> None:
-    """Check that a scene has the elements that the quantities of channels name, or raise a
-    `ValueError` that names the channel."""
-    for name, (quantity, _) in channels.items():
-        check_quantity(f"channel {name!r}", quantity, scene)
+Channels = Mapping[str, Quantity | tuple[Quantity, str]]
+"""Channels by name: quantities, or pairs of a quantity and its unit, such as "m/s"."""
+PASS_CHANNELS = 'pass for example {"x": cj.quantities.Position("slider", "x")}'
 
 
 class Bracket(NamedTuple):
@@ -178,19 +154,6 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         return {name: jnp.zeros(()) for name in (TIME, *dict(self.channels or ()))}
 
 
-def crossings_of(
-    records: Mapping[str, SectionRecord], sections: "Mapping[str, Section]"
-) -> dict[str, Crossings]:
-    """Return the crossings in the records of `sections`, by name of the section, as NumPy
-    arrays."""
-    crossings = {}
-    for name, record in records.items():
-        columns = record.rows.filled()
-        units = {key: unit for key, (_, unit) in sections[name].channels.items()}
-        crossings[name] = Crossings(columns.pop(TIME), columns, units)
-    return crossings
-
-
 @dataclass(frozen=True)
 class Section:
     """A Poincaré section: values of quantities at the instants at which another quantity rises
@@ -199,7 +162,8 @@ class Section:
     **Arguments:**
 
     - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
-    - `channels`: the quantities to evaluate at each crossing, as pairs (quantity, unit) by name.
+    - `channels`: the quantities to evaluate at each crossing, by name; for a function without an
+      attribute `unit`, a pair (function, unit).
       The names become those of arrays in results and files. At the onset or end of a contact,
       forces are those just after it, and the entry speed is that of the contact.
     - `count`: largest number of crossings; later ones are not kept.
@@ -207,13 +171,13 @@ class Section:
       ignored, to leave out a transient; by default none are.
 
     **Raises:** `ValueError` if `crossing` is not a function; if `channels` is not a mapping, is
-    empty, or has a value that is not such a pair; for a name that is not a non-empty string,
-    contains a slash or backslash, begins with "." or "__", or is "time" or "count"; for a `count`
-    that is not a positive integer, and an `after` that is not finite.
+    empty, or has a value that is neither a function nor such a pair; for a name that is not a
+    non-empty string, contains a slash or backslash, begins with "." or "__", or is "time" or
+    "count"; for a `count` that is not a positive integer, and an `after` that is not finite.
 
     >>> touch = cj.Section(
     ...     cj.quantities.Penetration("shoulder", "V"),
-    ...     {"speed": (cj.quantities.EntrySpeed("shoulder", "V"), "m/s")},
+    ...     {"speed": cj.quantities.EntrySpeed("shoulder", "V")},
     ...     count=10,
     ... )
     >>> list(touch.channels)
@@ -222,12 +186,22 @@ class Section:
 
     crossing: Quantity
     channels: Channels
-    count: int
-    after: float | None = None
+    count: int = 1000
+    after: Annotated[float | None, "s"] = None
 
     def __post_init__(self) -> None:
         require_quantity("crossing", self.crossing)
-        check_channels(self.channels)
+        require_array_names("channels", self.channels, PASS_CHANNELS)
+        expected = "quantities, or (quantity, unit) pairs, by name"
+        require(bool(self.channels), "channels", {}, expected, PASS_CHANNELS)
+        for name, channel in self.channels.items():
+            pair = channel if isinstance(channel, tuple) else (channel, "1")
+            is_pair = len(pair) == 2 and callable(pair[0]) and isinstance(pair[1], str)
+            is_pair = is_pair and not isinstance(pair[0], type)
+            require(is_pair, f"channels[{name!r}]", channel, expected, PASS_CHANNELS)
+        # The results have arrays with the times of the crossings and the number of crossings.
+        taken, unused = sorted({"time", "count"} & set(self.channels)), "of names that are not used"
+        require(not taken, "channels", taken, unused, "rename them")
         require_count("count", self.count, "pass a number of crossings")
         if self.after is not None:
             require_finite("after", self.after)
@@ -237,9 +211,19 @@ class Section:
         return on_device(-math.inf if self.after is None else self.after)
 
     @property
+    def pairs(self) -> dict[str, tuple[Quantity, str]]:
+        """The quantity and the unit of each channel, by name."""
+        return {
+            name: channel
+            if isinstance(channel, tuple)
+            else (channel, getattr(channel, "unit", None) or "1")
+            for name, channel in self.channels.items()
+        }
+
+    @property
     def recorder(self) -> SectionRecorder:
         """The recorder of the channels at the crossings in a run."""
-        channels = tuple((name, quantity) for name, (quantity, _) in self.channels.items())
+        channels = tuple((name, quantity) for name, (quantity, _) in self.pairs.items())
         return SectionRecorder(self.crossing, self._earliest, channels, self.count)
 
     @property
@@ -252,4 +236,5 @@ class Section:
         """Check that a scene has the elements that `crossing` and `channels` name, or raise a
         `ValueError` that begins with "crossing", or with "channel" and its name."""
         check_quantity("crossing", self.crossing, scene)
-        check_quantities(self.channels, scene)
+        for name, (quantity, _) in self.pairs.items():
+            check_quantity(f"channel {name!r}", quantity, scene)

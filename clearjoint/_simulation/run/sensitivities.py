@@ -5,7 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
@@ -21,7 +21,7 @@ from ..._export.datasets import (
     texts,
 )
 from ..._fields.cautions import UnusualValueWarning, caution
-from ..._fields.checks import require, require_names
+from ..._fields.checks import require
 from ..._fields.types import ArrayLike
 from ..._math.vectors import pack
 from ..._model.bodies import State
@@ -31,20 +31,26 @@ from ..._parametrisation.parametrised_scene import parametrised
 from ..._parametrisation.readings import in_scene, sensor_errors, with_sensor_errors
 from ..._parametrisation.variations import SeriesDelay
 from ..._result_codes import RESULTS
-from ...quantities.base import Quantity, check_quantity
+from ..reductions.base import AbstractReduction
 from ..results.impact_table import Impacts
-from ..results.solution import Crossings, Trajectory, raise_failure
+from ..results.solution import Trajectory, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
+from .host_run import IMPACTS
 from .impact_recorder import impact_rows_of
+from .outputs import EXAMPLE, Output, kept_by
 from .run_checks import derivative_scheme
 from .sampling import padded, recorded_run
-from .saving import Saving, saving_or_nothing
-from .sections import crossings_of
+from .saving import Saving
 from .terminal import compiling_bar
 
 if TYPE_CHECKING:
     import xarray as xr
+
+WITH_DERIVATIVES = "in a run with derivatives"
+FOR_REDUCTIONS = (
+    "take simulate() or sweep() for it; cj.statistics_derivatives differentiates its mean"
+)
 
 
 @dataclass(frozen=True)
@@ -53,23 +59,24 @@ class Sensitivities(AbstractTabular):
 
     - `parameters`: the p names of the parameters.
     - `times`: (N,) s, the requested times that the run reached.
-    - `values[name]`: (N,), the values of the quantity of this name, in its unit.
-    - `derivatives[name]`: (N, p), derivatives of these values, in the order of `parameters`. They
-      are with respect to the coordinates of the parameters' scales: for a parameter with the scale
+    - `outputs[name]`: (N,), the values of the quantity of this name, in its unit; `Crossings` for a
+      `Section`, and `Impacts` for an `ImpactTable`.
+    - `derivatives[name]`: (N, p), derivatives of a quantity, in the order of `parameters`. They are
+      with respect to the coordinates of the parameters' scales: for a parameter with the scale
       `Log`, with respect to its natural logarithm.
     - `saved`: the `Trajectory` at `Saving.times`, ``None`` unless requested.
-    - `time`, `result`, `attempts`, `accepted`, `impacts`, `sections`, `settings`: as in `Solution`.
+    - `time`, `result`, `attempts`, `accepted`, `impacts`, `settings`: as in `Solution`.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
-    >>> found.values["x"].shape, found.derivatives["x"].shape
+    >>> found.outputs["x"].shape, found.derivatives["x"].shape
     ((30,), (30, 1))
     """
 
     parameters: tuple[str, ...]
     times: np.ndarray
-    values: dict[str, np.ndarray]
+    outputs: dict[str, Any]
     derivatives: dict[str, np.ndarray]
     time: float
     result: RESULTS
@@ -77,14 +84,13 @@ class Sensitivities(AbstractTabular):
     accepted: int
     saved: Trajectory | None = None
     impacts: Impacts | None = None
-    sections: Mapping[str, Crossings] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scales: tuple[str, ...] = ()
     settings: Notes = ()
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return values and derivatives as an `xarray.Dataset`.
+        """Return quantities and their derivatives as an `xarray.Dataset`.
 
         - Each quantity is a variable of the same name along "time", in the quantity's unit.
         - Its derivatives are the variable "<name>_derivative" along "time" and "parameter". The
@@ -95,12 +101,12 @@ class Sensitivities(AbstractTabular):
           the settings.
         """
         variables = {}
-        for name, values in self.values.items():
+        for name, derivatives in self.derivatives.items():
             unit = self.units.get(name)
             description = f"derivative of {name} by a parameter's coordinate"
-            variables[name] = Labelled(("time",), values, unit)
+            variables[name] = Labelled(("time",), self.outputs[name], unit)
             variables[f"{name}_derivative"] = Labelled(
-                ("time", "parameter"), self.derivatives[name], unit, description
+                ("time", "parameter"), derivatives, unit, description
             )
         labels = {
             "time": Labelled(("time",), self.times, "s", "time"),
@@ -123,7 +129,7 @@ def sensitivities(
     state: State,
     end_time: float,
     parameters: Mapping[str, Parameter],
-    outputs: Mapping[str, Quantity],
+    outputs: Mapping[str, Output],
     times: ArrayLike,
     settings: Settings | None = None,
     save: Saving | None = None,
@@ -155,12 +161,13 @@ def sensitivities(
       there.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
-    - `outputs`: the quantities to evaluate, scalar functions of an `Instant` such as those of
-      `clearjoint.quantities`, by names of your choice.
-    - `times`: (N,) s, not decreasing, between start and end, at which the outputs are evaluated.
+    - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
+      `Instant` such as those of `clearjoint.quantities`, which are differentiated, and sections and
+      tables of impacts, which are not. Reductions such as `Peak` cannot be computed.
+    - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
-    - `save`: further results to keep: states at given times, impacts and sections. The states after
-      every step, and reductions such as `Peak`, cannot be kept.
+    - `save`: records to keep: states at given times, and impacts. The states after every step
+      cannot be kept.
     - `progress`: show the time spent compiling.
 
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
@@ -179,7 +186,10 @@ def sensitivities(
     >>> bool(np.allclose(found.derivatives["x"][:, 0], exact, atol=1e-6))
     True
     """
-    check_outputs(outputs, scene)
+    kept = kept_by(outputs, save)
+    require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
+    expected = f"a quantity, a Section or an ImpactTable {WITH_DERIVATIVES}"
+    kept.refuse(AbstractReduction, expected, FOR_REDUCTIONS)
     check_parameters(parameters)
     for parameter in parameters.values():
         if isinstance(parameter.variation, SeriesDelay):
@@ -189,15 +199,14 @@ def sensitivities(
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
     requested = checked_times(start_time, end_time, times, "times")
-    save = saving_or_nothing(save)
-    unsupported = "of a run with derivatives", "take simulate() for them"
-    save.require_none(["steps", "outputs"], *unsupported)
-    save.check(scene, settings.ledger)
-    saved = save.times_between(start_time, end_time)
-    # One run serves both requests: outputs and states are evaluated at the times of both, and
+    save, quantities = kept.save, kept.quantities
+    save.require_none(["steps"], WITH_DERIVATIVES, "take simulate() for them")
+    kept.check(scene, settings.ledger)
+    saved = save.times_between(scene, start_time, end_time) if save.states else None
+    # One run serves both requests: quantities and states are evaluated at the times of both, and
     # selected afterwards.
     all_times = requested if saved is None else np.union1d(requested, saved)
-    sensors = sensor_errors(parameters, outputs)
+    sensors = sensor_errors(parameters, quantities)
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
@@ -205,13 +214,13 @@ def sensitivities(
     arguments = (
         scheme,
         family,
-        dict(outputs),
+        quantities,
         padded(all_times, end_time),
         *(np.asarray(t, float) for t in span),
         np.asarray(settings.max_steps, int),
     )
     with compiling_bar(progress):
-        sampled = recorded_run(arguments, saved is not None, save.impacts, save.section_recorders())
+        sampled = recorded_run(arguments, kept.recorders(), saved is not None, save.impacts)
         values, derivatives = sampled.values, sampled.derivatives
         if sensors.errors:
             elapsed = padded(all_times, end_time) - start_time
@@ -227,12 +236,13 @@ def sensitivities(
         saved_rows = reached(saved)
         states = jax.tree.map(lambda leaf: leaf[saved_rows], sampled.states)
         trajectory = Trajectory(saved[: len(saved_rows)], pack(states))
-    if sampled.impacts is not None:
-        impacts = Impacts.of_rows(impact_rows_of(sampled.impacts, start_time))
+    if save.impacts:
+        impacts = Impacts.of_rows(impact_rows_of(sampled.records[IMPACTS], start_time))
     result = Sensitivities(
         parameters=tuple(parameters),
         times=requested[: len(rows)],
-        values={name: np.asarray(row)[rows] for name, row in values.items()},
+        outputs={name: np.asarray(row)[rows] for name, row in values.items()}
+        | kept.recorded(sampled.records, start_time),
         derivatives={name: np.asarray(row)[rows] for name, row in derivatives.items()},
         time=float(sampled.time),
         result=sampled.result,
@@ -240,8 +250,7 @@ def sensitivities(
         accepted=int(sampled.accepted),
         saved=trajectory,
         impacts=impacts,
-        sections=crossings_of(sampled.sections, save.sections),
-        units={n: q.unit for n, q in outputs.items() if getattr(q, "unit", None)},
+        units={n: q.unit for n, q in quantities.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
         settings=setting_notes(settings),
     )
@@ -301,15 +310,3 @@ def _growth_of_derivatives(run: Sensitivities) -> str | None:
         "a fit can use. Later, only statistics of the motion vary smoothly: differentiate them by "
         "cj.statistics_derivatives."
     )
-
-
-def check_outputs(outputs: Mapping[str, Quantity], scene: Scene) -> None:
-    """Check that outputs are functions by name, and that the scene has the elements that they name;
-    raise a `ValueError` that names the first one that is invalid."""
-    example = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
-    require_names("outputs", outputs, example)
-    require(len(outputs) > 0, "outputs", {}, "not empty", example)
-    for name, output in outputs.items():
-        expected = "a scalar function of an Instant"
-        require(callable(output), f"outputs[{name!r}]", output, expected, example)
-        check_quantity(f"Output {name!r}", output, scene)

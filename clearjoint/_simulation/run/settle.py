@@ -279,14 +279,14 @@ def settle(
         while kind is None:
             # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
             times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
-            sections = {}
+            outputs = {}
             if section is not None:
                 # A run may have more than `BLOCK` crossings, because the span is a rough guess.
-                sections[SECTION] = replace(section, count=ROOM, after=time)
-            save, end = Saving(times, sections=sections), float(times[-1])
+                outputs[SECTION] = replace(section, count=ROOM, after=time)
+            save, end = Saving(times), float(times[-1])
             options = {"start_time": time, "throw": False, "progress": False}
             try:
-                block = simulate(scene, state, end, settings, save, **options)
+                block = simulate(scene, state, end, settings, save, outputs=outputs, **options)
             except RunInterrupted as stopped:
                 raise RunInterrupted(_joined([*blocks, stopped.solution])) from stopped
             state, time, result = block.final, float(block.time), block.result
@@ -301,11 +301,11 @@ def settle(
                 strobe = strobe_of(motion.states, PHASES)
             else:
                 # Without the crossings that were lost, the motion would not be found to repeat.
-                few = len(block.sections[SECTION]) < ROOM
+                few = len(block.outputs[SECTION]) < ROOM
                 expected = f"a time in which the section is crossed fewer than {PHASES} times"
                 remedy = "give a time in s in which the section is crossed about once"
                 require(few, "span", span, expected, remedy)
-                crossings = motion.sections[SECTION]
+                crossings = motion.outputs[SECTION]
                 strobe = section_strobe(crossings.times, [*crossings.values.values()])
                 # The transient has other times between crossings than the last periods.
                 waits = np.diff(crossings.times[-CONFIRMING * BLOCK :])
@@ -335,8 +335,8 @@ def settle(
 
 
 def _joined(blocks: list[Solution]) -> Solution:
-    saved, sections = jax.tree.map(
-        lambda *rows: np.concatenate(rows), *((block.saved, block.sections) for block in blocks)
+    saved, outputs = jax.tree.map(
+        lambda *rows: np.concatenate(rows), *((block.saved, block.outputs) for block in blocks)
     )
     return replace(
         blocks[-1],
@@ -344,7 +344,7 @@ def _joined(blocks: list[Solution]) -> Solution:
         accepted=sum(block.accepted for block in blocks),
         saved=saved,
         saved_count=len(saved),
-        sections=sections,
+        outputs=outputs,
     )
 
 

@@ -1,5 +1,6 @@
 """Simulation of a scene from an initial state: the function `simulate`."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import diffrax
@@ -26,6 +27,7 @@ from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
 from .host_run import Run, begin, recorders_of
+from .outputs import RECORDED, Output, kept_by
 from .run_checks import (
     check_numbers,
     check_precision,
@@ -34,11 +36,12 @@ from .run_checks import (
     in_domain,
     is_traced,
 )
-from .saving import EXCEPT_TIMES, Saving, saving_or_nothing
+from .saving import EXCEPT_TIMES, Saving
 from .terminal import RunInterrupted
 
 SHORT_STEPS = RESULTS.max_steps_reached, RESULTS.step_too_small
 """Result codes of runs whose steps were too short."""
+UNDER_JAX = "under a transformation of JAX"
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 
 
@@ -49,6 +52,7 @@ def simulate(
     settings: Settings | None = None,
     save: Saving | None = None,
     *,
+    outputs: Mapping[str, Output] | None = None,
     start_time: Scalar = 0.0,
     adjoint: diffrax.RecursiveCheckpointAdjoint | None = None,
     throw: bool = True,
@@ -79,8 +83,12 @@ def simulate(
       are any (see `State`).
     - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
-    - `save`: results to keep besides the final state. Under a transformation of JAX, only states at
-      given times can be kept.
+    - `save`: records to keep besides the final state: states at times or after every step, and the
+      impacts. Under a transformation of JAX, only states at given times can be kept.
+    - `outputs`: results to keep by name, in `solution.outputs`: reductions such as `Peak`, which
+      are updated at every accepted step, a `Section`, an `ImpactTable`, and quantities such as
+      `quantities.Position`, which are evaluated at the times of `save`. Under a transformation of
+      JAX, only quantities.
     - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
       mode is then unavailable. Its argument `checkpoints` is the number of states that are stored;
       the steps between stored states are computed again. The default of 300 was fastest up to 36
@@ -108,7 +116,9 @@ def simulate(
     >>> print(f"{solution.final.bodies['ball'].position[0]:.4f} m")
     -0.1000 m
     """
-    settings, save = settings_or(settings, presets.default), saving_or_nothing(save)
+    settings, kept = settings_or(settings, presets.default), kept_by(outputs, save)
+    kept.check_names()
+    save = kept.save
     check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
     is_adjoint = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
@@ -119,24 +129,25 @@ def simulate(
     scene, state = flat.arguments
     traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
-    times: Numbers | None = save.times
+    times: Numbers | None = None
     admissible = None
 
     def check_all_numbers() -> None:
         check_numbers(scene, state)
         check_span(start_time, end_time)
         settings.check_numbers()
-        save.times_between(start_time, end_time)
+        save.times_between(scene, start_time, end_time)
 
     if traced:
         # Values are unknown while JAX traces: their checks become a condition of the program.
-        save.require_none(EXCEPT_TIMES, "under a transformation of JAX", LEAVE_OUT)
-        admissible = in_domain(check_all_numbers)
+        save.require_none(EXCEPT_TIMES, UNDER_JAX, LEAVE_OUT)
+        kept.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
+        times, admissible = save.at(scene), in_domain(check_all_numbers)
     else:
         check_span(start_time, end_time)
-        times = save.times_between(start_time, end_time)
+        times = save.times_between(scene, start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates, flat)
-        save.check(scene, settings.ledger)
+    kept.check(scene, settings.ledger)
     # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
     # the compiled program.
     folded_scene = folded(flat.parts[0])
@@ -151,12 +162,12 @@ def simulate(
         return on_device(number) if traced else np.asarray(number, float)
 
     start, end, length = map(array, (start_time, end_time, first_step))
-    if save.sections or save.outputs:
+    if kept.sections or kept.reductions:
         require_dense(scheme.method.solver)
-    recorders = recorders_of(save)
+    recorders = recorders_of(kept)
     now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
     # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
-    run = Run(folded_scene, scheme, recorders, end, redundant)
+    run = Run(folded_scene, scheme, kept, recorders, end, redundant)
     if traced:
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
@@ -165,7 +176,7 @@ def simulate(
         save_at = None if times is None else on_device(times)
         return run.in_one_piece(now, save_at, settings.max_steps, loops_for(adjoint))
     solution, interrupted, left_bearing = run.on_host(
-        now, times, settings.max_steps, progress, save.sections, setting_notes(settings)
+        now, times, settings.max_steps, progress, setting_notes(settings)
     )
     _warn(scene, solution, left_bearing)
     if interrupted:

@@ -346,7 +346,7 @@ def _labels(path: Path, group: "zarr.Group", name: str) -> Coordinate:
 
 def _variable(array: "zarr.Array") -> Variable:
     attrs: dict[str, Any] = dict(array.attrs)
-    unit, description = attrs.pop("units"), attrs.pop("long_name")
+    unit, description = attrs.pop("units", ""), attrs.pop("long_name")
     metadata: Any = array.metadata
     dims, shape = tuple(metadata.dimension_names[1:]), array.shape[1:]
     return Variable(dims, shape, str(array.dtype), unit, description, attrs)

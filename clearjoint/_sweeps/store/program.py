@@ -35,6 +35,7 @@ from ..._math.vectors import ConstantFolded, Scalar, unpack
 from ..._model.bodies import State
 from ..._model.scene import Scene
 from ..._simulation.lanes.lane import (
+    SAVED,
     WINDOW,
     Lane,
     LaneRequest,
@@ -45,11 +46,11 @@ from ..._simulation.lanes.lane import (
     step_lane,
 )
 from ..._simulation.results.impact_table import IMPACT_UNITS
-from ..._simulation.run.host_run import IMPACTS
+from ..._simulation.run.outputs import TABLES
 from ..._simulation.step.dense_output import Snapshot
 from ...quantities.base import Instant, Quantity
 from ..axes import Lanes
-from ..work import variable_name
+from ..outputs import variable_name
 
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
@@ -198,7 +199,7 @@ class Identity(NamedTuple):
 
     - `programs`: digests of the traced programs by name, from the function `programs`.
     - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; under
-      the name of an output at given times, if there is one, digests (n,) of its times in each lane.
+      `SAVED`, if there are sample times, digests (n,) of the times of each lane.
     """
 
     programs: Mapping[str, str]
@@ -288,7 +289,7 @@ class _Traced:
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
         return {
             variable_name(name, key): record
-            for name, record in after.run.records[IMPACTS].items()
+            for name, record in after.run.records[TABLES].items()
             for key in (*IMPACT_UNITS, "count")
         }
 
@@ -337,12 +338,11 @@ def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
     return LaneRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 
-def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: str) -> Identity:
+def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
     """Return the identity of a sweep, by which a store recognises it and its lanes.
 
     A lane starts from its scene, its initial state, its end time and the length of its first step.
-    A lane in `lanes.bad`, which is not run, is identified by its error message instead. `saved` is
-    the name of the output that is recorded at the times `tasks.save_at`.
+    A lane in `lanes.bad`, which is not run, is identified by its error message instead.
     """
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
@@ -350,7 +350,7 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task, saved: st
     starts = row_digests([*arrays, *states, tasks.end_time, tasks.first_step])
     for lane, message in lanes.bad.items():
         starts[lane] = number(message.encode())
-    times = {} if tasks.save_at is None else {saved: row_digests([tasks.save_at])}
+    times = {} if tasks.save_at is None else {SAVED: row_digests([tasks.save_at])}
     return Identity(digests, {RUN: starts, **times})
 
 

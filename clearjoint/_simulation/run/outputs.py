@@ -1,0 +1,204 @@
+"""The argument `outputs` of runs: named results, and their recorders.
+
+A quantity is a function of an instant. An output is a named result of a run: a quantity, which is
+evaluated at sample times, a reduction, a section or a table of impacts.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import UnionType
+from typing import TypeAlias
+
+from ..._fields.checks import (
+    errors_about,
+    require,
+    require_array_names,
+    require_count,
+    require_names,
+)
+from ..._model.scene import Scene
+from ...quantities.base import Quantity, check_quantity, require_known
+from ..reductions.base import AbstractReduction, Instants, Window
+from ..results.impact_table import Impacts
+from ..results.solution import TIME, Crossings
+from .impact_recorder import ImpactRecorder, impact_rows_of
+from .recorders import ReductionRecorder
+from .run_loop import Recorders, Records
+from .saving import Saving, saving_or_nothing
+from .sections import Section
+
+
+@dataclass(frozen=True)
+class ImpactTable:
+    """Output with the first impacts of every contact, or of the contacts of one joint.
+
+    In a `Solution` it is a table, `Impacts`. In a sweep, the output "hits" has the results
+    ``hits_onset``, ``hits_separation``, ``hits_duration``, ``hits_entry_speed``,
+    ``hits_exit_speed``, ``hits_peak_force``, ``hits_peak_time`` and ``hits_largest_penetration``,
+    along the dimensions "hits_contact" and "hits_number", and ``hits_count`` along "hits_contact".
+    For each contact, with a label such as "pin V", the table has the first `count` impacts: onset,
+    separation, duration and peak time, s, entry and exit speed, m/s, peak force, N, and largest
+    penetration, m. Rows after the recorded impacts are NaN. ``hits_count`` is the number of
+    recorded impacts of each contact; a contact with `count` of them may have had more. A quantile
+    of the peak forces is ``sweep.hits_peak_force.quantile(0.95, ["hits_contact", "hits_number"])``.
+
+    **Arguments:**
+
+    - `count`: number of impacts kept for each contact.
+    - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
+    - `after`, `until`: start and end of a time window; by default the whole run. An impact is
+      recorded if its onset lies in the window. Each may be a function of the scene that returns a
+      time and that JAX can trace, so that the window follows the values of the lane.
+
+    **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
+    not single numbers, and for a window that does not end after its start.
+
+    >>> scene, _ = cj.mechanisms.double_pendulum()
+    >>> cj.ImpactTable(count=20, joint="shoulder").contacts(scene)
+    [('shoulder', 'V'), ('shoulder', 'W')]
+    """
+
+    count: int
+    joint: str | None = None
+    after: Instants = None
+    until: Instants = None
+
+    def __post_init__(self) -> None:
+        require_count("count", self.count, "pass a number of impacts")
+        self.window()
+
+    def window(self) -> Window | None:
+        """Return the time window in which impacts must begin; ``None`` for the whole run."""
+        window = Window(self.after, self.until)
+        return None if self.after is None and self.until is None else window
+
+    def check(self, scene: Scene) -> None:
+        """Raise a `ValueError` if the scene has no contacts, or lacks the joint of the table."""
+        joints = scene.contact_joints()
+        if self.joint is not None:
+            require_known("joint", self.joint, joints)
+        require(len(joints) > 0, "scene", {}, "one with contacts", "leave the table out")
+
+    def contacts(self, scene: Scene) -> list[tuple[str, str]]:
+        """Return the table's contacts as pairs of joint and label, such as ("shoulder", "V")."""
+        laws = scene.laws()
+        names = laws if self.joint is None else [self.joint]
+        return [(name, label) for name in names for label in laws[name]]
+
+
+Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable
+"""A named result of a run: a quantity, evaluated at sample times, a reduction such as `Peak`, a
+`Section` or an `ImpactTable`.
+
+>>> outputs = {"x": x, "speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
+>>> save = cj.Saving([0.0, 0.1])  # the sample times
+>>> solution = cj.simulate(scene, state, 0.1, save=save, outputs=outputs, progress=False)
+>>> solution.outputs["x"].round(4), round(solution.outputs["speed"], 4)
+(array([0.1   , 0.054 ]), 0.8415)
+"""
+RECORDED = AbstractReduction | Section | ImpactTable
+"""Kinds of outputs that are recorded at steps, not evaluated at sample times."""
+SECTIONS, REDUCTIONS, TABLES = "sections", "reductions", "tables"
+"""Keys of the dictionaries of recorders and of records. The values are dictionaries by the name of
+the output."""
+EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a run keeps besides its final state: `outputs` by name, and what `save` selects.
+
+    **Raises:** `ValueError` for outputs that are not of one of the kinds of `Output`, or not by
+    name.
+    """
+
+    outputs: Mapping[str, Output]
+    save: Saving
+
+    def __post_init__(self) -> None:
+        require_names("outputs", self.outputs, EXAMPLE)
+        expected = "a quantity, a reduction, a Section or an ImpactTable"
+        for name, output in self.outputs.items():
+            is_quantity = callable(output) and not isinstance(output, type)
+            is_output = is_quantity or isinstance(output, RECORDED)
+            require(is_output, f"outputs[{name!r}]", output, expected, EXAMPLE)
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """The quantities among the outputs."""
+        return {n: output for n, output in self.outputs.items() if not isinstance(output, RECORDED)}
+
+    @cached_property
+    def reductions(self) -> dict[str, AbstractReduction]:
+        """The reductions among the outputs."""
+        return {n: o for n, o in self.outputs.items() if isinstance(o, AbstractReduction)}
+
+    @cached_property
+    def sections(self) -> dict[str, Section]:
+        """The Poincaré sections among the outputs."""
+        return {n: output for n, output in self.outputs.items() if isinstance(output, Section)}
+
+    @cached_property
+    def tables(self) -> dict[str, ImpactTable]:
+        """The tables of impacts among the outputs."""
+        return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
+
+    def check(self, scene: Scene, ledger: bool) -> None:
+        """Check that a scene has the elements that the outputs name, and that outputs that need the
+        energy `ledger` have it; raise a `ValueError` that names the output."""
+        for name, output in self.outputs.items():
+            if isinstance(output, AbstractReduction):
+                expected, remedy = f"True for outputs[{name!r}]", "pass Settings(ledger=True)"
+                require(ledger or not output.needs_ledger, "ledger", ledger, expected, remedy)
+            with errors_about(f"Output {name!r}"):
+                if isinstance(output, RECORDED):
+                    output.check(scene)
+                else:
+                    check_quantity("quantity", output, scene)
+
+    def check_names(self) -> None:
+        """Check that arrays in files can get the names of the outputs, that no part of a reduction,
+        such as "peak_time", has the name of another output, and that quantities have sample times,
+        or raise a `ValueError`."""
+        require_array_names("outputs", self.outputs, EXAMPLE)
+        parts = {f"{n}_{part}" for n, o in self.reductions.items() for part in o.units() if part}
+        twice = sorted(parts & set(self.outputs))
+        require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
+        remedy = "pass save=cj.Saving(times), or reduce the quantity by cj.Peak or cj.Statistics"
+        for name in self.quantities:
+            expected = f"those at which outputs[{name!r}] is evaluated"
+            require(self.save.times is not None, "times", None, expected, remedy)
+
+    def refuse(self, kinds: type | UnionType, expected: str, remedy: str) -> None:
+        """Raise a `ValueError` that names the output, what is `expected` and the `remedy`, if there
+        is an output of `kinds`, which a kind of run cannot compute."""
+        for name, output in self.outputs.items():
+            is_possible = not isinstance(output, kinds)
+            require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
+
+    def recorders(self) -> dict[str, Recorders]:
+        """Return the recorders of the outputs, with buffers for all rows to keep."""
+        tables = self.tables.items()
+        return {
+            SECTIONS: {name: section.recorder for name, section in self.sections.items()},
+            REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
+            TABLES: {n: ImpactRecorder(o.joint, o.window(), o.count) for n, o in tables},
+        }
+
+    def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Crossings | Impacts]:
+        """Return the crossings of each section and the table of each `ImpactTable`, from the
+        records of a run whose clock was zero at `origin`, s."""
+        found: dict[str, Crossings | Impacts] = {}
+        for name, section in self.sections.items():
+            columns = records[SECTIONS][name].rows.filled()
+            units = {key: unit for key, (_, unit) in section.pairs.items()}
+            found[name] = Crossings(columns.pop(TIME), columns, units)
+        for name, record in records[TABLES].items():
+            found[name] = Impacts.of_rows(impact_rows_of(record, origin))
+        return found
+
+
+def kept_by(outputs: Mapping[str, Output] | None, save: Saving | None) -> Kept:
+    """Return what a run keeps for its arguments `outputs` and `save`, and raise their errors."""
+    return Kept({} if outputs is None else outputs, saving_or_nothing(save))

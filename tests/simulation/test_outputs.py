@@ -1,0 +1,133 @@
+"""One dictionary of outputs for every call: a ball on a spring, x = 0.1 cos(10 t)."""
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from tests.support.dropped_rod import dropped_rod
+
+TIMES = np.linspace(0.0, 0.5, 11)
+X = cj.quantities.Position("ball", "x")
+
+
+def elapsed(now):
+    """A function without a unit."""
+    return now.time
+
+
+def clock(now):
+    """A function with a unit."""
+    return now.time
+
+
+clock.unit = "s"
+OUTPUTS = {
+    "x": X,
+    "time": elapsed,
+    "clock": clock,
+    "speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s"),
+    "turns": cj.Section(X, {"v": cj.quantities.Velocity("ball", "x")}, count=3),
+}
+EXACT = cj.Settings(rtol=1e-9)
+STIFFNESS = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
+
+
+def ball() -> tuple[cj.Scene, cj.State]:
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    return scene, cj.State({"ball": cj.body_state((0.1, 0, 0))})
+
+
+def test_a_run_and_a_lane_keep_the_outputs_of_one_dictionary():
+    save = cj.Saving(TIMES, states=False)
+    run = cj.simulate(*ball(), 0.5, EXACT, save, outputs=OUTPUTS, progress=False)
+    axes = {"k": cj.Axis(STIFFNESS.variation, [100.0])}
+    lane = cj.sweep(*ball(), 0.5, axes, OUTPUTS, EXACT, save, progress=False).isel(k=0)
+    assert run.saved is None and "saved_position" not in lane
+    np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
+    for name in ("time", "clock"):
+        np.testing.assert_array_equal(run.outputs[name], TIMES)
+        np.testing.assert_array_equal(lane[name], TIMES)
+    np.testing.assert_allclose(lane["x"], run.outputs["x"], rtol=1e-12, atol=1e-12)
+    assert lane["x"].attrs["units"] == "m" and lane["clock"].attrs["units"] == "s"
+    assert "units" not in lane["time"].attrs
+    assert run.outputs["speed"] == pytest.approx(1.0, rel=1e-6)
+    assert float(lane["speed"]) == run.outputs["speed"]
+    crossings = run.outputs["turns"]
+    np.testing.assert_allclose(crossings.times, 0.15 * np.pi, rtol=1e-7)
+    assert crossings.units == {"v": "m/s"} and lane["turns_v"].attrs["units"] == "m/s"
+
+
+def test_a_run_with_derivatives_keeps_them_too_but_refuses_reductions():
+    message = r"outputs\['speed'\].*a quantity, a Section or an ImpactTable.*sweep\(\) for it"
+    with pytest.raises(ValueError, match=message):
+        cj.sensitivities(*ball(), 0.5, {"k": STIFFNESS}, OUTPUTS, TIMES)
+    with pytest.raises(ValueError, match=r"outputs\['turns'\].*a quantity in a fit"):
+        parameters, wanted = {"k": STIFFNESS}, {"turns": OUTPUTS["turns"]}
+        cj.minimise(*ball(), lambda outputs: outputs["x"][0], parameters, wanted, TIMES)
+    with pytest.raises(ValueError, match=r"`times`.*outputs\['x'\].*save=cj.Saving\(times\)"):
+        cj.simulate(*ball(), 0.5, outputs={"x": X})
+    wanted = {name: OUTPUTS[name] for name in ("x", "turns")}
+    found = cj.sensitivities(*ball(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, progress=False)
+    np.testing.assert_allclose(found.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
+    exact = -0.5 * TIMES * np.sin(10.0 * TIMES)  # d x/d log k
+    np.testing.assert_allclose(found.derivatives["x"][:, 0], exact, atol=1e-8)
+    np.testing.assert_allclose(found.outputs["turns"].times, 0.15 * np.pi, rtol=1e-7)
+    assert set(found.derivatives) == {"x"} and "turns" not in found.to_xarray()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("transformed", [jax.jacfwd, jax.jit], ids=["jacfwd", "jit"])
+def test_quantities_are_evaluated_under_transformations(transformed):
+    scene, state = ball()
+
+    def reached(stiffness):
+        changed = cj.set_value(scene, STIFFNESS.variation.path, stiffness)
+        save = cj.Saving(TIMES, states=False)
+        run = cj.simulate(changed, state, 0.5, EXACT, save, outputs={"x": X})
+        assert run.saved is None
+        return run.outputs["x"]
+
+    value, slope = 0.1 * np.cos(10.0 * TIMES), -0.005 * TIMES * np.sin(10.0 * TIMES)
+    expected = value if transformed is jax.jit else slope
+    np.testing.assert_allclose(transformed(reached)(100.0), expected, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_a_table_has_the_first_impacts_of_the_run():
+    scene, state = dropped_rod()
+    outputs = {"first": cj.ImpactTable(1), "late": cj.ImpactTable(9, after=0.02)}
+    save = cj.Saving(impacts=True)
+    run = cj.simulate(scene, state, 0.05, save=save, outputs=outputs, progress=False)
+    every = run.impacts
+    first = [every.of("pin", label).onset[:1] for label in "VW"]
+    np.testing.assert_array_equal(np.sort(run.outputs["first"].onset), np.sort(np.ravel(first)))
+    late = every.within(after=0.02)
+    assert len(every) > len(late) > 1
+    np.testing.assert_array_equal(run.outputs["late"].peak_force, late.peak_force)
+    parameters = {"clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance)}
+    wanted = {"y": cj.quantities.Position("rod", "y"), **outputs}
+    found = cj.sensitivities(scene, state, 0.05, parameters, wanted, [0.05], progress=False)
+    np.testing.assert_allclose(found.outputs["late"].onset, late.onset, rtol=1e-4)
+    assert len(found.outputs["first"]) == len(run.outputs["first"])
+
+
+def test_statistics_of_a_quantity_are_those_at_each_time():
+    """Disturbed starts: the deviation of x grows as sin(10 t) / 10 times that of the velocity."""
+    save, size = cj.Saving(TIMES, states=False), 1e-3
+    options = {"draws": 200, "disturbance": size, "progress": False}
+    outputs = {"x": X, "speed": OUTPUTS["speed"]}
+    found = cj.ensemble(*ball(), 0.5, None, outputs, EXACT, save=save, **options)
+    assert found["x"].dims == ("draw", "saved_time") and found["x_quantile"].sizes["quantile"] == 3
+    np.testing.assert_array_equal(found["saved_time"], TIMES)
+    np.testing.assert_allclose(found["x_mean"], 0.1 * np.cos(10.0 * TIMES), atol=1e-4)
+    growth = found["x_deviation"] / np.abs(np.sin(10.0 * TIMES))
+    np.testing.assert_allclose(growth[1:], growth[1], rtol=1e-3)
+
+
+def test_sample_times_may_follow_the_scene():
+    save = cj.Saving(lambda scene: [0.0, 1.0 / float(scene.forces["spring"].stiffness)])
+    run = cj.simulate(*ball(), 0.5, EXACT, save, outputs={"x": X}, progress=False)
+    np.testing.assert_array_equal(run.times, [0.0, 0.01])
+    np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos([0.0, 0.1]), atol=1e-9)
