@@ -92,8 +92,8 @@ def _nested(value: object) -> object:
 
 
 def _named(value: object) -> object:
-    """Module and qualified name of a function or class, if that name refers to it, or to a wrapper
-    of it."""
+    """Return module and qualified name of a function or class of a known package; raise a
+    `NotPlainError` if that name refers neither to it nor to a wrapper of it."""
     module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
     member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None
     for part in name.split("."):

@@ -39,7 +39,8 @@ def keep_programs(keep: bool = True) -> None:
 
 
 def keeps_programs() -> bool:
-    """Return whether whole native programs are saved."""
+    """Return whether whole native programs are saved (see `keep_programs`), so that a later process
+    need not trace them."""
     return _is_on
 
 

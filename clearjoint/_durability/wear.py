@@ -436,8 +436,9 @@ class CycleRun:
         )
 
     def difference(self, measured: "_Measured") -> float:
-        """Return the largest relative difference of the sums of depths, or of derivatives, in the
-        two halves of the measured cycles, divided by the sum of magnitudes, since derivatives may
+        """Return how far the two halves of the measured cycles differ: the largest, over joints and
+        over depths and each derivative, of |S1 - S2| / max(A1, A2), where S are the sums of a half
+        over all samples of bearing and journal, and A the sums of magnitudes, since derivatives may
         cancel in a sum."""
         values, slopes = measured.halves[:, 0], measured.halves[:, 1:]
         sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]

@@ -84,10 +84,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
 
 class AbsoluteMechanics(AbstractMechanics):
-    """Newton-Euler equations of all bodies (eq. 29).
+    """Newton-Euler equations of all bodies (eq. 29 of the paper).
 
     The speeds are, for each body in the order of ``scene.bodies``, the velocity of the centre of
-    mass, m/s, in global axes, and the spin, rad/s, in body axes, so that H is the identity.
+    mass, m/s, in global axes, and the spin, rad/s, in body axes. They are the velocities V
+    themselves, so that the matrix H in V = H u (see `.coordinates`) is the identity.
     """
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):

@@ -98,8 +98,9 @@ def _forces_of_joint(
         entry_speed = entry_speeds[label] if laws[label].uses_entry_speed else None
         is_closed = None if closed is None else closed[label]
         if is_closed is not None and entry_speed is not None:
-            # The present penetration rate cannot replace a missing entry speed, because it
-            # differs between the stages of a step.
+            # A zero entry speed means that the contact existed before the start. The law would take
+            # the present penetration rate instead, which differs between the stages of a step, and
+            # so would the force. Inside of a step the contact is therefore made elastic.
             entry_speed = jnp.where(entry_speed > 0.0, entry_speed, UNKNOWN_ENTRY_SPEED)
         loaded = contact_force(
             joint, label, laws[label], contact, entry_speed, is_closed, motions, bristles

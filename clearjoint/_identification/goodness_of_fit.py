@@ -155,7 +155,8 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
 
 def student_factor(effective: float) -> float:
     """Return the ratio of the half widths of 95 % intervals by Student's distribution and by the
-    normal one, for a variance that is known from an effective number of samples."""
+    normal one, for a variance that is known from an `effective` number of samples, which is taken
+    as the number of degrees of freedom; at least `FEWEST_FREEDOM` are used."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(effective, FEWEST_FREEDOM), 0.5 + 0.5 * CONFIDENCE)) / DEVIATIONS

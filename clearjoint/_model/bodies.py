@@ -48,7 +48,8 @@ def _require_one(mass: Number, density: Number) -> None:
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
-    """Return the mass, kg, or the density times the volume."""
+    """Return the mass, kg, as given, or else the density, kg/m^3, times the volume, m^3; raise a
+    `ValueError` unless exactly one of mass and density is given."""
     _require_one(mass, density)
     if mass is not None:
         return _number("mass", mass, "kg")

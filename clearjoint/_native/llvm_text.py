@@ -93,12 +93,13 @@ class _Writer:
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
         self._lines: list[str] = []
+        # The text of each value, and the type of each kind of value.
         self._values: dict[Value, Word] = {}
         self._types: dict[str, Form] = {}
         # Types of the results of the functions, and functions from outside of the module.
         self._returned: dict[int, Form] = {}
         self._declared: dict[str, str] = {}
-        # Numbers of the latest result and label, and the label of the block that is written.
+        # The number of the latest result or label, and the label of the block that is written.
         self._number, self._block = 0, ""
         self._uses: Counter[Value] = Counter()
         # Identities of the entries that are needed, as returned by `id`.

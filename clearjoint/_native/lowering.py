@@ -312,7 +312,8 @@ class Lowering:
         return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
 
     def read(self, memory: InMemory) -> Array:
-        """Add the reads of a small array in memory."""
+        """Load an array from memory, element by element, and return it as an array of values. Only
+        arrays that are short enough to be unrolled may be read in this way."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:

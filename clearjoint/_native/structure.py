@@ -145,6 +145,13 @@ def _iota(lower: Lowering, equation: Equation) -> list[Array]:
     return [lower.constant(numbers.astype(aval.dtype))]
 
 
+def _empty(lower: Lowering, equation: Equation) -> list[Array]:
+    """Return zeros for an array whose elements are written before they are read. The transpose of a
+    loop begins with such arrays."""
+    aval = aval_of(equation.outvars[0])
+    return [lower.constant(np.zeros(aval.shape, aval.dtype))]
+
+
 def _nonempty(equation: Equation) -> ShapedArray:
     aval = aval_of(equation.invars[0])
     if not aval.size:
@@ -314,6 +321,8 @@ RULES: dict[str, EquationRule] = {
     **{name: partial(_rearranged, rearrange=f) for name, f in _REARRANGED.items()},
     **{name: partial(_joined, join=join) for name, join in _JOINED.items()},
     "pad": _pad,
+    "empty": _empty,
+    "empty2": _empty,
     "iota": _iota,
     "reduce_sum": partial(_reduce, name="add"),
     "reduce_prod": partial(_reduce, name="mul"),

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
@@ -74,8 +74,8 @@ def _selected(
     if element is None or isinstance(element, Number | list | tuple):
         variation: AbstractVariation = SceneNumber(path)
         assert isinstance(variation, AbstractNumber)
-        value: Any = np.asarray(value_at(scene, path), float)
-        return value, variation.setter(scene, state, value)
+        value = jnp.asarray(value_at(scene, path), float)
+        return np.asarray(value), variation.setter(scene, state, value)
     places, structure = jax.tree.flatten(element)
     leaves = jax.tree.leaves(scene)
     stored = all(isinstance(place, Number) and not place.component for place in places)

@@ -47,7 +47,8 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, in which `split` must not skip characters."""
+    """Return the keys and indices of a written path, as `split`; raise a `ValueError` if it is
+    empty or has characters that `split` would skip."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text

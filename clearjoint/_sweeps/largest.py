@@ -464,7 +464,9 @@ class _Search:
         return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
     def _inspected(self, lanes: LaneMargins) -> LaneMargins:
-        """Add rows in intervals that may hide a violation, unless the margins only fall."""
+        """Divide the intervals in which a violation may hide (see `LaneMargins.doubtful`), until
+        none is wider than the tolerance, or after `INSPECTIONS` rounds. Nothing is done where the
+        margins only fall along the parameter."""
         for _ in range(INSPECTIONS):
             doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
             if lanes.falls(self.tolerance) or not doubtful.any():

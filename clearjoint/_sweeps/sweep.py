@@ -404,6 +404,8 @@ def checked_starts(
 def _common_values(
     lanes: Lanes, scheme: Scheme, kept: Kept, start_time: float, max_steps: int
 ) -> Common:
+    """Return what all lanes share: recorders, the sizes of their buffers, and the scene with folded
+    constants."""
     sections, tables, saves = kept.sections, kept.tables, kept.save.times is not None
     # Crossings, sample times and peaks of impacts lie inside of steps.
     if saves or sections or tables:

@@ -57,9 +57,10 @@ class RunStart:
 
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
-    """The outcome of an attempt to take a step, as recorders receive it. If the step was not
-    accepted (`kept`), or the lane waits, time and variables are the same `before` and `after`. The
-    properties are computed only if used."""
+    """The outcome of an attempt to take a step, as recorders receive it. `kept` says whether the
+    step was accepted. If it was not, or if the lane of a sweep waits for Python to empty a full
+    buffer, time and variables are the same `before` and `after`. The properties are computed only
+    if used."""
 
     method: Method
     system: System

@@ -138,8 +138,8 @@ def _shown(value: object, start: int = 0) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
-    """A line for each axis with stored values that the wanted sweep lacks, and one for all stored
-    lanes that it lacks."""
+    """Yield a line for each axis some of whose stored values the wanted sweep lacks, and a single
+    line if it lacks stored lanes. `kept` has for each stored lane the wanted one, or -1."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
