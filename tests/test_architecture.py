@@ -25,7 +25,7 @@ from tests.support.rooms import (
 
 HIGHEST_FLOOR = 9
 MODULES_BESIDE_ROOMS = 12
-PLACES_OF_ANY = 41
+PLACES_OF_ANY = 43
 FLOORS = (
     ("compilation", "math", "result_codes"),
     ("fields", "native"),

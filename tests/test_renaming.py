@@ -13,6 +13,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -160,6 +161,14 @@ def sensitivities(n: Names) -> Any:
         scene, state, 0.04, parameters(n), wanted, TIMES, settings, save, progress=False
     )
     return found, found.to_xarray()
+
+
+def predictor(n: Names) -> Any:
+    scene, state = renamed(rig(), n)
+    predict = cj.predictor(scene, state, 0.04, parameters(n), quantities(n), TIMES)
+    values, pull = jax.vjp(predict, predict.values)
+    (gradient,) = pull({name: np.ones(len(TIMES)) for name in values})
+    return values, gradient
 
 
 def measured(n: Names) -> cj.Measurements:
@@ -536,6 +545,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "observe": (observe, ROUNDING),
     "parameters, set_value": (numbers_of_scenes, ROUNDING),
     "posterior": (posterior, SEARCHED),
+    "predictor": (predictor, 1e-6),
     "read_csv, from_xarray, function_from_csv": (readers, ROUNDING),
     "sensitivities": (sensitivities, ROUNDING),
     "settle": (settle, 1e-7),

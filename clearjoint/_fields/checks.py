@@ -23,7 +23,6 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from .._math.vectors import is_of_package as is_of_package
 from .cautions import UnusualValueWarning, caution, quiet
 from .types import ArrayLike
 
@@ -371,6 +370,11 @@ def conditions_of_changes(
         if not is_of_package(type(reduce(_child, path, tree))):
             return None
     return conditions_of(lambda: recheck_changes(tree, structure, changed))
+
+
+def is_of_package(kind: type) -> bool:
+    """Return whether a class belongs to this package."""
+    return kind.__module__.split(".")[0] == __name__.split(".")[0]
 
 
 @lru_cache(maxsize=256)

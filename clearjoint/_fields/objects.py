@@ -314,8 +314,8 @@ def array_leaves(
     """Return the leaves of `with_arrays`, from those of its argument; the same list if there is
     nothing to convert."""
     # Usually few leaves are left to convert.
-    others = [k for k, leaf in enumerate(leaves) if not is_float_array(leaf)]
-    if not others:
+    others = [k for k, leaf in enumerate(leaves) if not _is_float64(leaf)]
+    if all(is_float_array(leaves[k]) for k in others):
         return leaves
     numbers, arrays = _number_fields(structure), leaves.copy()
     for k in others:
@@ -324,10 +324,14 @@ def array_leaves(
     return arrays
 
 
+def _is_float64(leaf: PyTree) -> bool:
+    return type(leaf) is np.ndarray and leaf.dtype == np.float64
+
+
 def is_float_array(leaf: PyTree) -> bool:
     """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats."""
     if type(leaf) is np.ndarray:
-        return leaf.dtype == np.float64
+        return _is_float64(leaf)
     return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)
 
 

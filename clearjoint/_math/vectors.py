@@ -16,7 +16,6 @@ from functools import lru_cache
 from types import ModuleType
 from typing import TypeAlias, overload
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -330,9 +329,8 @@ def _patterns(
     return tuple(patterns)
 
 
-def is_of_package(kind: type) -> bool:
-    """Return whether a class belongs to this package."""
-    return kind.__module__.split(".")[0] == __name__.split(".")[0]
+NETWORKS = "equinox.nn"
+"""Package of the layers of networks."""
 
 
 @lru_cache(maxsize=1024)
@@ -349,7 +347,7 @@ def _vectors(
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
     """Return for each leaf whether it is in a field with ``{"table": True}`` in its metadata, or in
-    a module of another package, such as a network: there an array of shape (3,) is no vector."""
+    a layer of a network: there an array of shape (3,) is no vector."""
     return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
 
 
@@ -357,8 +355,7 @@ def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
     if jax.tree_util.all_leaves([node]):
         return [in_table]
     declared, flags = getattr(type(node), "__dataclass_fields__", {}), []
-    is_foreign = isinstance(node, eqx.Module) and not any(map(is_of_package, type(node).__mro__))
-    in_table = in_table or is_foreign
+    in_table = in_table or any(base.__module__.startswith(NETWORKS) for base in type(node).__mro__)
     # The parts of the node itself, whatever its class, in JAX's order.
     parts = jax.tree_util.tree_leaves_with_path(node, is_leaf=lambda part: part is not node)
     for (key,), part in parts:

@@ -164,11 +164,14 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
     out = aval_of(equation.outvars[0])
     combine = lower.operation(name, out)
-    # A large array can only be combined to one scalar, by a loop.
+    # Large arrays are combined by loops.
     if isinstance(array, InMemory):
-        if out.shape != ():
-            raise UnsupportedPrimitiveError(f"{equation.primitive.name} along some axes")
-        return [_cumulate_memory(lower, array, combine)[-1]]
+        if out.shape == ():
+            return [_cumulate_memory(lower, array, combine)[-1]]
+        if axes != tuple(range(axes[0], axes[-1] + 1)):
+            raise UnsupportedPrimitiveError(f"{equation.primitive.name} along axes {axes}")
+        before, after = math.prod(aval.shape[: axes[0]]), math.prod(out.shape[axes[0] :])
+        return [_reduce_memory(lower, array, before, after, tuple(out.shape), combine)]
     values = np.array(lower.values(array)).reshape(aval.shape)
     # One row for each element of the result, with the elements that are combined to it.
     others = [k for k in range(values.ndim) if k not in axes]
@@ -178,6 +181,44 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     # the shorter chain of dependent instructions.
     fold = partial(reduce, combine) if name in ("add", "mul") else partial(_by_halves, combine)
     return [lower.array([fold(row) for row in rows.tolist()], tuple(out.shape))]
+
+
+def _reduce_memory(
+    lower: Lowering,
+    array: InMemory,
+    before: int,
+    after: int,
+    shape: tuple[int, ...],
+    combine: Combine,
+) -> InMemory:
+    """Return an array in memory, of a shape, that combines the elements of another one along axes
+    next to each other. `before`, `after`: numbers of elements of the axes before and after them."""
+    ops, out = lower.ops, lower.new_array(shape, array.kind)
+    along = array.size // (before * after)
+
+    def index(first: int, *terms: tuple[Value, int]) -> Value:
+        place = ops.constant("i", first)
+        for k, size in terms:
+            product = ops.emit("mul", "i", k, ops.constant("i", size))
+            place = ops.emit("add", "i", place, product)
+        return place
+
+    def element(i: Value, k: Value) -> None:
+        target = index(0, (i, after), (k, 1))
+
+        # In the order of the elements, with the result so far in memory.
+        def add(j: Value) -> None:
+            place = index(after, (i, along * after), (j, after), (k, 1))
+            total = ops.load(array.kind, out.start, target)
+            value = ops.load(array.kind, array.start, place)
+            ops.store(combine(total, value), out.start, target)
+
+        begin = ops.load(array.kind, array.start, index(0, (i, along * after), (k, 1)))
+        ops.store(begin, out.start, target)
+        ops.repeat(along - 1, add)
+
+    ops.repeat(before, lambda i: ops.repeat(after, lambda k: element(i, k)))
+    return out
 
 
 def _by_halves(combine: Combine, row: list[Value]) -> Value:

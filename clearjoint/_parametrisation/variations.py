@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NoReturn
 
 import jax
+from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._fields.checks import as_number, require
@@ -21,6 +22,11 @@ Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
     """A way in which a value changes a scene and its initial state."""
+
+    @property
+    @abc.abstractmethod
+    def function(self) -> Callable[..., PyTree]:
+        """The function that says what varies; a sweep's results contain a description of it."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -58,6 +64,11 @@ class AbstractNumber(AbstractVariation):
     @abc.abstractmethod
     def tree(scene: Scene, state: State) -> Scene | State:
         """Return the argument of `path`: the scene or the state."""
+
+    @property
+    @override
+    def function(self) -> NumberPath:
+        return self.path
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -110,6 +121,11 @@ class MadeByFunction(AbstractVariation):
         remedy = "pass lambda scene, state, value: (scene, state), changed"
         require(callable(self.make), "make", self.make, "a function", remedy)
 
+    @property
+    @override
+    def function(self) -> Change:
+        return self.make
+
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
         return self.unit
@@ -144,6 +160,11 @@ class AbstractSeriesVariation(AbstractVariation):
     @abc.abstractmethod
     def unit_of(self, unit: str) -> str:
         """Return the unit of the value for series in a given unit."""
+
+    @property
+    @override
+    def function(self) -> Callable[..., PyTree]:
+        return unchanged
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:

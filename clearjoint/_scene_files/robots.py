@@ -266,8 +266,8 @@ class Robot:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Convert a point, (3,) m, from the frame of the carrier's first link to body axes with their
-        origin at the centre of mass."""
+        """Convert a point, (3,) m, from the frame of the carrier's first link to body axes, whose
+        origin is the centre of mass."""
         x, y, z = _rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 

@@ -120,9 +120,7 @@ class Axis:
 
     def described(self) -> str:
         """Return a text for the notes of a sweep, such as "StateNumber <lambda>"."""
-        # The function is the field `path` of a number, and `make` of a change by a function.
-        function = getattr(self.variation, "path", None) or getattr(self.variation, "make", None)
-        return f"{type(self.variation).__name__} {describe(function)}"
+        return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
 @dataclass(frozen=True)

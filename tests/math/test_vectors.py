@@ -324,7 +324,7 @@ def test_ordered_factorisation_of_an_arrow_matrix_has_no_fill_in():
     assert ordered < 12 * n and given > 2 * ordered
 
 
-def test_arrays_of_modules_of_other_packages_are_no_vectors():
+def test_arrays_of_networks_are_no_vectors():
     """A bias of a network with three or four neurons became a vector or Euler parameters."""
     network = eqx.nn.MLP(3, 4, 3, 1, key=jax.random.key(0))
     spring = cj.SpringDamper("ground", "arm", (0, 0, 1), (0, 0, 0), stiffness=1.0)

@@ -616,6 +616,34 @@ def test_powers_are_correct_to_a_unit_in_the_last_place():
         np.testing.assert_allclose(NativeFunction(jnp.power)(a, b), a**b, rtol=3e-16, atol=0.0)
 
 
+@pytest.mark.parametrize("axes", [(0,), (1,), (2,), (0, 1), (1, 2), (-1,)])
+def test_large_arrays_are_reduced_along_axes(axes):
+    array = RANDOM.normal(size=(4, 5, 6))
+    array[1, 2, 3] = np.nan
+
+    def reduced(a: jax.Array) -> list[jax.Array]:
+        return [jnp.sum(a, axes), jnp.max(a, axes), jnp.prod(a, axes)]
+
+    for native, expected in zip(
+        NativeFunction(reduced)(array), reduced(jnp.asarray(array)), strict=True
+    ):
+        assert native.shape == expected.shape
+        np.testing.assert_allclose(native, expected, rtol=1e-13, equal_nan=True)
+
+
+def test_transposed_loops_begin_with_empty_arrays():
+    def last(a: jax.Array) -> jax.Array:
+        def step(total: jax.Array, k: jax.Array) -> tuple[jax.Array, None]:
+            return total * 0.5 + a[k], None
+
+        return lax.scan(step, jnp.zeros(()), jnp.arange(3))[0]
+
+    def pulled(a: jax.Array) -> jax.Array:
+        return jax.grad(last)(a)
+
+    np.testing.assert_array_equal(NativeFunction(pulled)(np.ones(3)), [0.25, 0.5, 1.0])
+
+
 def test_unknown_primitives_are_named():
     with pytest.raises(UnsupportedPrimitiveError, match="lu"):
         NativeFunction(lambda a: jnp.linalg.inv(a))(np.eye(3))

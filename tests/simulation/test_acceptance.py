@@ -45,6 +45,6 @@ def test_a_wrapped_controller_has_the_tolerance_of_the_inner_one():
     for controller, expected in (
         (inner, 1e-9),
         (wrapped, 1e-9),
-        (diffrax.ConstantStepSize(), acceptance.FIXED_STEPS_RTOL),
+        (diffrax.ConstantStepSize(), acceptance.DEFAULT_RTOL),
     ):
         assert acceptance._relative_tolerance(controller) == expected

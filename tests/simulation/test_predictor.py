@@ -22,9 +22,10 @@ SETTINGS = replace(cj.presets.derivatives, rtol=1e-9)
 
 def parameters(scene: cj.Scene, body: str) -> dict[str, cj.Parameter]:
     """Numbers of the scene and of the state that the motion of a body depends on."""
+    place = (2, 2) if np.ndim(scene.bodies[body].inertia) == 2 else 2
     found = {
         "mass": cj.Parameter(lambda s: s.bodies[body].mass, cj.Log()),
-        "inertia": cj.Parameter(lambda s: s.bodies[body].inertia[2], cj.Log()),
+        "inertia": cj.Parameter(lambda s: s.bodies[body].inertia[place], cj.Log()),
         "speed": cj.Parameter.initial(lambda s: s.bodies[body].velocity[0]),
     }
     if scene.gravity is not None:
@@ -45,6 +46,7 @@ def differences(scene: CatalogueScene) -> float:
     outputs = {
         "x": cj.quantities.Position(body, "x"),
         "v": cj.quantities.Velocity(body, "y"),
+        "w": cj.quantities.AngularVelocity(body, "z"),
     }
     times = np.linspace(0.0, scene.end, 9)
     chosen = parameters(made, body)
