@@ -42,7 +42,6 @@ class AbstractSceneFamily(eqx.Module):
 
     @property
     def tangents(self) -> int:
-        """Number of tangents."""
         return len(jax.tree.leaves(self.seeds)[0])
 
     @abc.abstractmethod
@@ -65,8 +64,7 @@ class AbstractSceneFamily(eqx.Module):
         """
 
     def scene(self, values: PyTree) -> Scene:
-        """Return the scene at parameters, with vectors and matrices as separate scalars and folded
-        constants as Python numbers."""
+        """Return the scene at parameters, in scalar form and with folded constants as numbers."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: PyTree) -> State:

@@ -26,9 +26,8 @@ def native_seconds() -> dict[str, float]:
 def optimise_programs() -> None:
     """Optimise the native programs of this process now.
 
-    A program is compiled quickly first, and optimised when it has run for about as long as that
-    takes, so that a step then takes two thirds of its time. Call this function before timing steps
-    of long runs. Results have equal bits before and after.
+    A program is optimised when it has run for about as long as that takes; a step then takes two
+    thirds of its time, with equal bits. Call this function before timing steps of long runs.
 
     >>> testing.optimise_programs()
     """

@@ -39,8 +39,7 @@ from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
 from .sampling import first_step_of, look_at_tangents
 
 ROWS = 1024
-"""Number of accepted steps that a segment of the run records, and that a call of the backward loop
-takes."""
+"""Number of accepted steps in a segment of the run, and in a call of the backward loop."""
 Values = dict[str, Numbers]
 
 
@@ -61,7 +60,6 @@ class StepRow(NamedTuple):
 
     @staticmethod
     def of(step: Step, t1: Scalar) -> "StepRow":
-        """Return the row of the step from `step` to `t1`, s."""
         p = step.proposal
         assert p.time_since_onset is not None
         return StepRow(
@@ -98,8 +96,7 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Return the PyTree of which `in_one_array` is `numbers`, with the structure, shapes and types
-    of an example."""
+    """Return the PyTree like an example of which `in_one_array` is `numbers`."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -138,7 +135,7 @@ class Adjoint(eqx.Module):
 
     def systems(self, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion with derivatives along the guard's direction, or along
-        another one, of which derivatives are then linear functions."""
+        another one, of which they are then linear functions."""
         family = self.family
         if direction is not None:
             family = replace(family, direction=direction, transposable=True)
@@ -188,7 +185,6 @@ def _linear_step(
 
 
 def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt:
-    """Repeat an accepted step without tangents."""
     trial = solved_step(method, system, step, t1, None)
     return Attempt(
         step=accepted_state(method, system, None, step, trial, jnp.asarray(True)),
@@ -203,8 +199,7 @@ def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt
 def _observed(
     systems: SystemFamily, method: Method, tried: Attempt, time: Scalar, outputs: Mapping
 ) -> Values:
-    """Return the derivatives along the direction of quantities at a time, s since the start of the
-    run, in an accepted step."""
+    """Return the derivatives of quantities at a time, s since the start, in an accepted step."""
     dense = look_inside(method, systems.system(), tried, time)
     along = look_at_tangents(method, tried, time, dense[1])
 
@@ -244,8 +239,6 @@ def _values_at(
 
 
 class StepTangents(NamedTuple):
-    """Tangents of an accepted step: those of the state at its end, and inside of it."""
-
     end: Tangents
     inside: TangentsInside
 

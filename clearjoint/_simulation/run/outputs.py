@@ -126,22 +126,18 @@ class Kept:
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
-        """The quantities among the outputs."""
         return {n: output for n, output in self.outputs.items() if not isinstance(output, RECORDED)}
 
     @cached_property
     def reductions(self) -> dict[str, AbstractReduction]:
-        """The reductions among the outputs."""
         return {n: o for n, o in self.outputs.items() if isinstance(o, AbstractReduction)}
 
     @cached_property
     def sections(self) -> dict[str, Section]:
-        """The Poincaré sections among the outputs."""
         return {n: output for n, output in self.outputs.items() if isinstance(output, Section)}
 
     @cached_property
     def tables(self) -> dict[str, ImpactTable]:
-        """The tables of impacts among the outputs."""
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
     def check(self, scene: Scene, ledger: bool) -> None:

@@ -28,8 +28,7 @@ from .outputs import EXAMPLE, RECORDED, kept_by
 from .run_checks import derivative_scheme
 
 KEPT_RUNS = 4
-"""Number of the latest runs that a predictor keeps, so that a gradient does not repeat the run that
-has computed the values."""
+"""Number of runs that a predictor keeps, so that a gradient does not repeat that of the values."""
 
 
 @dataclass(frozen=True)
