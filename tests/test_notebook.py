@@ -60,7 +60,7 @@ EXPECTED = {
 """What each notebook prints, among other things, in both settings."""
 COSTLY = set(EXPECTED) - {"start_here", "robot_backlash", "speed_against_accuracy"}
 """Those that compile longest. What they call has tests of its own: sweeps with sections, fits,
-`fit_horizon`, derivatives of wear, checks of classes of one's own."""
+`fit_horizon`, derivatives of wear, checks of classes that users define."""
 
 
 def code(file):

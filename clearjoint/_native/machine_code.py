@@ -43,7 +43,7 @@ Program = TypeVar("Program")
 QUICK, OPTIMISED = 0, 2
 """LLVM's levels of optimisation, of 0 to 3, at which a program is compiled first, and again after
 it has run for a while. For a chain of 30 joints with backlash, LLVM takes 0.8 s at the first level
-and 5.3 s at the second, and a step takes 112 and 73 µs; for the double pendulum, 0.1 s, 1.2 s, 3.6
+and 5.3 s at the second, and a step takes 112 and 73 µs; for the double pendulum, 0.2 s, 0.9 s, 3.6
 and 1.7 µs. Results do not depend on the level, because `.llvm_text` decides which products are
 fused, and LLVM gets no permission to rearrange operations on floats."""
 SECONDS_A_CHARACTER = 2.5e-6

@@ -16,7 +16,7 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import Parameter
 from .paths import Number, marked, value_at
-from .variations import AbstractNumber, AbstractVariation, Change, SceneNumber
+from .variations import Change, SceneNumber
 
 Part = Callable[[Scene], PyTree] | Parameter
 """A function of a scene that selects a number, an array or a whole element, or a `Parameter`."""
@@ -72,10 +72,8 @@ def _selected(
     with suppress(AttributeError, KeyError, IndexError, TypeError):
         element = path(marked(jax.tree.structure(scene)))
     if element is None or isinstance(element, Number | list | tuple):
-        variation: AbstractVariation = SceneNumber(path)
-        assert isinstance(variation, AbstractNumber)
         value = jnp.asarray(value_at(scene, path), float)
-        return np.asarray(value), variation.setter(scene, state, value)
+        return np.asarray(value), SceneNumber(path).setter(scene, state, value)
     places, structure = jax.tree.flatten(element)
     leaves = jax.tree.leaves(scene)
     stored = all(isinstance(place, Number) and not place.component for place in places)

@@ -1,7 +1,7 @@
 """Outputs of runs as a function of parameters that JAX differentiates in reverse mode."""
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import equinox as eqx
@@ -25,7 +25,7 @@ from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint, RecordedRun
 from .outputs import EXAMPLE, RECORDED, kept_by
-from .run_checks import derivative_scheme
+from .run_checks import derivative_scheme, is_traced
 
 KEPT_RUNS = 4
 """Number of runs that a predictor keeps, so that a gradient does not repeat that of the values."""
@@ -74,14 +74,11 @@ class Predictor:
 
         @jax.custom_vjp
         def predict(values: dict[str, PyTree]) -> dict[str, jax.Array]:
-            return jax.pure_callback(self._values, self._shapes, values, vmap_method="sequential")
+            return _on_host(self._values, self._shapes, values)
 
         def backward(values: PyTree, cotangents: PyTree) -> tuple[PyTree]:
             shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, float), values)
-            found = jax.pure_callback(
-                self._gradient, shapes, values, cotangents, vmap_method="sequential"
-            )
-            return (found,)
+            return (_on_host(self._gradient, shapes, values, cotangents),)
 
         predict.defvjp(lambda values: (predict(values), values), backward)
         self._predict = predict
@@ -92,8 +89,8 @@ class Predictor:
         are ignored.
 
         **Raises:** `ValueError` for values of another form, and for numbers that the scene can't
-        have; `SimulationError` if the run fails. Inside of `jax.jit`, JAX raises an error of its
-        own with the text of these.
+        have; `SimulationError` if the run fails. Inside of `jax.jit` and `jax.vmap`, JAX raises an
+        error of its own with the text of these.
         """
         expected = sorted(self.values)
         remedy = "pass a dictionary with a value for each of the paths"
@@ -149,6 +146,14 @@ class Predictor:
         return run
 
 
+def _on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
+    """Return the result of a function of arrays that Python computes, of known `shapes`."""
+    if is_traced(arguments):
+        return jax.pure_callback(function, shapes, *arguments, vmap_method="sequential")
+    # A callback would wrap the error of a run that fails in one of JAX's own.
+    return jax.tree.map(jnp.asarray, function(*arguments))
+
+
 def predictor(
     scene: Scene,
     state: State,
@@ -176,9 +181,9 @@ def predictor(
 
     The derivatives are those of the exact motion, as those of `sensitivities`, of which this is the
     reverse mode: a gradient costs as much as a few runs, whatever the number of parameters.
-    `sensitivities` costs about one run for each parameter, so that it is faster for up to about
-    five. The function works under `jax.grad`, `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`,
-    which calls it for one element of a batch after the other; not under `jax.jvp`.
+    `sensitivities` costs about one run for each parameter. The function works under `jax.grad`,
+    `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`, which calls it for one element of a batch
+    after the other; not under `jax.jvp`.
 
     The steps of a run are controlled by the errors of the state and of its derivative along one
     random direction of all parameters, which is always the same. If the parameters hardly move the
