@@ -12,6 +12,7 @@ from functools import reduce
 from operator import and_
 from typing import Any, NamedTuple, TypeVar
 
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,7 +28,6 @@ from ...quantities.base import Quantity
 from ..results.impact_table import Impacts
 from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot, look_inside
-from ..step.loops import PLAIN, Loops
 from ..step.method import Scheme
 from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
@@ -90,7 +90,6 @@ def segment(
     t_end: Scalar,
     attempts: Scalar,
     quantities: Mapping[str, Quantity],
-    loops: Loops = PLAIN,
 ) -> tuple[Progress, tuple[SavedRows, jax.Array] | None]:
     """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
     buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
@@ -101,9 +100,7 @@ def segment(
     that the run has not reached are meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
-    # Loops with checkpoints have a trial step of their own, whose derivatives are zero if its
-    # numbers overflow.
-    loop = RunLoop(method, system, t_end, recorders, loops=loops, attempt=loops.attempt)
+    loop = RunLoop(method, system, t_end, recorders)
     if save_times is None:
         return loop.until(t_end, now, attempts, _has_room), None
 
@@ -117,7 +114,7 @@ def segment(
         samples = SavedRows(state_of(system, y, entry_speeds), values)
         return now, (samples, jnp.asarray(time <= now.step.t))
 
-    return loops.each(save_next, now, save_times)
+    return jax.lax.scan(save_next, now, save_times)
 
 
 def emptied(now: Progress) -> Progress:
@@ -143,6 +140,10 @@ def _is_buffer(tree: object) -> bool:
 
 
 T = TypeVar("T")
+REVERSE_MODE = (
+    "`simulate` can't be differentiated in reverse mode. Call clearjoint.predictor, whose "
+    "derivatives are those of the exact motion, or for few parameters clearjoint.sensitivities."
+)
 ATTEMPTS_A_SEGMENT = 50_000
 """Largest number of attempts in a segment. The progress bar is updated, and Ctrl-C is obeyed, only
 between segments."""
@@ -163,10 +164,8 @@ class Run:
     end: Scalar
     redundant: tuple[str, ...]
 
-    def in_one_piece(
-        self, now: Progress, save_at: jax.Array | None, max_steps: int, loops: Loops
-    ) -> Solution:
-        """Run to the end inside a computation that JAX traces, such as under `jax.grad`, and return
+    def in_one_piece(self, now: Progress, save_at: jax.Array | None, max_steps: int) -> Solution:
+        """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
         a `Solution` of traced arrays, without steps and impacts. Saved states and values of
         quantities at times `save_at`, (N,) s, that the run did not reach are meaningless."""
         # The end is a further time to save at, so that the run continues after the last of the
@@ -174,8 +173,9 @@ class Run:
         times = None if save_at is None else jnp.append(save_at, self.end)
         program = self.scheme, self.folded_scene
         rest = self.recorders, now, times, self.end, jnp.asarray(max_steps), self.kept.quantities
-        # With JAX's own loops, reverse-mode differentiation of this result raises an error.
-        now, saved = loops.guarded(segment(*program, *rest, loops))
+        # JAX's own error about the loops of steps does not say what to call instead.
+        run = segment(*program, *rest)
+        now, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
         final, result, _, _ = _end_of(*program, {}, {}, now.step, self.end)
         trajectory, count, values = None, None, {}
         if saved is not None:

@@ -23,7 +23,6 @@ from ..._model.bodies import State
 from ..._result_codes import RESULTS
 from ...quantities.base import Instant
 from ..step.dense_output import DenseStep, Snapshot
-from ..step.loops import PLAIN, Loops
 from ..step.method import SystemFamily
 from ..step.rotation_limit import rotating_bodies
 from ..step.step_state import Attempt, Method, Step, Variables, choose
@@ -127,7 +126,6 @@ class RunLoop:
     - `t_end`: s, end of the run; no step goes past it.
     - `family`: the system as a function of parameters, if the run carries derivatives with respect
       to them; otherwise ``None``.
-    - `loops`: JAX's loops, or loops with checkpoints for reverse-mode differentiation.
     - `attempt`: the function that tries a step.
     """
 
@@ -136,7 +134,6 @@ class RunLoop:
     t_end: Scalar
     recorders: Recorders
     family: SystemFamily | None = None
-    loops: Loops = PLAIN
     attempt: Callable[..., Attempt] = attempt
 
     def start(self, step: Step) -> Progress:
@@ -191,7 +188,7 @@ class RunLoop:
             more = (now.step.t < stop) & running(now.step, self.t_end, attempts)
             return more if goes is None else more & goes(now)
 
-        return self.loops.repeat(continues, self.advance, now)
+        return jax.lax.while_loop(continues, self.advance, now)
 
 
 def _map_recorders(

@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import numpy as np
 
 from ..._dynamics.journals import overdamped_contacts, warn_of_journals_outside
 from ..._export.datasets import setting_notes
 from ..._fields.cautions import LawRangeWarning, caution
-from ..._fields.checks import require
 from ..._fields.objects import on_device
 from ..._math.vectors import Scalar
 from ..._model.bodies import State
@@ -22,7 +20,6 @@ from ..results.impact_table import beyond_law_ranges
 from ..results.solution import Solution, raise_failure
 from ..step import presets
 from ..step.dense_output import require_dense
-from ..step.loops import loops_for
 from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
@@ -54,7 +51,6 @@ def simulate(
     *,
     outputs: Mapping[str, Output] | None = None,
     start_time: Scalar = 0.0,
-    adjoint: diffrax.RecursiveCheckpointAdjoint | None = None,
     throw: bool = True,
     progress: bool = True,
 ) -> Solution:
@@ -64,16 +60,15 @@ def simulate(
     values of a scene's numbers use the same program, unless a vector component changes to or from
     exactly 0 or 1.
 
-    The function works under `jax.vmap` and `jax.jvp`, and with an `adjoint` under `jax.grad` and
-    `jax.vjp`. Put `jax.jit` around the outermost transformation, or each call compiles anew. A
-    traced number that is invalid, such as a clearance that is NaN, raises no error: the run ends
-    before its first step with the result `RESULTS.domain`. A traced run does not check that the
-    initial state satisfies the constraints.
+    The function works under `jax.vmap` and `jax.jvp`, not under `jax.grad` and `jax.vjp`. Put
+    `jax.jit` around the outermost transformation, or each call compiles anew. A traced number that
+    is invalid, such as a clearance that is NaN, raises no error: the run ends before its first step
+    with the result `RESULTS.domain`. A traced run does not check that the initial state satisfies
+    the constraints.
 
-    Derivatives by these transformations are derivatives of the computed steps, not of the exact
-    motion. Their error is far above the error of the states, and falls slowly with the tolerance.
-    Prefer `clearjoint.sensitivities`, or `clearjoint.predictor` for reverse mode, or at least use
-    `clearjoint.presets.derivatives`.
+    Derivatives by `jax.jvp` are derivatives of the computed steps, not of the exact motion. Their
+    error is far above the error of the states, and falls slowly with the tolerance. Prefer
+    `clearjoint.sensitivities`, or `clearjoint.predictor`, which works under `jax.grad`.
 
     **Arguments:**
 
@@ -89,11 +84,6 @@ def simulate(
       are updated at every accepted step, a `Section`, an `ImpactTable`, and quantities such as
       `quantities.Position`, which are evaluated at the times of `save`. Under a transformation of
       JAX, only quantities.
-    - `adjoint`: `diffrax.RecursiveCheckpointAdjoint()` for reverse-mode differentiation; forward
-      mode is then unavailable. Its argument `checkpoints` is the number of states that are stored;
-      the steps between stored states are computed again. The default of 300 was fastest up to 36
-      000 steps. Any number works for any run, and does not change the solution. A run that JAX does
-      not trace ignores `adjoint`.
     - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
       the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
     - `progress`: show a progress bar for runs that take longer than two seconds, and while
@@ -121,10 +111,6 @@ def simulate(
     save = kept.save
     check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
-    is_adjoint = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint | None)
-    remedy = "pass diffrax.RecursiveCheckpointAdjoint() for jax.grad, and None for jax.jvp"
-    expected = "a diffrax.RecursiveCheckpointAdjoint or None"
-    require(is_adjoint, "adjoint", adjoint, expected, remedy)
     flat = flattened_arrays(scene, state)
     scene, state = flat.arguments
     traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
@@ -174,7 +160,7 @@ def simulate(
             result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
             now = eqx.tree_at(lambda progress: progress.step.result, now, result)
         save_at = None if times is None else on_device(times)
-        return run.in_one_piece(now, save_at, settings.max_steps, loops_for(adjoint))
+        return run.in_one_piece(now, save_at, settings.max_steps)
     solution, interrupted, left_bearing = run.on_host(
         now, times, settings.max_steps, progress, setting_notes(settings)
     )
