@@ -193,6 +193,7 @@ from ._simulation.reductions.joints import ArchardWear as ArchardWear
 from ._simulation.reductions.joints import DissipatedEnergy as DissipatedEnergy
 from ._simulation.reductions.joints import ImpactCount as ImpactCount
 from ._simulation.reductions.joints import MeanPowerLost as MeanPowerLost
+from ._simulation.reductions.quantities import Integral as Integral
 from ._simulation.reductions.quantities import Peak as Peak
 from ._simulation.reductions.quantities import Quantiles as Quantiles
 from ._simulation.reductions.quantities import Statistics as Statistics

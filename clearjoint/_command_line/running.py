@@ -17,7 +17,7 @@ from .._fields.cautions import quiet
 from .._math.vectors import Scalar
 from .._model.scene import Scene
 from .._result_codes import RESULTS
-from .._simulation.reductions.base import AbstractReduction
+from .._simulation.reductions.base import AbstractReduction, result_name
 from .._simulation.reductions.quantities import Peak
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import Observation, observe, values_along
@@ -230,7 +230,7 @@ def _write_numbers(
         # the time of the peak, keep their signs.
         sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
         for part, unit in reduction.units().items():
-            output = f"{name}_{part}" if part else name
+            output = result_name(name, part)
             value = solution.outputs[output]
             rows.append((output, value if part else sign * value, unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])

@@ -1,6 +1,6 @@
 """Choices for the equations of motion: coordinates, stabilisation, solver."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import equinox as eqx
@@ -102,6 +102,8 @@ class Formulation(eqx.Module):
       bodies were free, so that forces and moments can be added.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
+    - `integrands`: further functions of a system, time, s, its variables, entry speeds and bristles
+      that are integrated with the state, by name.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates
@@ -112,6 +114,7 @@ class Formulation(eqx.Module):
     stabilisation: AbstractStabilisation = eqx.field(default_factory=Baumgarte)
     redundant: bool = eqx.field(default=False, static=True)
     ledger: bool = eqx.field(default=False, static=True)
+    integrands: Mapping[str, Callable[..., Scalar]] = eqx.field(default_factory=dict)
 
     def solver(self) -> AbstractSolver:
         """Return the linear solver for the constraint multipliers."""

@@ -19,7 +19,7 @@ from ..._fields.checks import (
 )
 from ..._model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
-from ..reductions.base import AbstractReduction, Instants, Window
+from ..reductions.base import AbstractReduction, Instants, Window, result_name
 from ..results.impact_table import Impacts
 from ..results.solution import TIME, Crossings
 from .impact_recorder import ImpactRecorder, impact_rows_of
@@ -158,7 +158,7 @@ class Kept:
         such as "peak_time", has the name of another output, and that quantities have sample times,
         or raise a `ValueError`."""
         require_array_names("outputs", self.outputs, EXAMPLE)
-        parts = {f"{n}_{part}" for n, o in self.reductions.items() for part in o.units() if part}
+        parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
         twice = sorted(parts & set(self.outputs))
         require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
         remedy = "pass save=cj.Saving(times), or reduce the quantity by cj.Peak or cj.Statistics"
