@@ -223,7 +223,8 @@ def identity_error(predict) -> float:
     )
     none = jax.tree.map(np.zeros_like, predict.values)
     places = np.zeros(0, int)
-    gradient = run.pulled_back(weights, none, np.zeros((0, 1)), places)
+    flat = np.asarray(adjoint.in_one_array(weights))
+    gradient = run.pulled_back(flat, none, np.zeros((0, 1)), places)
     direction = run._run.family.direction
     products = jax.tree.map(lambda a, b: np.sum(a * b), gradient, direction)
     expected = jax.tree.map(lambda a, b: np.sum(a * b), weights, end)
@@ -376,3 +377,55 @@ def test_a_run_that_fails_raises_what_simulate_raises():
         jax.grad(lambda values: jnp.sum(short(values)["x"]))(short.values)
     with pytest.raises(RuntimeError, match="step limit was reached"):
         jax.jit(short)(short.values)
+
+
+def misfit(outputs):
+    return jnp.sum(jnp.square((outputs["x"] - 0.1 * np.cos(12.0 * TIMES)) / 1e-2))
+
+
+@pytest.mark.slow
+def test_minimise_by_integrals_in_reverse_mode():
+    """The cost of a swing from the centre, v^2 / w^2 times the integral of sin(w t)^2, plus a price
+    of slow starts."""
+    speed = cj.Parameter.initial(lambda state: state.bodies["ball"].velocity[0])
+    cost = {"cost": cj.Integral(lambda now: POSITION["x"](now) ** 2, "m^2 s")}
+    scene, state = oscillator()
+    state = cj.set_value(state, lambda s: s.bodies["ball"].position[0], 0.0)
+    state = cj.set_value(state, lambda s: s.bodies["ball"].velocity[0], 1.0)
+    a = (0.15 - np.sin(6.0) / 40.0) / 100.0
+
+    found = cj.minimise(
+        *(scene, state, lambda outputs: outputs["cost"] / a, {"v": speed}, cost),
+        settings=SETTINGS,
+        end_time=0.3,
+        iterations=3,
+    )
+    assert found.history[0] == pytest.approx(1.0, rel=1e-6)
+    # The objective is v^2, whose minimum a line search along its gradient finds at once.
+    assert found.history[-1] < 1e-3
+    assert found.estimates["v"] == pytest.approx(np.sqrt(found.objective), abs=0.03)
+
+
+@pytest.mark.slow
+def test_minimise_trains_a_network():
+    scene, state = with_network(0)
+    paths = {"network": lambda scene: scene.forces["network"].network}
+    found = cj.minimise(scene, state, misfit, paths, POSITION, TIMES, SETTINGS, iterations=20)
+    assert found.coordinates.shape == (17,)
+    assert found.objective < 0.05 * found.history[0]
+    assert found.estimates["network"].layers[0].weight.shape == (4, 2)
+
+
+def test_a_run_that_fails_is_nan_for_line_searches():
+    few = replace(SETTINGS, max_steps=5)
+    paths = {"k": lambda s: s.forces["spring"].stiffness}
+    short = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    outputs = jax.jit(short.or_nan)(short.values)
+    assert all(bool(jnp.isnan(row).all()) for row in outputs.values())
+    with pytest.raises(cj.SimulationError) as failed:
+        short(short.values)
+    # The state that it reached.
+    reached = failed.value.solution
+    assert 0.0 < reached.time < 0.3 and int(reached.attempts) == 5
+    expected = 0.1 * np.cos(10.0 * reached.time)
+    assert reached.final.bodies["ball"].position[0] == pytest.approx(expected, rel=1e-6)

@@ -521,16 +521,16 @@ class RecordedRun:
         (seeds,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
         at_times = samples.quantities, samples.rows, samples.times, seeds
         pulled, total = _pulled_outputs(self._run, self._example, *at_times)
-        end = jax.tree.map(np.zeros_like, self._example.tangents)
+        end = np.zeros(sum(map(np.size, jax.tree.leaves(self._example.tangents))))
         return self.pulled_back(end, total, pulled, samples.places)
 
     def pulled_back(
-        self, end: PyTree, total: PyTree, pulled: np.ndarray, places: np.ndarray
+        self, end: np.ndarray, total: PyTree, pulled: np.ndarray, places: np.ndarray
     ) -> PyTree:
         """Return the derivatives by all parameters, from cotangents of the tangents at the `end` of
-        the run and, (n, cells), of the `StepTangents` of the steps of the numbers `places`, (n,),
-        and `total`, those of the parameters at fixed tangents."""
-        run, example, now = self._run, self._example, np.asarray(in_one_array(end))
+        the run, in one array; of the `StepTangents` of the steps of the numbers `places`, (n,), as
+        rows of the array `pulled`; and `total`, those of the parameters at fixed tangents."""
+        run, example, now = self._run, self._example, end
         cells = sum(map(np.size, jax.tree.leaves(_example_of(run, example))))
         last = sum(len(segment.ends) for segment in self._segments)
         for segment in reversed(self._segments):

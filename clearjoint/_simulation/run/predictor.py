@@ -21,7 +21,7 @@ from ..._parametrisation.parametrised_scene import DirectedScene
 from ..._parametrisation.parts import Part, guard_direction, parts_of
 from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction, result_name
-from ..results.solution import raise_failure
+from ..results.solution import SimulationError, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint, RecordedRun, integrands_of
@@ -56,13 +56,14 @@ class Predictor:
         settings: Settings,
     ):
         self._settings, self._span, self._times = settings, span, times
-        self._outputs, self._paths = outputs, dict(paths)
+        self._outputs = outputs
         derivative_scheme(scene, state, settings, span[0])
         numbers, changes = parts_of(scene, state, paths)
         self.values: dict[str, PyTree] = numbers
         scene, state = with_arrays((scene, state))
+        direction = guard_direction(paths, numbers)
         family = DirectedScene(
-            values=numbers, direction=numbers, base=(scene, state), changes=changes, patterns=()
+            values=numbers, direction=direction, base=(scene, state), changes=changes, patterns=()
         )
         self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
@@ -98,6 +99,19 @@ class Predictor:
         numbers = {name: self._numbers(name, values[name]) for name in self.values}
         return self._predict(numbers)
 
+    def or_nan(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
+        """Return the outputs as a call does, but NaN for values of a run that fails and for values
+        that the scene can't have. The function has no derivatives."""
+
+        def computed(values: dict[str, PyTree]) -> dict[str, np.ndarray]:
+            try:
+                return self._values(values)
+            except (SimulationError, ValueError):
+                return {name: np.full(of.shape, np.nan) for name, of in self._shapes.items()}
+
+        numbers = {name: self._numbers(name, values[name]) for name in self.values}
+        return _on_host(computed, self._shapes, numbers)
+
     def _numbers(self, name: str, value: PyTree) -> PyTree:
         leaves, structure = jax.tree.flatten(self.values[name])
         given = jax.tree.leaves(value)
@@ -109,7 +123,7 @@ class Predictor:
         require(
             shapes == expected, f"values[{name!r}]", shapes, f"arrays of shapes {expected}", remedy
         )
-        return jax.tree.unflatten(structure, [jnp.asarray(leaf, float) for leaf in given])
+        return jax.tree.unflatten(structure, [_as_floats(leaf) for leaf in given])
 
     def _values(self, values: dict[str, PyTree]) -> dict[str, np.ndarray]:
         return self._run(values).values()
@@ -133,8 +147,7 @@ class Predictor:
         settings, (start, end) = self._settings, self._span
         scene, state = self._family.scene_and_state(values)
         scheme = derivative_scheme(scene, state, settings, start)
-        direction = guard_direction(self._paths, values)
-        family = replace(self._family, values=values, direction=direction)
+        family = replace(self._family, values=values)
         first_step = settings.length_of_first_step(start, end)
         integrands = integrands_of(self._outputs.reductions)
         scheme = replace(scheme, formulation=replace(scheme.formulation, integrands=integrands))
@@ -142,6 +155,14 @@ class Predictor:
         run = RecordedRun(adjoint, self._outputs, self._times, end, first_step, settings.max_steps)
         raise_failure(run.solution(setting_notes(settings)))
         return run
+
+
+def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
+    # JAX would put each number on its device, or trace a conversion, which takes longer than a
+    # short run.
+    if isinstance(leaf, jax.Array):
+        return leaf if leaf.dtype == np.dtype(float) else jnp.asarray(leaf, float)
+    return np.asarray(leaf, float)
 
 
 def _on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
