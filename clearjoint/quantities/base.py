@@ -37,7 +37,7 @@ class Instant:
     - `time`: the scene's time, s.
     - `work[name]`: energies since the start, J: dissipated by "normal damping", "friction", "film"
       and "stabilisation", or "supplied" by drives and loads; "friction" includes the energy in
-      bristles. Empty unless the run keeps this ledger.
+      bristles. Empty unless the run has ``Settings(ledger=True)``.
 
     Runs create instants. The example makes one from a `System`, which evaluates the equations of
     motion, the time since the system's `origin`, s, and the variables of `system.encode`. An
