@@ -256,17 +256,21 @@ def start_rows_of_lanes(
     `varied` is a PyTree like `scene`, with an array of N values for each number that varies, and
     ``None`` for each number that does not. `states` have the axis of length N first in each array.
     """
-    # `columns` has an entry for each leaf of `arguments`, in their order: the array of its N
-    # values, or None if the leaf is the same in all runs.
-    scenes = jax.tree.structure(scene).flatten_up_to(varied)
-    starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
-    count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
-    columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
-    arguments = scene, coordinates, first, np.asarray(t, float)
+    count = len(jax.tree.leaves(states)[0])
+    first_state = jax.tree.map(lambda leaf: leaf[0], states)
+    arguments = scene, coordinates, first_state, np.asarray(t, float)
+    # For each leaf of `arguments`, in their order: the array of its N values, or None if the leaf
+    # is the same in all runs.
+    columns = [
+        *jax.tree.structure(scene).flatten_up_to(varied),
+        *[None] * len(jax.tree.leaves(coordinates)),
+        *[None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)],
+        None,
+    ]
     # User-defined joints may use a primitive that native code does not support. Then the scenes are
     # evaluated one by one.
-    alike = all(column is None for column in columns)
-    if count > FEW and not alike:
+    all_equal = all(column is None for column in columns)
+    if count > FEW and not all_equal:
         with suppress(UnsupportedPrimitiveError):
             return _start_rows.rows(arguments, columns)
     # If all scenes and states are equal, one evaluation serves them all.
@@ -274,10 +278,14 @@ def start_rows_of_lanes(
     per_lane = [
         start_rows_by_numpy(
             *jax.tree.unflatten(
-                structure, [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)]
+                structure,
+                [
+                    leaf if column is None else column[lane]
+                    for leaf, column in zip(leaves, columns, strict=True)
+                ],
             )
         )
-        for k in range(1 if alike else count)
+        for lane in range(1 if all_equal else count)
     ]
 
     def stacked(field: str) -> np.ndarray:

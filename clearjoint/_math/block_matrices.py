@@ -100,15 +100,16 @@ class _Plan:
     def factorisation(self) -> list[_Step]:
         """Return the table for `_factor`, with one row for each row of a block: kind, indices of
         the row to be changed and of the row to be multiplied, and index of the block by which it is
-        multiplied."""
+        multiplied. The inverses of the diagonal blocks follow the blocks in `slots`."""
         table: list[_Step] = []
-        slots, inverses = self.slots, len(self.slots)
+        slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
-            diagonal, inverse = self.rows(j, slots[j, j]), inverses + j
+            diagonal, inverse = self.rows(j, slots[j, j]), first_inverse + j
             for target, row in zip(self.rows(j, inverse), diagonal, strict=True):
                 table.append((_FACTORISE, target, row, inverse))
             for i in column:
                 table += [(_DIVIDE, row, row, inverse) for row in self.rows(i, slots[i, j])]
+            # The column j is subtracted from the columns k after it.
             for k in column:
                 for i in column:
                     if i >= k:
@@ -126,8 +127,10 @@ class _Plan:
         """
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
-        factor, inverses = len(self.slots), 2 * len(self.slots)
-        identity = inverses + count
+        # The blocks of the matrix come first, then those of the factor, inverses, and the identity.
+        of_factor = {place: len(self.slots) + slot for place, slot in self.slots.items()}
+        first_inverse = 2 * len(self.slots)
+        identity = first_inverse + count
         table: list[_Step] = []
         for sweep in range(sweeps):
             if sweep:
@@ -135,11 +138,11 @@ class _Plan:
                 for target, slot, source, turned in self.products():
                     table.append((1, -1, turned, r[target], slot, x[source]))
             for j, column in enumerate(self._below):
-                table.append((0, 1, 0, r[j], inverses + j, r[j]))
-                table += [(1, -1, 0, r[i], factor + self.slots[i, j], r[j]) for i in column]
+                table.append((0, 1, 0, r[j], first_inverse + j, r[j]))
+                table += [(1, -1, 0, r[i], of_factor[i, j], r[j]) for i in column]
             for j, column in reversed([*enumerate(self._below)]):
-                table += [(1, -1, 1, r[j], factor + self.slots[i, j], r[i]) for i in column]
-                table.append((0, 1, 1, r[j], inverses + j, r[j]))
+                table += [(1, -1, 1, r[j], of_factor[i, j], r[i]) for i in column]
+                table.append((0, 1, 1, r[j], first_inverse + j, r[j]))
             table += [(1, 1, 0, x[k], identity, r[k]) for k in range(count)]
         return table
 
