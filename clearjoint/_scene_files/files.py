@@ -99,8 +99,9 @@ class Writer:
             return [self._value(item, of_entry, location.at(k)) for k, item in enumerate(value)]
         # The table need not name its class if the argument allows only objects of this class.
         if is_dataclass(value) and not isinstance(value, type):
-            name = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
-            return name | self.table(value, location)
+            is_known = expected.classes == (type(value),)
+            class_entry = {} if is_known else {KIND: class_name(type(value))}
+            return class_entry | self.table(value, location)
         if value is None:
             if expected.is_text:  # the reader would return the text "none"
                 remedy = "leave it out, or make None the default of the argument"
