@@ -169,11 +169,12 @@ class BlockMatrix(AbstractMatrix):
         self._plan = _Plan(neighbours, [*map(len, groups)])
         order = self._plan.order
         self._groups = [groups[k] for k in order]
-        # _Place of each row among the elements of a vector in blocks.
+        # Place of each row among the elements of a vector in blocks.
         self._places = np.zeros(self.n, int)
         for k, group in enumerate(self._groups):
             self._places[group] = SIZE * k + np.arange(len(group))
         of_first, of_second = ([part[k] for k in order] for part in columns)
+        # Each block (i, j) of S is a sum of products of blocks (i, c) of D and (j, c) of X.
         steps: list[_Step] = []
         slots: list[dict[_Place, int]] = [{}, {}]
         for i, j in self._plan.entries:
@@ -367,9 +368,9 @@ def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> ja
     """Return the solution of a system of equations, see `_Plan.solution`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
-        kept, sign, turned, target, block, source = row
+        former, sign, turned, target, block, source = row
         image = _image(blocks, block, turned, vectors, source)
-        return kept * _row(vectors, target) + sign * image, target
+        return former * _row(vectors, target) + sign * image, target
 
     start = jnp.concatenate([right, jnp.zeros_like(right), right])
     return _looped(step, start, table)[right.size : 2 * right.size]

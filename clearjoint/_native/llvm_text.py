@@ -222,13 +222,13 @@ class _Writer:
                 self._needed_results.setdefault(number, set()).add(k)
         elif isinstance(entry, Branch):
             # Values that nothing uses are removed, with all that is computed only for them.
-            kept = [k for k, out in enumerate(entry.outs) if uses[out]]
-            entry.outs = [entry.outs[k] for k in kept]
-            entry.yes_values = [entry.yes_values[k] for k in kept]
-            entry.no_values = [entry.no_values[k] for k in kept]
+            used = [k for k, out in enumerate(entry.outs) if uses[out]]
+            entry.outs = [entry.outs[k] for k in used]
+            entry.yes_values = [entry.yes_values[k] for k in used]
+            entry.no_values = [entry.no_values[k] for k in used]
             uses.update((*entry.yes_values, *entry.no_values))
             effects = [self._mark(entry.yes), self._mark(entry.no)]
-            if not kept and not any(effects):
+            if not used and not any(effects):
                 return False
             uses.update((entry.condition,))
         else:

@@ -209,7 +209,7 @@ def largest_feasible(
     expected = "axes of equal length"
     require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
     require_range("quantile", quantile, 0.0, 1.0, "pass a share of the draws, for example 0.95")
-    require_count("lanes", lanes, "give a number of values in a row")
+    require_count("lanes", lanes, "give a number of values in a sweep")
     require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
     require_positive("tolerance", tolerance, "1e-3 suffices")
     # A quantity without reduction is limited by its peak.
@@ -249,8 +249,8 @@ class LaneMargins:
         """Return these margins merged with those at other coordinates; of equal ones, this object's
         is kept."""
         both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
-        kept = np.unique(both[0], return_index=True)[1]
-        return LaneMargins(*(row[kept] for row in both), peak=self.peak)
+        first_places = np.unique(both[0], return_index=True)[1]
+        return LaneMargins(*(row[first_places] for row in both), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
         """Return these margins, with the smaller one, or a NaN, where `others` has a margin too."""

@@ -392,7 +392,7 @@ def checked_starts(
     for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
         if lane in bad:
             continue
-        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], searched)
+        dependent_rows, uncertain = dependent(rows.names, rows.reduced[lane], searched)
         try:
             require_certain(uncertain)
             redundant = redundant or bool(dependent_rows)
