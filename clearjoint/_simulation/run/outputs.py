@@ -66,7 +66,7 @@ class ImpactTable:
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of impacts")
-        self.window()
+        self.window()  # raises an error for wrong times
 
     def window(self) -> Window | None:
         """Return the time window in which impacts must begin; ``None`` for the whole run."""
