@@ -152,8 +152,7 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Return the time derivatives of the variables, and the `powers`. **Arguments:**,
-        **Raises:** as in `dynamics`."""
+        """Return the variables' time derivatives, and the `powers`; arguments as in `dynamics`."""
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers

@@ -100,8 +100,7 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
-        """Convert a table to an object of the class that `kind` or the argument names, to Euler
-        parameters, or to a dictionary."""
+        """Convert a table to an object of its class, to Euler parameters, or to a dictionary."""
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:

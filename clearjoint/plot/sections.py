@@ -191,8 +191,7 @@ def bifurcation(
     **Arguments:**
 
     - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
-      An output with the name "section_channel", sampled once a period, takes the place of a
-      section.
+      An output named "section_channel", sampled once a period, may replace a section.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 

@@ -141,10 +141,9 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, the rate of the penetration at its onset, m/s; zero while
     the surfaces are apart.
 
-    It exists only for contacts whose law uses the entry speed. In a `Section`, the value at the
-    onset or end of a contact is the entry speed of this contact. For a contact that had begun
-    before the start of the run, the value is 1e9 m/s, unless the initial state contains the entry
-    speed.
+    It exists only for contacts whose law uses the entry speed. In a `Section` at the onset or end
+    of a contact, the value is that of this contact. For a contact that had begun before the start
+    of the run, the value is 1e9 m/s, unless the initial state contains the entry speed.
 
     >>> cj.quantities.EntrySpeed("shoulder", "V").unit
     'm/s'

@@ -470,8 +470,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the journal frame's x and y along those of the bearing's
-        frame."""
+        """Return the components of the x and y axes of the journal along those of the bearing."""
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))

@@ -141,8 +141,7 @@ class AbstractElasticity(AbstractConverting):
         """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force begins with a derivative of zero, so that no kink is
-        corrected."""
+        """Return whether the force begins without a kink, so that none is corrected."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:

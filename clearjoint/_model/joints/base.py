@@ -96,8 +96,7 @@ class AbstractElement(AbstractConverting):
         return ()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's points on bodies; by default those that its class lists in
-        `point_fields`."""
+        """Return the points on bodies; by default those in the class attribute `point_fields`."""
         fields = self.point_fields.items()
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 

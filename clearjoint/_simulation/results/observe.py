@@ -130,8 +130,7 @@ class Observation(eqx.Module, AbstractTabular):
     """Contacts, reactions, accelerations, constraint drift and energies of a motion at N times.
 
     - `times`: (N,) s.
-    - `contacts[joint][contact]`: penetration, forces and positions of a contact, in fields that
-      ``help(contacts[joint][contact])`` lists.
+    - `contacts[joint][contact]`: penetration, forces and positions; `help` of an entry lists them.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
     - `reactions[joint][body]`: the `force`, (N, 3) N, and the `moment`, (N, 3) N m in body axes,
       that the constraints of a joint exert on each of its bodies except the ground (Flores et al.
