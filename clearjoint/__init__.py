@@ -1,7 +1,7 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
 A `Scene` holds bodies, joints and forces by name, and a `State` the positions and velocities of the
-bodies. `simulate` computes one motion, `sweep` computes many and keeps selected results,
+bodies. `simulate` computes one motion, `sweep` computes many and returns selected results,
 `sensitivities` computes derivatives of a motion with respect to parameters, and `identify`
 estimates parameters from measurements. Contact laws are in `clearjoint.laws`, friction laws in
 `clearjoint.frictions`, films in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`,

@@ -361,8 +361,8 @@ class CycleRun:
             require(is_rates, f"rates[{name!r}]", of_joint, "a WearRates", remedy)
         require_positive("cycle", self.cycle, "give the duration of a cycle in s")
         goals = np.atleast_1d(np.asarray(self.cycles, float))
-        row = goals.ndim == 1 and goals.size > 0
-        positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+        is_row = goals.ndim == 1 and goals.size > 0
+        positive = is_row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
         remedy = "give a number of cycles, such as 1e6, or a rising row of them"
         require(positive, "cycles", self.cycles, "positive and rising", remedy)
         if self.depth is not None:

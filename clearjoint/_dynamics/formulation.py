@@ -97,9 +97,9 @@ class Formulation(eqx.Module):
     """Coordinates, stabilisation and linear solver for the equations of motion.
 
     - `redundant`: whether some constraints depend on others; see `clearjoint.constraint_report`. If
-      so, reactions are not unique, and the multipliers of least norm are computed, in which each is
-      divided by the square root of the mass, or moment of inertia, that it would accelerate if all
-      bodies were free, so that forces and moments can be added.
+      so, reactions are not unique, and the multipliers of least norm are computed. In this norm,
+      each multiplier is divided by the square root of the mass or moment of inertia that it would
+      accelerate if all bodies were free.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
     - `integrands`: further functions of a system, time, s, its variables, entry speeds and bristles

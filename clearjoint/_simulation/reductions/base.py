@@ -31,9 +31,9 @@ class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
     A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
-    They receive an `Instant`, the scene with its motion at one time, from which quantities are
-    computed. A subclass that reads the energy ledger, `Instant.work`, sets `needs_ledger = True`.
-    The example adds up the time in s during which a contact force exceeds a limit:
+    A tally, a PyTree of numbers, passes from step to step. An `Instant` is the scene with its
+    motion at one time. A subclass that reads the energy ledger, `Instant.work`, sets `needs_ledger
+    = True`. The example adds up the time in s during which a contact force exceeds a limit:
 
     ```python
     import clearjoint as cj

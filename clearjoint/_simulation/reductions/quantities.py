@@ -49,10 +49,10 @@ class PeakTally(NamedTuple):
 
     highest: Scalar
     time: Scalar
-    last: Scalar
-    now: Scalar
-    last_before: Scalar
-    before: Scalar
+    end_value: Scalar
+    end_time: Scalar
+    start_value: Scalar
+    start_time: Scalar
 
 
 class Peak(AbstractQuantityReduction):
@@ -106,43 +106,43 @@ class Peak(AbstractQuantityReduction):
         return PeakTally(
             highest=highest,
             time=now.time,
-            last=value,
-            now=now.time,
-            last_before=value,
-            before=now.time,
+            end_value=value,
+            end_time=now.time,
+            start_value=value,
+            start_time=now.time,
         )
 
     @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
+        # Positions of points are fractions of this step, which begins where the previous one ended.
         # The search also uses the value at the start of the previous step: a parabola through it
         # and both ends of this step gives the first guess of the peak. A rejected attempt has the
         # length zero; its tally is computed too, and discarded.
-        length = now.time - tally.now
-        earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
-        before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
-        end = Point(1.0, self._value(now))
+        length = now.time - tally.end_time
+        position = (tally.start_time - tally.end_time) / jnp.where(length > 0.0, length, 1.0)
+        before = Point(position, tally.start_value)
+        start, end = Point(0.0, tally.end_value), Point(1.0, self._value(now))
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window(now)
         if not window.is_whole:
-            a, b = window.fractions(tally.now, now.time)
+            a, b = window.fractions(tally.end_time, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
-        # Positions are fractions of the step, so the position of `before` is negative. The search
-        # is made even if no part of the step is in the window, because runs that compiled code
-        # computes side by side cannot branch. The peak is then not used.
+        # The search is made even if no part of the step is in the window, because runs that
+        # compiled code computes side by side cannot branch. The peak is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
-        time = tally.now + peak.x * length
+        time = tally.end_time + peak.x * length
         rises = peak.value > tally.highest
         if not window.is_whole:
             rises = rises & (last.x > first.x)
         return PeakTally(
             highest=jnp.where(rises, peak.value, tally.highest),
             time=jnp.where(rises, time, tally.time),
-            last=end.value,
-            now=now.time,
-            last_before=start.value,
-            before=tally.now,
+            end_value=end.value,
+            end_time=now.time,
+            start_value=start.value,
+            start_time=tally.end_time,
         )
 
     @override

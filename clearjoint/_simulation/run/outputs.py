@@ -45,11 +45,11 @@ class ImpactTable:
 
     **Arguments:**
 
-    - `count`: number of impacts kept for each contact.
+    - `count`: largest number of impacts recorded for each contact.
     - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
     - `after`, `until`: start and end of a time window; by default the whole run. An impact is
       recorded if its onset lies in the window. Each may be a function of the scene that returns a
-      time and that JAX can trace, so that the window follows the values of the lane.
+      time and that JAX can trace, so that each run of a sweep has a window of its own.
 
     **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
     not single numbers, and for a window that does not end after its start.
@@ -66,7 +66,7 @@ class ImpactTable:
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of impacts")
-        self.window()
+        self.window()  # raises an error for wrong times
 
     def window(self) -> Window | None:
         """Return the time window in which impacts must begin; ``None`` for the whole run."""

@@ -62,9 +62,9 @@ class Settings:
       and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
-      base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. The
-      motion alone takes 823 attempted steps. These are more than with 1e5, because during contacts
-      runs without derivatives place the solver's stages at other times in a step:
+      base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. A run
+      without derivatives takes 823 attempted steps, more than with 1e5, because it places the
+      solver's stages differently during contacts:
 
       | `derivative_tolerance` | steps | error of a position's derivative | of an entry speed's |
       |---|---|---|---|
