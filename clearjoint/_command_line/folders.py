@@ -80,7 +80,7 @@ def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> No
 def read_summary(folder: Path) -> dict[str, str | int | float]:
     """Return the entries of the summary; `ValueError` for a folder without results. A summary of an
     earlier version may have no title: the name of the folder replaces it."""
-    summary = {"title": folder.absolute().name}
+    summary: dict[str, str | int | float] = {"title": folder.absolute().name}
     if (folder / SUMMARY).is_file():
         summary |= json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     if "kind" not in summary:
