@@ -681,8 +681,9 @@ class _Store:
         expected = "a folder without a result, or with one of the same scene and arguments"
         is_same = stored.attrs.get("digest") == self.digest
         require(is_same, "path", str(self.path), expected, remedy)
-        lacking, expected = [n for n in EXTREMES if n not in stored], "a store of this version"
-        require(not lacking, "path", f"{self.path} without {lacking}", expected, remedy)
+        lacking = ", ".join(name for name in EXTREMES if name not in stored)
+        text, expected = f"{self.path} without {lacking}", "a store of this version"
+        require(not lacking, "path", text, expected, remedy)
         depths, rates = (_stacked(stored, name) for name in ("depth", "rate"))
         # The stages with a run have a penetration that is not NaN.
         measured = int(np.isfinite(stored["penetration"].values[0]).sum())
