@@ -121,7 +121,8 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
 @dataclass(frozen=True)
 class RejectedSteps:
     """Output with the steps that were tried and rejected in a run, and the reason of each: a
-    `Rejections`. It shows why a run takes many steps, or where and why it gets stuck.
+    `Rejections`. It shows why a run takes many steps, or where and why it gets stuck. Sweeps do not
+    record it: pass the scene of a lane to `simulate`.
 
     The possible reasons are the values of `results.Rejection`. Steps that end early because the
     solver expects an event there, such as an onset or a breakpoint, are not rejected.
