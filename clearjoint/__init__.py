@@ -203,6 +203,7 @@ from ._simulation.results.solution import SimulationError as SimulationError
 from ._simulation.run.outputs import ImpactTable as ImpactTable
 from ._simulation.run.predictor import Predictor as Predictor
 from ._simulation.run.predictor import predictor as predictor
+from ._simulation.run.rejections import RejectedSteps as RejectedSteps
 from ._simulation.run.saving import Saving as Saving
 from ._simulation.run.sections import Section as Section
 from ._simulation.run.sensitivities import sensitivities as sensitivities

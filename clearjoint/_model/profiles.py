@@ -392,6 +392,6 @@ def caution_two_contacts(
 def _sampled(profile: AbstractProfile | None) -> Deviation:
     """Return the deviation at evenly spaced angles, four times as many as resolve the profile."""
     if profile is None:
-        return Deviation(*(np.zeros(1),) * 3)
+        return Deviation(value=np.zeros(1), slope=np.zeros(1), bend=np.zeros(1))
     count = 4 * profile.angles()
     return profile.at(np.arange(count) * (2.0 * np.pi / count))

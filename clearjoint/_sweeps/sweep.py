@@ -33,6 +33,7 @@ from .._simulation.results.impact_table import IMPACT_UNITS
 from .._simulation.results.solution import LABELS, STATE_PARTS, contact_label
 from .._simulation.run.impact_recorder import ImpactRecorder
 from .._simulation.run.outputs import ImpactTable, Kept, Output, kept_by
+from .._simulation.run.rejections import RejectedSteps
 from .._simulation.run.run_checks import check_numbers, check_precision, check_structure
 from .._simulation.run.saving import Saving
 from .._simulation.run.sections import Section
@@ -325,6 +326,8 @@ def sweep(
     save = kept.save
     save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
     save.require_none(["impacts"], "in a sweep", PASS_TABLE)
+    remedy = "pass the lane's scene to simulate() for it"
+    kept.refuse(RejectedSteps, "another output in a sweep", remedy)
     kept.check_names()
     kept.check(scene, settings.ledger)
     if threads is not None:

@@ -433,6 +433,19 @@ def test_a_store_without_a_run_is_written_too(tmp_path):
     assert rest.attrs["ending"] == "reached the cycles"
 
 
+def test_a_store_of_an_earlier_version_is_not_continued(tmp_path):
+    """Forces were added to the result later."""
+    scene, state = whirling()
+    whole = cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, **OPTIONS)
+    store = wear_module._Store(tmp_path / "wear", "same")
+    store.write(whole.drop_vars("force"))
+    first = wear_module._Stages.first(scene, state, ["pin"], [], whole.sizes["angle"])
+    with pytest.raises(
+        ValueError, match="a store of this version.*without force.: pass another folder"
+    ):
+        store.read(first)
+
+
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
     store, opened, reads = wear_module._Store(tmp_path / "wear", ""), xr.open_zarr, []
 

@@ -14,6 +14,7 @@ from clearjoint import plot
 from clearjoint._export.datasets import setting_notes
 from clearjoint.plot.report_page import joint_rows
 from tests.support.dropped_rod import dropped_rod
+from tests.support.observations import observation_of
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
 CODES = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}
@@ -184,7 +185,7 @@ def test_wrong_arguments_are_refused(call, message):
 
 
 def test_a_scene_without_contacts_has_no_timeline():
-    seen = cj.results.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
+    seen = observation_of(TIMES)
     for draw in (plot.motion_timeline, plot.joint_forces):
         with pytest.raises(ValueError, match="`observation` must be of a scene with contacts"):
             draw(seen)
@@ -193,7 +194,7 @@ def test_a_scene_without_contacts_has_no_timeline():
 def energies(**more) -> cj.results.Observation:
     stored = {"kinetic": 3.0 * TIMES, "gravity": 5.0 - 9.0 * TIMES, "contacts": 0.5 * TIMES}
     whole = stored | {"springs": 0.5 * TIMES, "mechanical": 5.0 - 5.0 * TIMES} | more
-    return cj.results.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
+    return observation_of(TIMES, energies=whole)
 
 
 def test_the_ledger_has_energies_and_drift():

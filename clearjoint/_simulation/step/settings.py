@@ -82,7 +82,8 @@ class Settings:
     - `redundant`: whether some constraint equations depend linearly on others. By default, runs
       find this out from the initial state; inside a JAX transformation, they take all equations as
       independent.
-    - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
+    - `max_steps`: largest number of attempted steps of a run, accepted and rejected. The output
+      `RejectedSteps` tells when and why steps are rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
     **Raises:** `ValueError` that names the setting: for a value of a wrong type; for a solver of
