@@ -26,6 +26,7 @@ from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint, RecordedRun, integrands_of
 from .outputs import EXAMPLE, ImpactTable, Kept, kept_by
+from .rejections import RejectedSteps
 from .run_checks import derivative_scheme, is_traced
 from .sections import Section
 
@@ -227,7 +228,8 @@ def predictor(
     """
     kept = kept_by(outputs, None)
     expected = "a quantity or a reduction in reverse mode"
-    kept.refuse(Section | ImpactTable, expected, "pass a quantity or a reduction such as cj.Peak")
+    remedy = "pass a quantity or a reduction such as cj.Peak"
+    kept.refuse(Section | ImpactTable | RejectedSteps, expected, remedy)
     for name, reduction in kept.reductions.items():
         is_smooth, argument = bool(reduction.differentiated), f"outputs[{name!r}]"
         expected = "a reduction with derivatives in reverse mode"
