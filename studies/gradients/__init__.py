@@ -1,0 +1,1 @@
+"""Gradients in reverse mode across impacts: accuracy, cost, and fits of many numbers."""

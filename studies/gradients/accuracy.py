@@ -1,0 +1,248 @@
+"""Accuracy and cost of gradients by 1 to 1000 numbers across a hundred impacts.
+
+A rod in a vertical guide falls with its journal onto the wall of a bearing and bounces, under a force that a network computes from its
+height and speed. The parameters are the clearance and the network's weights.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import count
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+from typing_extensions import override
+
+import clearjoint as cj
+from clearjoint.testing import optimise_programs
+
+CLEARANCE, RESTITUTION, END = 0.5e-3, 0.99, 1.0
+"""Clearance, m, restitution, and end of the runs, s."""
+WIDTHS = (0, 2, 25, 250)
+"""Widths w of the network's hidden layer, with 4 w + 1 weights; 0 for no network."""
+SETTINGS = replace(cj.presets.derivatives, rtol=1e-9)
+TIGHT = replace(SETTINGS, rtol=1e-12)
+CHECKED = 16
+"""Number of derivatives that are compared with forward mode, if there are more."""
+REPEATS = 5
+HEIGHT = cj.quantities.Position("rod", "y")
+OUTPUT = {"height": HEIGHT}
+
+
+class NetworkForce(cj.extend.AbstractForce):
+    """A force along Y, N, on the rod."""
+
+    network: eqx.nn.MLP
+
+    @override
+    def body_names(self):
+        return ("rod",)
+
+    @override
+    def wrenches(self, motions, t):
+        rod = motions["rod"]
+        force = self.network(jnp.stack([rod.position.y / CLEARANCE, 10.0 * rod.velocity.y]))
+        return {"rod": cj.extend.Wrench(cj.extend.Vector(0.0, force, 0.0), cj.extend.ZERO)}
+
+
+def rod(width: int) -> tuple[cj.Scene, cj.State]:
+    """Return a rod of 1 kg in a bearing of steel, with a network of a width."""
+    joint = cj.ClearanceJoint(
+        "ground",
+        "rod",
+        journal_point=(0.0, 0.0, 0.0),
+        bearing_radius=10e-3,
+        clearance=CLEARANCE,
+        journal_length=20e-3,
+        law=cj.laws.LankaraniNikravesh(restitution=RESTITUTION, stiffness=cj.mechanisms.STEEL),
+    )
+    forces = {}
+    if width:
+        network = eqx.nn.MLP(2, "scalar", width, 1, jax.nn.tanh, key=jax.random.key(1))
+        forces = {"network": NetworkForce(network)}
+    # Without the guide, the rod would tilt: its fall onto both ends of the bearing is unstable.
+    guide = cj.PrismaticJoint("ground", "rod", (0, 0, 0), (0, 0, 0), axis=(0, 1, 0))
+    bodies, joints = {"rod": cj.Body(1.0, (1e-5, 3e-3, 3e-3))}, {"guide": guide, "pin": joint}
+    scene = cj.Scene(bodies, joints, forces, gravity=(0.0, -9.81, 0.0))
+    return scene, cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})
+
+
+def paths_of(width: int) -> dict[str, Callable]:
+    """Return the parameters."""
+    paths = {"clearance": lambda scene: scene.joints["pin"].clearance}
+    if width:
+        paths["network"] = lambda scene: scene.forces["network"].network
+    return paths
+
+
+class Row(NamedTuple):
+    """Results for p parameters: numbers of impacts and of accepted steps, processor times of a
+    plain run, s, and, in plain runs, of value and gradient and of forward mode; differences,
+    relative to the largest derivative, from forward mode, from central differences along a
+    direction, and of derivatives of the computed steps along the same direction."""
+
+    parameters: int
+    impacts: int
+    steps: int
+    plain: float
+    reverse: float
+    forward: float | None
+    from_forward: float
+    from_differences: float
+    of_steps: float
+
+
+def measure(quick: bool) -> list[Row]:
+    """Measure gradients by all numbers of parameters."""
+    return [row(width, 0.03 if quick else END) for width in (WIDTHS[:2] if quick else WIDTHS)]
+
+
+def row(width: int, end: float) -> Row:
+    """Measure the gradient of the height at the end of a run."""
+    scene, state = rod(width)
+    paths, times = paths_of(width), [0.5 * end, end]
+    predict = cj.predictor(scene, state, end, paths, OUTPUT, times, SETTINGS)
+    height = lambda values: predict(values)["height"][-1]  # noqa: E731
+    gradient = jax.grad(height)
+    slopes = gradient(predict.values)
+    leaves, structure = jax.tree.flatten(predict.values)
+    flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(slopes)])
+    size = float(np.abs(flat).max())
+
+    # Central differences of runs at a far smaller tolerance, along a direction.
+    random = np.random.default_rng(3)
+    direction = jax.tree.unflatten(
+        structure, [1e-3 * np.abs(leaf) * random.standard_normal(leaf.shape) for leaf in leaves]
+    )
+    along = sum(jax.tree.leaves(jax.tree.map(lambda a, b: float(np.sum(a * b)), slopes, direction)))
+    tight = cj.predictor(scene, state, end, paths, OUTPUT, times, TIGHT)
+    above, below = (
+        float(
+            tight(jax.tree.map(lambda a, b, s=s: a + s * b, predict.values, direction))["height"][
+                -1
+            ]
+        )
+        for s in (STEP, -STEP)
+    )
+    difference = (above - below) / (2.0 * STEP)
+    of_steps = derivative_of_steps(scene, state, end, paths, predict.values, direction)
+
+    expected, forward = forward_mode(scene, state, end, predict.values, len(flat))
+    from_forward = max(abs(flat[k] - value) for k, value in expected.items()) / size
+    impacts = cj.simulate(scene, state, end, SETTINGS, cj.Saving(impacts=True), progress=False)
+    rounds = count(1)
+
+    def value_and_gradient() -> None:
+        # Runs of values that were computed before are kept.
+        share = 1.0 + 1e-12 * next(rounds)
+        gradient(jax.tree.map(lambda leaf: leaf * share, predict.values))
+
+    plain = seconds(partial(cj.simulate, scene, state, end, SETTINGS, progress=False))
+    return Row(
+        parameters=len(flat),
+        impacts=len(impacts.impacts),
+        steps=int(impacts.accepted),
+        plain=plain,
+        reverse=seconds(value_and_gradient) / plain,
+        forward=None if forward is None else forward / plain,
+        from_forward=from_forward,
+        from_differences=abs(along - difference) / abs(difference),
+        of_steps=abs(of_steps - difference) / abs(difference),
+    )
+
+
+STEP = 1e-4
+"""Step of central differences, in units of the direction."""
+
+
+def derivative_of_steps(
+    scene: cj.Scene,
+    state: cj.State,
+    end: float,
+    paths: dict[str, Callable],
+    values: PyTree,
+    direction: PyTree,
+) -> float:
+    """Return the derivative of the steps that a run computes, without control of its error, as
+    other differentiable simulators do, by `jax.jvp` of `simulate`."""
+
+    def height(values: PyTree) -> jax.Array:
+        changed = eqx.tree_at(paths["clearance"], scene, values["clearance"])
+        if "network" in values:
+            network = eqx.combine(values["network"], paths["network"](scene))
+            changed = eqx.tree_at(paths["network"], changed, network)
+        return cj.simulate(changed, state, end, SETTINGS).final.bodies["rod"].position[1]
+
+    values, direction = jax.tree.map(jnp.asarray, (values, direction))
+    return float(jax.jit(lambda v, d: jax.jvp(height, (v,), (d,))[1])(values, direction))
+
+
+def forward_mode(
+    scene: cj.Scene, state: cj.State, end: float, values: PyTree, number: int
+) -> tuple[dict[int, float], float | None]:
+    """Return derivatives by `sensitivities`, by their places in the flat gradient, and the time, s,
+    of those by all parameters, if they are few."""
+    parameters: dict[int, cj.Parameter] = {
+        0: cj.Parameter(lambda s: s.joints["pin"].clearance),
+    }
+    place = 1
+    for k, layer in enumerate(values["network"].layers if "network" in values else ()):
+        for field in ("weight", "bias"):
+            shape = np.shape(getattr(layer, field))
+            for index in np.ndindex(shape):
+                parameters[place] = cj.Parameter(
+                    lambda s, k=k, field=field, index=index: getattr(
+                        s.forces["network"].network.layers[k], field
+                    )[index]
+                )
+                place += 1
+    assert place == number
+    few = number <= 128
+    chosen = list(parameters)
+    if not few:
+        chosen = sorted(np.random.default_rng(4).choice(chosen, CHECKED, replace=False))
+    named = {f"p{k}": parameters[k] for k in chosen}
+    call = partial(
+        cj.sensitivities, scene, state, end, named, OUTPUT, [end], SETTINGS, progress=False
+    )
+    found = call()
+    derivatives = found.derivatives["height"][0]
+    expected = dict(zip(chosen, derivatives.tolist(), strict=True))
+    return expected, seconds(call) if few else None
+
+
+def seconds(call: Callable[[], object]) -> float:
+    """Return the processor time of a call after one that compiles, s."""
+    call()
+    optimise_programs()
+    begun = time.process_time()
+    for _ in range(REPEATS):
+        call()
+    return (time.process_time() - begun) / REPEATS
+
+
+def table(rows: list[Row]) -> list[tuple[str, ...]]:
+    """Return rows of text with a heading."""
+    heading = (
+        *("parameters", "impacts", "steps", "plain run", "value and gradient", "forward mode"),
+        *("from forward mode", "from differences", "derivative of the steps"),
+    )
+    return [heading] + [
+        (
+            f"{row.parameters}",
+            f"{row.impacts}",
+            f"{row.steps}",
+            f"{1e3 * row.plain:.1f} ms",
+            f"{row.reverse:.1f} runs",
+            "" if row.forward is None else f"{row.forward:.1f} runs",
+            f"{row.from_forward:.0e}",
+            f"{row.from_differences:.0e}",
+            f"{row.of_steps:.0e}",
+        )
+        for row in rows
+    ]
