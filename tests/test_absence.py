@@ -21,20 +21,19 @@ from clearjoint import (
     Scene,
     SphericalJoint,
     State,
+    Unstabilised,
     body_state,
 )
 from clearjoint._dynamics import system as dynamics
 from clearjoint._dynamics.bristles import initial_bristles
 from clearjoint._dynamics.contact_events import uses_entry_speed
-from clearjoint._dynamics.formulation import Formulation, Unstabilised
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import unpack
 from clearjoint._simulation.run.host_run import begin
 from clearjoint._simulation.step.discontinuities import may_have_undeclared_jump
 from clearjoint._simulation.step.landing import Landing
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Method, Variables
 from clearjoint._simulation.step.stepping import attempt, start
+from clearjoint.extend import Formulation, System, unpack
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
 from tests.support.programs import primitives

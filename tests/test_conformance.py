@@ -10,10 +10,14 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.objects import optional_quantity, quantity
 from clearjoint._model.contact.laws import WeightedLaw
-from clearjoint._model.joints.base import Row
-from clearjoint.extend import AbstractDampedLaw, AbstractHertzianLaw
+from clearjoint.extend import (
+    AbstractDampedLaw,
+    AbstractHertzianLaw,
+    Row,
+    optional_quantity,
+    quantity,
+)
 from clearjoint.testing import (
     check_bristles,
     check_constraint,

@@ -4,10 +4,9 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from clearjoint._identification.minimise import Minimum
-from clearjoint._identification.starts import Starts
+from clearjoint import RESULTS, Starts
 from clearjoint._information.fisher_information import covariance
-from clearjoint._result_codes import RESULTS
+from clearjoint.results import Minimum
 from tests.support.shapes import checking, modules_with_shapes
 
 

@@ -23,10 +23,10 @@ from clearjoint._command_line.program import clearjoint
 from clearjoint._command_line.reports import lane_table
 from clearjoint._command_line.study import find_path, read_study, study_schema
 from clearjoint._command_line.sweeping import sweep_axes
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._export.datasets import describe, setting_notes
 from clearjoint._scene_files.documents import FileLocation, keys_of, written
 from clearjoint._simulation.run import host_run, terminal
+from clearjoint.extend import Formulation
 from tests.support.dropped_rod import dropped_rod
 from tests.support.repetitions import repetitions
 

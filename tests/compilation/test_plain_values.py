@@ -18,7 +18,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._compilation.plain_values import NotPlainError, digest_of
-from clearjoint._simulation.results.observe import MotionMode
+from clearjoint.results import MotionMode
 
 
 def test_data_differ_by_type_and_value():

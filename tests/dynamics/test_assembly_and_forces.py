@@ -10,10 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint._dynamics.constraint_report import start_rows
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import Vector, unpack
 from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
+from clearjoint.extend import Formulation, System, Vector, unpack
 
 
 def euler_parameters(rotation):

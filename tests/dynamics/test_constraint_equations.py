@@ -19,14 +19,12 @@ from clearjoint import (
     SphericalJoint,
     body_state,
 )
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._dynamics.multipliers import ConstraintEquations, row_weights
-from clearjoint._dynamics.system import System
 from clearjoint._math.block_matrices import BlockMatrix, gram_matrix
 from clearjoint._math.linear_solvers import Exact, LeastNorm, ScalarMatrix
-from clearjoint._math.vectors import unpack
 from clearjoint._native.functions import NativeProgram
 from clearjoint._native.lowering import count_equations
+from clearjoint.extend import Formulation, System, unpack
 
 COORDINATES = {"absolute": AbsoluteCoordinates(), "joint": JointCoordinates()}
 

@@ -6,8 +6,8 @@ import pytest
 import clearjoint as cj
 from clearjoint._dynamics import contact_events
 from clearjoint._dynamics.contact_events import SLOWEST, TOUCHING, ContactGap
-from clearjoint._math.vectors import unpack
 from clearjoint._model.contact.laws import UNKNOWN_ENTRY_SPEED
+from clearjoint.extend import unpack
 
 SCENE = unpack(cj.mechanisms.double_pendulum()[0])
 OPEN = ContactGap(-1e-4, 0.3)

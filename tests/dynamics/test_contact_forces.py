@@ -9,8 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._dynamics.contact_forces import contact_force
-from clearjoint._math.vectors import ZERO, Vector
-from clearjoint._model.joints.base import Contact
+from clearjoint.extend import ZERO, Contact, Vector
 from tests.support.planes import Plane
 
 DEPTH, RATE = 3e-14, -0.06

@@ -10,15 +10,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
+from clearjoint import GROUND, constraint_report
 from clearjoint._dynamics import system as dynamics
-from clearjoint._dynamics.constraint_report import constraint_report
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._fields.objects import quantity
-from clearjoint._math.rotations import conjugate, rotation_matrix, unit
-from clearjoint._math.vectors import EulerParameters, fold_constants, pack, unpack
-from clearjoint._model.bodies import GROUND
+from clearjoint._math.rotations import conjugate
+from clearjoint._math.vectors import fold_constants
 from clearjoint._model.joints.motion_subspaces import Slider
+from clearjoint.extend import (
+    EulerParameters,
+    Formulation,
+    System,
+    pack,
+    quantity,
+    rotation_matrix,
+    unit,
+    unpack,
+)
 from clearjoint.mechanisms import bricard, double_four_bar
 from tests.support.reference import CASES
 

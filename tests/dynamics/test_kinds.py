@@ -15,10 +15,11 @@ import pytest
 import clearjoint as cj
 from clearjoint._compilation import xla
 from clearjoint._dynamics.kinds import Kinds
-from clearjoint._math.vectors import fold_constants, pack, unpack
+from clearjoint._math.vectors import fold_constants
 from clearjoint._native import Native
 from clearjoint._native.functions import NativeFunction
 from clearjoint._simulation.run import host_run, impact_recorder
+from clearjoint.extend import pack, unpack
 from studies.benchmark.backlash_chain import SPAN, chain
 from tests.support.elements import elements
 from tests.support.symmetry_transformations import renamed

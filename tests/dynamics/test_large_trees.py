@@ -11,18 +11,26 @@ import pytest
 from jax.interpreters import partial_eval
 
 import clearjoint as cj
+from clearjoint import GROUND, BodyState
 from clearjoint._compilation import program_of
 from clearjoint._compilation.xla import CALLS
 from clearjoint._dynamics.equations_of_motion import constraint_rows, flattened
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._dynamics.joint_coordinates import inertia
 from clearjoint._dynamics.joint_coordinates.coordinates import JointMechanics
 from clearjoint._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, forest
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import EulerParameters, Vector, fold_constants, pack, unpack
-from clearjoint._model.bodies import GROUND, GROUND_MOTION, BodyState, Wrench
-from clearjoint._model.joints.motion_subspaces import JointState
+from clearjoint._math.vectors import fold_constants
+from clearjoint.extend import (
+    EulerParameters,
+    Formulation,
+    JointState,
+    System,
+    Vector,
+    Wrench,
+    pack,
+    unpack,
+)
 from studies.benchmark.chain import LENGTH, chain
+from tests.support.motions import AT_REST
 
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
 KINDS = "revolute", "spherical", "prismatic", "universal", "screw", "fixed"
@@ -91,7 +99,7 @@ def random_variables(random, scene):
 
     variables = {}
     for branch in (branch for tree in forest(scene) for branch in tree):
-        at = UPRIGHT, GROUND_MOTION
+        at = UPRIGHT, AT_REST
         state = branch.encode(at, at)
         if isinstance(branch, FreeBranch):
             turn = position(state.orientation)

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import fold_constants, pack, unpack
-from clearjoint.extend import Gap, contact_normal_force
+from clearjoint._math.vectors import fold_constants
+from clearjoint.extend import Formulation, Gap, System, contact_normal_force, pack, unpack
 
 FORMULATION = Formulation()
 CRANK, ROD = cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH

@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._export import datasets
 from clearjoint._export.datasets import setting_notes
-from clearjoint._simulation.results.nonsmooth_solution import ContactTotals
 from clearjoint._simulation.results.observe import AccelerationSeries, ContactObservation, Load
+from clearjoint.extend import Formulation
+from clearjoint.results import ContactTotals
 
 COUNT = 5
 TIMES = np.linspace(0.0, 0.3, COUNT) / 3.0

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import extend
+from clearjoint import RESULTS, extend
 from clearjoint._fields.checks import as_number, as_shown
-from clearjoint._result_codes import RESULTS
 from tests.support.public_names import MODULES
 from tests.support.rooms import DOORS
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import Section
 from clearjoint import quantities as q
-from clearjoint._simulation.run.sections import Section
 from clearjoint._simulation.step.settings import checked_times
 from clearjoint._sweeps.outputs import Layout, Variable
 

@@ -14,9 +14,10 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint._identification import goodness_of_fit as statistics
 from clearjoint._identification.identify import _warn
-from clearjoint._identification.levenberg_marquardt import Iteration, Search, WindowSearch
+from clearjoint._identification.levenberg_marquardt import Search, WindowSearch
 from clearjoint._identification.residuals import UNREACHED, RunMisfit
 from clearjoint._information import fisher_information as information
+from clearjoint.results import Iteration
 
 COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)

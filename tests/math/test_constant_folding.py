@@ -9,16 +9,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import (
-    EulerParameters,
-    Matrix,
-    Vector,
-    fold_constants,
-    pack,
-    unpack,
-)
+from clearjoint._math.vectors import fold_constants
+from clearjoint.extend import EulerParameters, Formulation, Matrix, System, Vector, pack, unpack
 
 
 def test_exact_zeros_and_ones_of_vectors_are_structural():

@@ -10,11 +10,15 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._dynamics.contact_forces import contact_wrenches
-from clearjoint._math.rotations import rotation_matrix
-from clearjoint._math.vectors import EulerParameters, Vector, unpack
-from clearjoint._model.bodies import Motion
-from clearjoint._model.contact.laws import Gap
-from clearjoint._model.joints.base import AbstractContactJoint
+from clearjoint.extend import (
+    AbstractContactJoint,
+    EulerParameters,
+    Gap,
+    Motion,
+    Vector,
+    rotation_matrix,
+    unpack,
+)
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 from clearjoint.testing.contact_joints import _positions
 

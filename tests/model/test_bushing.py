@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint._math.rotations import rotation_vector
-from clearjoint._math.vectors import Matrix, Vector, pack, unpack
+from clearjoint.extend import Matrix, Vector, pack, unpack
 from clearjoint.testing import moving
 
 EULER = (0.8, 0.1, -0.3, 0.5)

@@ -10,7 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from clearjoint import (
+    GROUND,
+    AbsoluteCoordinates,
     Body,
+    BodyState,
     ClearanceJoint,
     EndPlay,
     FixedAxially,
@@ -20,16 +23,13 @@ from clearjoint import (
     body_state,
     observe,
 )
-from clearjoint._dynamics.absolute_coordinates import AbsoluteCoordinates
 from clearjoint._dynamics.contact_forces import contact_forces
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import EulerParameters, Vector, pack, unpack
-from clearjoint._model.bodies import GROUND, GROUND_MOTION, BodyState
+from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.results import MotionMode, Trajectory
 from clearjoint.testing import moving
+from tests.support.motions import AT_REST
 
 RANDOM = np.random.default_rng(8)
 N = 30
@@ -401,7 +401,7 @@ def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
         unpack(make(GROUND, "journal", journal_axis=(0.0, 0.0, z), **numbers)) for z in (1.0, -1.0)
     )
     motion = moving((6e-4, -2e-4, 1e-3), (1.0, 0.03, 0.02, 0.3), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    motions = {GROUND: GROUND_MOTION, "journal": motion}
+    motions = {GROUND: AT_REST, "journal": motion}
 
     def numbers_of(joint, swapped):
         rows = joint.rows(motions, 0.0)

@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._dynamics.breakpoints import drivers_are_smooth
-from clearjoint._fields.objects import quantity
+from clearjoint.extend import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)

@@ -14,10 +14,10 @@ from clearjoint._dynamics.breakpoints import (
     one_sided_time,
     since_breakpoints,
 )
-from clearjoint._math.vectors import fold_constants, unpack
-from clearjoint._model.bodies import GROUND_MOTION
+from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.step.discontinuities import require_declared
-from clearjoint.extend import UNIT_X, ZERO
+from clearjoint.extend import UNIT_X, ZERO, unpack
+from tests.support.motions import AT_REST
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
@@ -44,7 +44,7 @@ def test_a_piecewise_linear_table_is_that_of_numpy_and_exact_at_its_points():
 def load_at(load: cj.AppliedLoad, t: float) -> np.ndarray:
     """Force and moment on a body at rest in the origin, (6,) N and N m."""
     element = unpack(fold_constants(load))
-    wrench = element.wrenches({"rod": GROUND_MOTION}, t)["rod"]
+    wrench = element.wrenches({"rod": AT_REST}, t)["rod"]
     return np.array([float(part) for part in jax.tree.leaves(wrench)])
 
 
@@ -220,13 +220,13 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
                 cj.PrescribedAngle(
                     "ground", "a", Z, cj.Spline([0.0, 1.0], np.zeros((2, 3)), np.zeros((2, 3)))
                 )
-            ).rows({"ground": GROUND_MOTION, "a": GROUND_MOTION}, 0.0),
+            ).rows({"ground": AT_REST, "a": AT_REST}, 0.0),
             "`function`.*one number",
         ),
         (
             lambda: unpack(
                 cj.PrescribedTranslation("ground", "a", ORIGIN, ORIGIN, Z, lambda t: (t, t, t))
-            ).rows({"ground": GROUND_MOTION, "a": GROUND_MOTION}, 0.0),
+            ).rows({"ground": AT_REST, "a": AT_REST}, 0.0),
             "`function`.*one number",
         ),
     ],

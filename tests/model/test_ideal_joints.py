@@ -25,16 +25,24 @@ from clearjoint import (
     SphericalJoint,
     body_state,
 )
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
 from clearjoint._math import block_matrices
 from clearjoint._math.rotations import transverse_axes
-from clearjoint._math.vectors import Matrix, Vector, pack, unpack
-from clearjoint._model.bodies import GROUND_MOTION, Motion
 from clearjoint._model.joints import ideal
-from clearjoint._model.joints.base import Row
-from clearjoint._model.joints.constraint_rows import perpendicular, point_in_plane, row_following
-from clearjoint.extend import rows_from_residual
+from clearjoint._model.joints.constraint_rows import row_following
+from clearjoint.extend import (
+    Formulation,
+    Matrix,
+    Motion,
+    Row,
+    System,
+    Vector,
+    pack,
+    perpendicular,
+    point_in_plane,
+    rows_from_residual,
+    unpack,
+)
+from tests.support.motions import AT_REST
 
 RANDOM = np.random.default_rng(6)
 N = 12
@@ -214,7 +222,7 @@ def test_ground_is_a_body_at_rest_in_the_origin():
     bodies.position[0] = bodies.velocity[0] = bodies.spin[0] = 0.0
     bodies.rotation[0] = np.eye(3)
     full = joint.rows(bodies.motions(), 0.0)
-    pruned = joint.rows({"a": GROUND_MOTION, "b": bodies.motion(1)}, 0.0)
+    pruned = joint.rows({"a": AT_REST, "b": bodies.motion(1)}, 0.0)
     assert pruned.keys() == full.keys()
     for label, row in full.items():
         compare(pruned[label].value, row.value)

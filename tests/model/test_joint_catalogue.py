@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint import quantities as Q  # noqa: N812
 from clearjoint._dynamics.multipliers import row_rate
-from clearjoint._math.vectors import unpack
+from clearjoint.extend import unpack
 from clearjoint.testing import moving
 from studies.catalogue.machines import (
     CART,

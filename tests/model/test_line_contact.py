@@ -13,14 +13,14 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from clearjoint import GROUND
 from clearjoint._dynamics.contact_forces import contact_forces, contact_wrenches
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._math.vectors import unpack
-from clearjoint._model.bodies import GROUND, GROUND_MOTION
+from clearjoint.extend import Formulation, unpack
 from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
 from clearjoint.testing import moving
 from tests.support.dropped_rod import dropped_rod
+from tests.support.motions import AT_REST
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.2e-3, 30e-3, 1e8
 AXIS = np.array([2.0, 1.0, -2.0]) / 3.0
@@ -68,7 +68,7 @@ def loads(joint, poses):
     spins = [given.turn.inv().apply(given.spin) for given in poses]
     centres, velocities = [p.centre for p in poses], [p.velocity for p in poses]
     columns = (np.transpose(rows) for rows in (centres, euler, velocities, spins))
-    motions = {GROUND: GROUND_MOTION, "shaft": moving(*columns)}
+    motions = {GROUND: AT_REST, "shaft": moving(*columns)}
     scene = unpack(cj.Scene({"shaft": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pin": joint}))
     total = np.zeros((len(poses), 6))
     for one in contact_forces(scene, motions, {})["pin"].values():

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint._dynamics.journals import contact_depths
 from clearjoint._dynamics.multipliers import row_rate
-from clearjoint._math.vectors import unpack
 from clearjoint._model.mechanisms.four_bars import LENGTHS, MASSES, PINS
+from clearjoint.extend import unpack
 from clearjoint.testing import moving
 from tests.support.andrews_equations import PUBLISHED, START, angles
 

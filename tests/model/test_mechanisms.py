@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.objects import quantity
+from clearjoint.extend import quantity
 from clearjoint.mechanisms import bricard, double_four_bar
 
 

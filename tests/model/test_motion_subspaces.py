@@ -7,10 +7,18 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._dynamics.multipliers import row_rate
-from clearjoint._math.rotations import normalised, rotation_matrix
-from clearjoint._math.vectors import EulerParameters, Vector, pack, unpack
-from clearjoint._model.bodies import Motion
-from clearjoint._model.joints.motion_subspaces import JointState, Relative, Twist
+from clearjoint.extend import (
+    EulerParameters,
+    JointState,
+    Motion,
+    Relative,
+    Twist,
+    Vector,
+    normalised,
+    pack,
+    rotation_matrix,
+    unpack,
+)
 from clearjoint.testing import moving
 
 POINTS, AXES = ((0.1, 0.2, -0.3), (-0.2, 0.4, 0.1)), ((1.0, 2.0, 2.0), (0.5, -1.0, 0.3))

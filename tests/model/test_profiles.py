@@ -9,14 +9,14 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint._math.vectors import pack, unpack
-from clearjoint._model.bodies import GROUND, GROUND_MOTION
+from clearjoint import GROUND
 from clearjoint._model.profiles import JournalInBearing, PlanarAxes
-from clearjoint.extend import AbstractProfile, Deviation
+from clearjoint.extend import AbstractProfile, Deviation, pack, unpack
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
 from clearjoint.profiles import Harmonics, PeriodicSpline
 from clearjoint.testing import check_contact_joint, moving
+from tests.support.motions import AT_REST
 
 RADIUS, CLEARANCE, STIFFNESS = 10e-3, 0.5e-3, 1e9
 ALIGNED = PlanarAxes(1.0, 0.0, 0.0, 1.0)
@@ -37,7 +37,7 @@ def pin(bearing=None, journal=None, **options):
 
 
 def contact(joint, motion):
-    contacts = unpack(joint).contacts({GROUND: GROUND_MOTION, "arm": motion})
+    contacts = unpack(joint).contacts({GROUND: AT_REST, "arm": motion})
     return jax.tree.map(np.asarray, pack(contacts["V"]))
 
 
@@ -160,7 +160,7 @@ def test_a_two_lobed_bearing_has_its_equilibrium_and_two_stiffnesses(along, sign
 
     def force(centre):
         arm = moving((centre[0], centre[1], 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-        touch = joint.contacts({GROUND: GROUND_MOTION, "arm": arm})["V"]
+        touch = joint.contacts({GROUND: AT_REST, "arm": arm})["V"]
         size = joint.law.force(touch.gap, None)
         return jnp.stack([touch.normal.x * size, touch.normal.y * size])
 

@@ -5,10 +5,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from clearjoint import GROUND
 from clearjoint._dynamics.contact_forces import contact_forces, contact_wrenches
-from clearjoint._math.vectors import unpack
-from clearjoint._model.bodies import GROUND, GROUND_MOTION
+from clearjoint.extend import unpack
 from clearjoint.testing import moving
+from tests.support.motions import AT_REST
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 ACROSS = np.array([1.0, 2.0, 0.0]) / np.sqrt(5.0)
@@ -47,7 +48,7 @@ def test_friction_opposes_sliding_and_rotation_at_the_mean_radius(side, speed, s
     turn = Rotation.from_rotvec(0.7 * AXIS)
     about = turn.inv().apply(spin * AXIS)
     shaft = moving(centre, turn.as_quat(scalar_first=True), velocity, about)
-    motions = {"house": GROUND_MOTION, "shaft": shaft}
+    motions = {"house": AT_REST, "shaft": shaft}
     name = "upper shoulder" if side > 0.0 else "lower shoulder"
     one = contact_forces(scene, motions, {})["pin"][name]
     push, slip = STIFFNESS * depth**1.5, np.hypot(speed, RADIUS * spin)

@@ -15,10 +15,10 @@ import pytest
 import clearjoint as cj
 from clearjoint._fields.cautions import quiet
 from clearjoint._fields.checks import conditions_of, recheck
-from clearjoint._math.vectors import unpack
 from clearjoint._native.functions import RULES
 from clearjoint._native.lowering import Lowering, aval_of
 from clearjoint._native.operations import Operations
+from clearjoint.extend import unpack
 from tests.scene_files.test_round_trips import BODIES, ELEMENTS, STATE, example
 
 INERTIA = np.array([[1.0, 0.1, 0.0], [0.1, 1.1, -0.2], [0.0, -0.2, 1.2]])

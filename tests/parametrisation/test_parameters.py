@@ -10,8 +10,8 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._fields.checks import recheck, recheck_changes
-from clearjoint._fields.objects import quantity
 from clearjoint._parametrisation.paths import unit_at, value_at
+from clearjoint.extend import quantity
 
 
 @pytest.fixture(scope="module")

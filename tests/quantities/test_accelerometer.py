@@ -8,8 +8,8 @@ import pytest
 from scipy import signal
 
 import clearjoint as cj
+from clearjoint import constraint_report
 from clearjoint import quantities as q
-from clearjoint._dynamics.constraint_report import constraint_report
 from clearjoint._parametrisation.paths import value_at
 
 FREQUENCY, GRAVITY = 120.0, 9.81

@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import fold_constants, unpack
+from clearjoint._math.vectors import fold_constants
+from clearjoint.extend import Formulation, System, unpack
 from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
 from clearjoint.quantities.base import Instant
 

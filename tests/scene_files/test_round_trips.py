@@ -17,10 +17,10 @@ import pytest
 from jaxtyping import Float
 
 import clearjoint as cj
-from clearjoint._model.contact.laws import AbstractElasticity
 from clearjoint._scene_files.classes import REQUIRED, Expectation, arguments, is_abstract
 from clearjoint._scene_files.documents import FileLocation
 from clearjoint._scene_files.files import first_difference
+from clearjoint.extend import AbstractElasticity
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.constraint_report import constraint_report
+from clearjoint import constraint_report
 from clearjoint._dynamics.journals import outside
-from clearjoint._model.contact.laws import Gap
+from clearjoint.extend import Gap
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

@@ -12,12 +12,10 @@ from scipy.integrate import solve_ivp
 import clearjoint as cj
 from clearjoint._dynamics.bristles import updated_bristles
 from clearjoint._dynamics.contact_events import ContactGap
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import Vector, unpack
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import _initial_ledger
 from clearjoint._simulation.step.trial_step import rates_of
+from clearjoint.extend import Formulation, System, Vector, unpack
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.objects import quantity
-from clearjoint._math.vectors import ZERO, Vector
-from clearjoint._model.bodies import Wrench
 from clearjoint._simulation.nonsmooth import simulate as nonsmooth_simulate
 from clearjoint._simulation.nonsmooth.bounded_lcp import BoxProblem
 from clearjoint._simulation.nonsmooth.contact_problem import NEGLIGIBLE, _slip_direction
+from clearjoint.extend import ZERO, Vector, Wrench, quantity
 from tests.support.planes import Plane
 
 GRAVITY, HEIGHT, STEP = 9.81, 0.3, 1e-3

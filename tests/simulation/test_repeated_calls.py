@@ -12,10 +12,10 @@ import clearjoint as cj
 from clearjoint._compilation import HostFirst
 from clearjoint._dynamics.joint_coordinates import trees
 from clearjoint._fields.objects import with_arrays
-from clearjoint._math.vectors import unpack
 from clearjoint._native import NativeFunction
 from clearjoint._native.functions import FlatArguments, folded
 from clearjoint._simulation.run.run_checks import check_structure
+from clearjoint.extend import unpack
 from studies.benchmark.backlash_chain import chain
 
 Z, ORIGIN = (0, 0, 1), (0, 0, 0)

@@ -10,12 +10,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.objects import quantity
-from clearjoint._math.vectors import ZERO, Vector
-from clearjoint._model.bodies import Wrench
-from clearjoint._model.joints.base import Contact
 from clearjoint._simulation.step.discontinuities import compares_time
 from clearjoint._simulation.step.saltation import _mean_force
+from clearjoint.extend import ZERO, Contact, Vector, Wrench, quantity
 from tests.support.planes import Plane
 
 Q = cj.quantities

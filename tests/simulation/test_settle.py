@@ -9,9 +9,9 @@ from scipy.special import ellipk
 import clearjoint as cj
 from clearjoint import Settling
 from clearjoint import quantities as q
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._simulation.run import settle
 from clearjoint._simulation.run.settle import Strobe, columns, section_strobe, stillness, strobe_of
+from clearjoint.extend import Formulation
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 GRAVITY = 9.81

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._simulation.run import host_run
 from clearjoint._simulation.run.host_run import begin, recorders_of, segment, segment_compiled
 from clearjoint._simulation.run.outputs import kept_by
@@ -18,6 +17,7 @@ from clearjoint._simulation.step.landing import Landing
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.solvers import default_controller, ready_solver
 from clearjoint._simulation.step.step_state import Method
+from clearjoint.extend import Formulation
 
 END = 0.05
 FEW_STAGES = cj.Settings(solver=diffrax.Bosh3())

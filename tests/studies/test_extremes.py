@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._result_codes import RESULTS
+from clearjoint import RESULTS
 from clearjoint._simulation.step.trial_step import REJECTED_ERROR
 from studies.extremes import findings as extremes
 from studies.extremes.cases import BASE, damping_factor, delivered, thrown

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._math.rotations import kept_unit, rotation_matrix, within_two_turns
-from clearjoint._math.vectors import EulerParameters, pack, unpack
-from clearjoint._model.bodies import BodyState
+from clearjoint import BodyState
+from clearjoint._math.rotations import kept_unit
 from clearjoint._simulation.run.host_run import _first_rows
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import attempt, start
+from clearjoint.extend import EulerParameters, pack, rotation_matrix, unpack, within_two_turns
 from studies.cost import long_runs
 
 

@@ -8,13 +8,13 @@ from unittest.mock import patch
 
 from clearjoint._dynamics import contact_forces, system
 from clearjoint._dynamics.joint_coordinates import inertia, trees
-from clearjoint._dynamics.system import System
 from clearjoint._model.clearance_joints import clearance, common
-from clearjoint._model.contact.friction import RegularisedCoulomb
 from clearjoint._model.joints import motion_subspaces as freedoms
 from clearjoint._parametrisation.parametrised_scene import ParametrisedScene
 from clearjoint._simulation.step import stepping
 from clearjoint._simulation.step.landing import Landing
+from clearjoint.extend import System
+from clearjoint.frictions import RegularisedCoulomb
 
 FEATURES: Mapping[str, tuple[tuple[object, str], ...]] = MappingProxyType(
     {

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from clearjoint._sweeps.store.store import open_sweep
+from clearjoint import open_sweep
 from tests.support.fake_sweep import complete, compute, layout, opened, results
 from tests.sweeps.test_sweep_store import identical
 

@@ -23,14 +23,15 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint._fields.objects import quantity
+from clearjoint import ChunkError, open_sweep
 from clearjoint._native import is_native
 from clearjoint._runtime import threads_of_sweeps
 from clearjoint._sweeps import computing, executors
 from clearjoint._sweeps.computing import lane_progress
-from clearjoint._sweeps.executors import QUEUED, RETRIES, ChunkError, run_chunks
+from clearjoint._sweeps.executors import QUEUED, RETRIES, run_chunks
 from clearjoint._sweeps.outputs import Coordinate
-from clearjoint._sweeps.store.store import SweepMemory, open_sweep
+from clearjoint._sweeps.store.store import SweepMemory
+from clearjoint.extend import quantity
 from tests.support.fake_sweep import complete, layout, opened, results
 
 SPAWN = multiprocessing.get_context("spawn")

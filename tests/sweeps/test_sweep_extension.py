@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from clearjoint import open_sweep
 from clearjoint._sweeps.outputs import Coordinate, Variable
 from clearjoint._sweeps.store import metadata
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
-from clearjoint._sweeps.store.store import SweepStore, open_sweep
+from clearjoint._sweeps.store.store import SweepStore
 from tests.support.fake_sweep import complete, compute, layout, opened, results
 from tests.sweeps.test_sweep_store import identical
 

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint._result_codes import result_numbers
 from clearjoint._sweeps.axes import lanes_of
 from clearjoint._sweeps.sweep import _warn_of_failures, checked_starts
+from clearjoint.extend import result_numbers
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])

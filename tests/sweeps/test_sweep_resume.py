@@ -17,12 +17,12 @@ import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint._model.bodies import Wrench
 from clearjoint._sweeps import computing
 from clearjoint._sweeps import sweep as sweeping
 from clearjoint._sweeps.computing import lane_progress
 from clearjoint._sweeps.store.store import SweepStore
 from clearjoint._sweeps.work import Work
+from clearjoint.extend import Wrench
 from tests.support.fake_sweep import layout
 from tests.support.rotor import (
     END,

@@ -16,12 +16,13 @@ import pytest
 import xarray as xr
 import zarr
 
+from clearjoint import open_sweep
 from clearjoint._sweeps.outputs import Coordinate, Layout
 from clearjoint._sweeps.store import chunks, metadata
 from clearjoint._sweeps.store import store as store_module
 from clearjoint._sweeps.store.metadata import contents_of, create
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
-from clearjoint._sweeps.store.store import SweepMemory, SweepStore, open_sweep
+from clearjoint._sweeps.store.store import SweepMemory, SweepStore
 from tests.support.fake_sweep import (
     SETTINGS,
     complete,

@@ -13,13 +13,13 @@ import trimesh
 from PIL import Image
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
 from clearjoint._views.arrows import LONGEST
 from clearjoint._views.filming import _covered, _time_text
 from clearjoint._views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
 from clearjoint._views.poses import initial_state
 from clearjoint._views.proportions import equivalent_solid
 from clearjoint._views.sketching import WALL, colours
+from clearjoint.extend import Formulation
 from tests.support import recorded_journal as recorded
 from tests.support.tumbling_bearing import solution_of
 
