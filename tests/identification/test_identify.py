@@ -20,7 +20,6 @@ from clearjoint._identification.residuals import (
     run_misfit,
     samples,
 )
-from clearjoint._parametrisation.parameter import coordinates_of
 
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]
@@ -68,8 +67,12 @@ def fit(draws):
 def problem(draws):
     """Runs, data and coordinates near the truth."""
     runs = experiment(SCENE, STATE, PARAMETERS, PROBES, TIMES, 0.0, None)
-    at = coordinates_of(SCENE, STATE, PARAMETERS) + [0.02, -0.03, 0.01]
+    at = true_coordinates() + [0.02, -0.03, 0.01]
     return runs, samples(draws[0], len(runs.times)), at
+
+
+def true_coordinates():
+    return np.array([p.coordinate_in(SCENE, STATE) for p in PARAMETERS.values()])
 
 
 def fitted(measurements, **options):
@@ -125,13 +128,15 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     whole = run_misfit(runs, data, END, at)
     np.testing.assert_allclose(found.residuals[~late], whole.residuals[~late], atol=1e-9)
 
+
+def test_a_fit_whose_runs_fail_says_so(draws):
     failing = fitted(
         draws[0], settings=replace(cj.presets.derivatives, max_steps=300), max_iterations=3
     )
     assert failing.ending is cj.results.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
     squares = sum(np.sum(row**2) for row in failing.residuals.values())
-    assert squares == pytest.approx(failing.chi_squared, rel=1e-9) and squares >= UNREACHED**2
+    assert squares == pytest.approx(failing.chi_squared, rel=1e-9) and squares >= 1e6**2
 
 
 def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
@@ -143,7 +148,7 @@ def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
     inside = [
         abs(one.coordinates[k] - truth) / np.sqrt(one.covariance[k, k])
         for one in many
-        for k, truth in enumerate(coordinates_of(SCENE, STATE, PARAMETERS))
+        for k, truth in enumerate(true_coordinates())
     ]
     assert max(inside) < 4.0
 
@@ -173,7 +178,7 @@ def test_starts_and_windows(fit, draws):
     found = fitted(draws[0], guess=[CLOSE, TRUTH], **options)
     assert len(found.searches) == 3
     rows = np.array([search.start for search in found.searches])
-    np.testing.assert_allclose(rows[1], coordinates_of(SCENE, STATE, PARAMETERS))
+    np.testing.assert_allclose(rows[1], true_coordinates())
     np.testing.assert_array_less(np.abs(rows[2] - rows[0]), [0.2, 1e-12, 0.02])
     assert rows[2, 0] != rows[0, 0]
     assert [window.end_time for window in found.best.windows] == [0.02, END]
