@@ -23,7 +23,6 @@ from clearjoint import (
     body_state,
     observe,
 )
-from clearjoint._dynamics.contact_forces import contact_forces
 from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
@@ -266,21 +265,6 @@ def test_forces_push_the_bodies_apart():
         for part in found.contact_forces["pin"].values()
     )
     np.testing.assert_allclose(loads(found)[1][0], expected, rtol=1e-12, atol=1e-11)
-
-
-def test_bearing_on_the_ground_is_a_bearing_on_a_body_at_rest():
-    """Pruning what the ground makes zero changes nothing for the journal's body."""
-    scene = random_scene(friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
-    states = random_states()
-    zero = vector(np.zeros((N, 3)))
-    still = BodyState(zero, EulerParameters(np.ones(N), zero.x, zero.y, zero.z), zero, zero)
-    pinned = random_scene(GROUND, friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
-    variables = COORDINATES.encode(pinned, states)
-    on_ground = contact_forces(pinned, COORDINATES.motions(pinned, variables), MEMORY)
-    on_body = contact_forces(scene, COORDINATES.motions(scene, {**states, "a": still}), MEMORY)
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11), on_ground, on_body
-    )
 
 
 PIN = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}

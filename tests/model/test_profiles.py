@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import GROUND
-from clearjoint._model.profiles import JournalInBearing, PlanarAxes
 from clearjoint.extend import AbstractProfile, Deviation, pack, unpack
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
@@ -19,7 +18,6 @@ from clearjoint.testing import check_contact_joint, moving
 from tests.support.motions import AT_REST
 
 RADIUS, CLEARANCE, STIFFNESS = 10e-3, 0.5e-3, 1e9
-ALIGNED = PlanarAxes(1.0, 0.0, 0.0, 1.0)
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 50)
 
 
@@ -193,34 +191,6 @@ def test_harmonics_are_sums_of_waves():
     np.testing.assert_allclose(found.slope, sines @ (k * wave) - cosines @ (k * other), atol=1e-18)
     np.testing.assert_allclose(
         found.bend, -(cosines @ (k * k * wave)) - sines @ (k * k * other), atol=1e-17
-    )
-
-
-def test_of_many_waves_the_deepest_is_found():
-    """The search by 48 angles finds the largest of several maxima."""
-    profile = Harmonics([0.0] * 5 + [50e-6])
-    rng = np.random.default_rng(5)
-    t = np.linspace(0.0, 2.0 * np.pi, 20_001)
-    wall = 50e-6 * np.cos(6 * t)
-    for x, y in rng.normal(size=(5, 2)) * 0.4e-3:
-        found = JournalInBearing(x, y, profile, None, ALIGNED).closest_approach(CLEARANCE)
-        expected = (x * np.cos(t) + y * np.sin(t) - wall).max() - CLEARANCE
-        assert float(found.depth) == pytest.approx(expected, abs=1e-10)
-
-
-def test_a_journal_rests_where_its_load_presses_it():
-    """Both bases carry half of the load there, and the wall's normal is along the load."""
-    profile = Harmonics([0.0, 30e-6, -10e-6], [0.0, 20e-6, 0.0])
-    load = np.array([3.0, -2.0, 0.5])
-    joint = pin(profile)
-    ideal = joint.resting_joint(load)
-    x, y, _ = ideal.attachments()[0][2]
-    found = JournalInBearing(x, y, profile, None, ALIGNED).closest_approach(CLEARANCE)
-    gap = cj.extend.Gap(found.depth, 0.0, joint.bearing_radius, joint.clearance)
-    push = float(joint.law.elastic_force(gap))
-    assert 2.0 * push == pytest.approx(np.hypot(*load[:2]), rel=1e-9)
-    np.testing.assert_allclose(
-        [found.cosine, found.sine], load[:2] / np.hypot(*load[:2]), atol=1e-12
     )
 
 

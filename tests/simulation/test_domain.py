@@ -10,7 +10,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import extend
-from clearjoint._fields.checks import conditions_of, recheck
 from tests.simulation.test_gradients import rod
 
 END = 2e-3
@@ -92,21 +91,3 @@ def test_rigid_contacts():
     codes = extend.result_number(found.result)
     assert codes.tolist() == [CODES["successful"], CODES["domain"], CODES["domain"]]
     assert found.steps.tolist() == [2, 0, 0]
-
-
-class Blade(cj.extend.AbstractFriction):
-    """A friction whose check needs known numbers."""
-
-    coefficient: float
-
-    def __check_init__(self):
-        if self.coefficient < 0.0:
-            raise ValueError("negative")
-
-    def ratio(self, slip_speed):
-        return self.coefficient * jnp.tanh(slip_speed / 1e-3)
-
-
-def test_checks_that_need_known_numbers_are_left_out():
-    found = jax.eval_shape(lambda blade: conditions_of(lambda: recheck(blade)), Blade(0.1))
-    assert found == []

@@ -6,7 +6,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import RESULTS
-from clearjoint._simulation.step.trial_step import REJECTED_ERROR
 from studies.extremes import findings as extremes
 from studies.extremes.cases import BASE, damping_factor, delivered, thrown
 from studies.extremes.entries import REFUSED, RIGHT, WRONG, judged
@@ -120,10 +119,6 @@ def test_a_start_with_nothing_to_go_by_is_refused():
     ):
         with pytest.raises(ValueError, match=r"Argument `state\."):
             cj.simulate(trial.scene, state, 1e-3)
-
-
-def test_rejected_errors_fit_into_single_precision():
-    assert np.isfinite(np.float32(REJECTED_ERROR))
 
 
 def test_code_of_a_journal_in_the_wall_has_a_remedy():

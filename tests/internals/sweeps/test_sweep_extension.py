@@ -11,8 +11,8 @@ from clearjoint._sweeps.outputs import Coordinate, Variable
 from clearjoint._sweeps.store import metadata
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
 from clearjoint._sweeps.store.store import SweepStore
-from tests.support.fake_sweep import complete, compute, layout, opened, results
-from tests.sweeps.test_sweep_store import identical
+from tests.internals.support.fake_sweep import complete, compute, layout, opened, results
+from tests.internals.sweeps.test_sweep_store import identical
 
 pytestmark = pytest.mark.filterwarnings("error")
 CLEARANCE, RESTITUTION = layout().axes

@@ -32,7 +32,7 @@ from clearjoint._sweeps.executors import QUEUED, RETRIES, run_chunks
 from clearjoint._sweeps.outputs import Coordinate
 from clearjoint._sweeps.store.store import SweepMemory
 from clearjoint.extend import quantity
-from tests.support.fake_sweep import complete, layout, opened, results
+from tests.internals.support.fake_sweep import complete, layout, opened, results
 
 SPAWN = multiprocessing.get_context("spawn")
 MANY = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 58), "m"),))
@@ -212,7 +212,7 @@ def test_a_stored_sweep_in_a_forked_process_is_refused(tmp_path):
     """It would wait forever for threads of its parent."""
     path = tmp_path / "sweep.zarr"
     command = [sys.executable, "-W", "ignore", "-c", FORKED, path]
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
     assert "`path` must be None in a process that was forked" in done.stdout
     assert "multiprocessing.get_context('spawn')" in done.stdout and not path.exists()
@@ -240,7 +240,7 @@ def test_workers_of_a_process_that_is_killed_end_too(tmp_path):
     """After the first chunk."""
     script = tmp_path / "script.py"
     script.write_text(KILLED)
-    command, root = [sys.executable, script], Path(__file__).parents[2]
+    command, root = [sys.executable, script], Path(__file__).parents[3]
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
         lines = [process.stdout.readline().strip() for _ in range(4)]
         process.kill()

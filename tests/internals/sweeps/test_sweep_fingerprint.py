@@ -152,22 +152,22 @@ import sys
 sys.path[:0] = ["."]
 import tests.conftest
 from tests.support import rotor
-from tests.sweeps.test_sweep_program import of
+from tests.internals.sweeps.test_sweep_program import of
 print(sorted(of(*rotor.rotor(), rotor.OUTPUTS).items()))
 """
 
 
 @pytest.mark.slow
 def test_digests_are_equal_in_another_process():
+    from tests.internals.sweeps.test_sweep_program import of
     from tests.support.rotor import OUTPUTS, rotor
-    from tests.sweeps.test_sweep_program import of
 
     there = subprocess.run(
         [sys.executable, "-c", IN_ANOTHER],
         capture_output=True,
         text=True,
         check=True,
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         env={**os.environ, "PYTHONHASHSEED": "7"},
     )
     assert there.stdout.strip() == str(sorted(of(*rotor(), OUTPUTS).items()))

@@ -23,7 +23,7 @@ from clearjoint._sweeps.store import store as store_module
 from clearjoint._sweeps.store.metadata import contents_of, create
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
 from clearjoint._sweeps.store.store import SweepMemory, SweepStore
-from tests.support.fake_sweep import (
+from tests.internals.support.fake_sweep import (
     SETTINGS,
     complete,
     compute,
@@ -306,7 +306,7 @@ FILL = """
 import sys
 from pathlib import Path
 sys.path.insert(0, ".")
-from tests.support.fake_sweep import fill
+from tests.internals.support.fake_sweep import fill
 print("ready", flush=True)
 fill(*map(Path, sys.argv[1:]))
 """
@@ -314,14 +314,14 @@ CREATE_AND_DIE = """
 import os, signal, sys, zarr
 sys.path.insert(0, ".")
 from pathlib import Path
-from tests.support.fake_sweep import layout, opened
+from tests.internals.support.fake_sweep import layout, opened
 zarr.consolidate_metadata = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 opened(Path(sys.argv[1]), layout())
 """
 
 
 def python(code: str, *arguments: Path) -> subprocess.Popen:
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from clearjoint import open_sweep
-from tests.support.fake_sweep import complete, compute, layout, opened, results
-from tests.sweeps.test_sweep_store import identical
+from tests.internals.support.fake_sweep import complete, compute, layout, opened, results
+from tests.internals.sweeps.test_sweep_store import identical
 
 CHUNK, LANES = 1, [5, 6, 7, 8, 9]
 

@@ -12,7 +12,7 @@ from clearjoint._compilation.xla import elementwise
 from clearjoint._math.stacked import FEWEST, Stacked, stacked, unstacked
 from clearjoint._native import UnsupportedPrimitiveError, llvm_text, lowering, pieces
 from clearjoint._native.functions import NativeProgram
-from tests.native.test_repeated_calls import START, derivatives, run
+from tests.internals.native.test_repeated_calls import START, derivatives, run
 from tests.support.random_programs import RandomProgram
 
 

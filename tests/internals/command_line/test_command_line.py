@@ -807,7 +807,7 @@ clearjoint_command.main()
 def test_ctrl_c_during_the_import_ends_the_program():
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         capture_output=True,
         text=True,
         check=False,
@@ -815,7 +815,7 @@ def test_ctrl_c_during_the_import_ends_the_program():
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
 
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LAUNCHER = ROOT / "clearjoint" / "_command_line" / "launcher"
 IMPORTED = """
 import atexit, sys

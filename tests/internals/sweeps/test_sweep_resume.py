@@ -23,7 +23,7 @@ from clearjoint._sweeps.computing import lane_progress
 from clearjoint._sweeps.store.store import SweepStore
 from clearjoint._sweeps.work import Work
 from clearjoint.extend import Wrench
-from tests.support.fake_sweep import layout
+from tests.internals.support.fake_sweep import layout
 from tests.support.rotor import (
     END,
     INERTIA,
@@ -215,7 +215,7 @@ def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
     """SIGKILL while the chunks are being written."""
     program = KILLED.format(chunk=CHUNK, path=str(path))
     process = subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, cwd=Path(__file__).parents[3]
     )
     assert process.stdout is not None
     for _ in range(3):
@@ -294,7 +294,7 @@ KILLED_AT_ANY_MOMENT = """
 import sys, time
 sys.path.insert(0, ".")
 import tests.conftest
-from tests.sweeps.test_sweep_resume import long_lanes
+from tests.internals.sweeps.test_sweep_resume import long_lanes
 from clearjoint._sweeps import computing
 add = computing._Writer.add
 def report(writer, lanes, results):
@@ -317,7 +317,7 @@ LONG = 300.0
 @pytest.mark.slow
 def test_killed_at_any_moment_a_sweep_loses_the_lanes_of_the_last_second(path):
     """Longer on a machine with much else to do."""
-    rng, root, kills = np.random.default_rng(), Path(__file__).parents[2], 0
+    rng, root, kills = np.random.default_rng(), Path(__file__).parents[3], 0
     while kills < 10:
         command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
         with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
@@ -346,7 +346,7 @@ def ended_lanes(lines):
 def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(path):
     """Not by a segmentation fault, as if a device still computed."""
     command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
         begun = process.stdout.readline()
         process.send_signal(signal.SIGINT)
