@@ -10,7 +10,8 @@ import clearjoint as cj
 from clearjoint._fields.cautions import quiet
 from clearjoint._fields.checks import conditions_of, recheck
 from clearjoint._simulation.run.run_checks import check_numbers
-from tests.scene_files.test_round_trips import BODIES, ELEMENTS, STATE, example
+from tests.internals.scene_files.test_round_trips import ELEMENTS, example
+from tests.scene_files.test_round_trips import BODIES, STATE
 
 VALUES = (np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1e6)
 """Values that replace each number of each element."""

@@ -19,7 +19,8 @@ from clearjoint._native.functions import RULES
 from clearjoint._native.lowering import Lowering, aval_of
 from clearjoint._native.operations import Operations
 from clearjoint.extend import unpack
-from tests.scene_files.test_round_trips import BODIES, ELEMENTS, STATE, example
+from tests.internals.scene_files.test_round_trips import ELEMENTS, example
+from tests.scene_files.test_round_trips import BODIES, STATE
 
 INERTIA = np.array([[1.0, 0.1, 0.0], [0.1, 1.1, -0.2], [0.0, -0.2, 1.2]])
 
