@@ -8,11 +8,11 @@ import pytest
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint._export.datasets import setting_notes
-from tests.support.tumbling_bearing import solution_of
+from tests.support.tumbling_bearing import solution_of, tumbling_bearing
 
 
-def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
-    scene, solution, _ = tumbling
+def test_a_report_has_all_panels_and_tables(tmp_path):
+    scene, solution, _ = tumbling_bearing()
     rows = [
         ("pin", "V", 0.01 * k, 0.01 * k + 1e-3, 1e-3, 0.1, 0.09, 10.0 * k, 0.0, 1e-6)
         for k in range(1, 11)
@@ -43,3 +43,4 @@ def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
     assert orbit.get_aspect() == 1.0
     with pytest.raises(ValueError, match=r"`file` must be with the suffix .png or .pdf"):
         plot.report(scene, solution, tmp_path / "page.doc")
+    plt.close("all")
