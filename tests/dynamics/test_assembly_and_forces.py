@@ -120,7 +120,8 @@ SPEED = 50.0
 TURN = cj.PrescribedRotation("ground", "crank", (0, 0, 1), speed=SPEED, initial_angle=0.9)
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_assembly_moves_a_driven_mechanism_as_with_ideal_joints(seed):
     """The guess is at rest, with journals off their centres; `four_bar` has the closed form."""
     random = np.random.default_rng(seed)
@@ -184,6 +185,7 @@ def test_assembly_warns_of_journals_that_strike_with_much_of_the_energy():
     )
 
 
+@pytest.mark.slow
 def test_assembly_says_if_only_clearances_let_a_driven_mechanism_move():
     """A driven crank is pinned to a plate that a second pin holds to the ground."""
     x, z, law = (1, 0, 0), (0, 0, 1), cj.laws.Hertz(stiffness=1e9)

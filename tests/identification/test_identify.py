@@ -176,7 +176,8 @@ def test_minimum_of_an_objective(clean):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, [])
 
 
-@pytest.mark.parametrize("factor", [pytest.param(0.3, marks=pytest.mark.slow), 4.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.3, 4.0])
 def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(factor):
     """An oscillator whose phase is wrong by more than a turn in the end, and little in the first
     window; data by the closed form x0 cos(sqrt(k/m) t)."""

@@ -279,8 +279,8 @@ def test_a_table_of_angles_is_followed_however_many_there_are(points):
 @pytest.mark.parametrize(
     "drive",
     [
-        lambda size: Ramp(size, 0.1, declared=False),
-        lambda size: Step(size, 0.1),
+        pytest.param(lambda size: Ramp(size, 0.1, declared=False), marks=pytest.mark.slow),
+        pytest.param(lambda size: Step(size, 0.1), marks=pytest.mark.slow),
         lambda size: Step(size, 0.1, declared=False),
     ],
     ids=["undeclared kink", "declared step", "undeclared step"],

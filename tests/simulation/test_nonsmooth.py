@@ -292,6 +292,7 @@ def test_lanes_of_a_batch_are_single_runs(pendulum):
     assert np.abs(lanes[0][5:] - lanes[1][5:]).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_a_step_too_long_for_the_clearance_is_refused(pendulum):
     scene, state = pendulum
     with pytest.raises(cj.SimulationError, match="shorter step"):
@@ -406,6 +407,7 @@ def test_impacts_of_both_bases_with_friction_are_solved(restitution, coefficient
         assert all(contact.dissipated >= 0.0 for contact in contacts)
 
 
+@pytest.mark.slow
 def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
     drive = cj.PrescribedAngle(
         "ground", "shaft", (0, 0, 1), lambda t: 1e-3 * jnp.maximum(t - 0.1, 0.0)

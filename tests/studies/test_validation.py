@@ -39,6 +39,7 @@ def test_the_wheel_is_free_between_the_flanks(checks):
     assert found["speed there"] * crossing == pytest.approx(-0.25 * math.pi, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form():
     slopes = collision()
     assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]

@@ -137,6 +137,7 @@ def simulated(scene, state):
     return cj.simulate(scene, state, 1e-3, progress=False).final
 
 
+@pytest.mark.slow
 def test_what_a_process_knows_of_scenes_is_no_change_of_code(folder):
     """Otherwise, it would keep no programs from then on."""
     scene, state = chain(2)

@@ -79,7 +79,9 @@ def independent(d):
 
 @pytest.mark.parametrize("redundant", [False, True])
 @pytest.mark.parametrize("coordinates", COORDINATES)
-@pytest.mark.parametrize(("seed", "count"), [(0, 1), (1, 2), (2, 5)])
+@pytest.mark.parametrize(
+    ("seed", "count"), [(0, 1), pytest.param(1, 2, marks=pytest.mark.slow), (2, 5)]
+)
 def test_random_mechanisms_agree_with_dense_solutions(seed, count, coordinates, redundant):
     agrees_with_dense(seed, count, coordinates, redundant)
 

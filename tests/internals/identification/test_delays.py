@@ -24,6 +24,7 @@ from tests.identification.test_delays import (
 data = test_delays.data
 
 
+@pytest.mark.slow
 def test_runs_side_by_side_and_with_derivatives_have_the_same_delays(data):
     outputs = {"probe": X, "laser": V}
     runs = experiment(SCENE, STATE, PARAMETERS, outputs, TIMES, 0.0, cj.presets.identification)

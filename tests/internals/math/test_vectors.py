@@ -112,7 +112,7 @@ both_forms = pytest.mark.parametrize("solved", [unrolled, in_blocks])
 
 @both_forms
 @pytest.mark.parametrize("pattern", [full, arrow, tridiagonal, np.eye])
-@pytest.mark.parametrize("n", [1, 2, 6])
+@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow), 6])
 def test_exact_solution_of_a_regular_system(n, pattern, solved):
     s = positive_definite(n, lambda n: np.asarray(pattern(n), dtype=bool))
     b = RANDOM.normal(size=n)

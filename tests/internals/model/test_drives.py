@@ -26,7 +26,11 @@ def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
 @pytest.mark.parametrize("at_middle", [pytest.param(0.0, marks=pytest.mark.slow), np.pi])
 @pytest.mark.parametrize(
     ("turns", "smooth"),
-    [pytest.param(0.0, True, marks=pytest.mark.slow), (1.0, True), (0.5, False)],
+    [
+        pytest.param(0.0, True, marks=pytest.mark.slow),
+        (1.0, True),
+        pytest.param(0.5, False, marks=pytest.mark.slow),
+    ],
 )
 def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle):
     """Also where the angle passes half a revolution, so that its principal value jumps."""

@@ -11,6 +11,7 @@ from clearjoint._fields.cautions import quiet
 from tests.model.test_mechanisms_with_clearance import first_contact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shaft", [0.0, 0.3, 2.0])
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_the_backlash_of_a_cycloid_stage_is_that_of_its_pins(shaft, sense):

@@ -88,7 +88,7 @@ def test_functions_get_and_return_large_arrays(monkeypatch):
         np.testing.assert_allclose(mine, expected, rtol=1e-14, atol=1e-15)
 
 
-@pytest.mark.parametrize("size", [FEWEST - 1, FEWEST, 200])
+@pytest.mark.parametrize("size", [FEWEST - 1, FEWEST, pytest.param(200, marks=pytest.mark.slow)])
 def test_stacked_trees_have_the_results_of_their_leaves(size):
     rng = np.random.default_rng(size)
     tree = {f"x{k}": jnp.asarray(v) for k, v in enumerate(rng.normal(size=size))}

@@ -61,6 +61,7 @@ def test_neighbours_order_number_and_threads_change_no_bit(whole, lanes, threads
     assert_same_bits(sweep_of(lanes, threads), whole, lanes)
 
 
+@pytest.mark.slow
 @settings(max_examples=1, deadline=None)
 @given(
     lanes=st.lists(st.integers(0, len(STIFFNESS) - 1), min_size=1, max_size=26, unique=True),

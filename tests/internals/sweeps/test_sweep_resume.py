@@ -181,6 +181,7 @@ def geared(path):
     return found.final_spin.sel(body="rotor", component="z").values, expected
 
 
+@pytest.mark.slow
 def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path, monkeypatch):
     np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
     monkeypatch.setitem(globals(), "GAIN", 2.0)
