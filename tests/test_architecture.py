@@ -185,7 +185,7 @@ def test_few_types_are_any():
     assert names.count("Any") <= PLACES_OF_ANY
 
 
-IMPORT_EVERYTHING = """
+IMPORT = """
 import importlib, json, os, sys
 import jax, equinox, diffrax, tqdm.auto
 from jax._src import xla_bridge
@@ -194,6 +194,8 @@ def snapshot():
     return {name: repr(value) for name, value in jax.config.values.items()}, dict(os.environ)
 
 before = snapshot()
+import clearjoint
+print(*{name.split(".")[0] for name in sys.modules})
 for name in sys.argv[1:]:
     importlib.import_module("clearjoint." + name)
 assert snapshot() == before, "an import changed the configuration or the environment"
@@ -214,11 +216,6 @@ LOADED_WHEN_FIRST_USED = {
     "zarr",
 }
 """Packages that a run of one scene has no need of, and that take as long as all else together."""
-IMPORT_PLAINLY = """
-import sys
-import clearjoint
-print(*{name.split(".")[0] for name in sys.modules})
-"""
 
 
 def run_afresh(source: str, *arguments: str) -> str:
@@ -240,14 +237,11 @@ MODULES_WITH_EXTRA = set() if find_spec("nbconvert") else {"reference.__main__"}
 """Modules that cannot be imported here, without the extra `reference`."""
 
 
-def test_import_starts_no_backend_and_changes_no_setting():
-    run_afresh(IMPORT_EVERYTHING, *(name for name in PATHS if name not in MODULES_WITH_EXTRA))
-
-
-def test_a_plain_import_loads_only_what_every_run_needs():
-    loaded = set(run_afresh(IMPORT_PLAINLY).split())
-    assert {"jax", "diffrax"} <= loaded
-    assert loaded & LOADED_WHEN_FIRST_USED == set()
+def test_an_import_starts_no_backend_changes_no_setting_and_loads_what_every_run_needs():
+    """All modules start no backend and change no setting, and the package alone loads little."""
+    loaded = run_afresh(IMPORT, *(name for name in PATHS if name not in MODULES_WITH_EXTRA)).split()
+    assert {"jax", "diffrax"} <= set(loaded)
+    assert set(loaded) & LOADED_WHEN_FIRST_USED == set()
 
 
 ROOT = PACKAGE.parent

@@ -191,8 +191,13 @@ class Bilinear(Stepped):
     ("law", "jump"),
     [
         (Buffer(1e8, 50.0), "by 50 N where contact begins or ends, at a rate of 1 m/s"),
-        (Buffer(1e8, 50.0, ahead=1e-7), "by 50 N where contact begins or ends"),
-        (Buffer(1e8, 1e-3), "by 0.001 N where contact begins or ends"),
+        *(
+            pytest.param(law, jump, marks=pytest.mark.slow)
+            for law, jump in (
+                (Buffer(1e8, 50.0, ahead=1e-7), "by 50 N where contact begins or ends"),
+                (Buffer(1e8, 1e-3), "by 0.001 N where contact begins or ends"),
+            )
+        ),
         (Pushing(1e8, 0.0, 20.0), "by 20 N where contact begins or ends"),
     ],
 )

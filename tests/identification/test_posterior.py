@@ -168,6 +168,7 @@ def test_a_prior_that_is_zero_almost_everywhere_is_reported():
     assert np.abs(result.samples["speed"] - SPEED).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_runs_that_fail_are_impossible_and_counted():
     spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
     scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})

@@ -86,6 +86,7 @@ def test_what_no_sensor_sees_is_not_identifiable(report):
     assert "mass is not identifiable: the standard deviation of log mass is infinite" in text
 
 
+@pytest.mark.slow
 def test_parameters_that_act_alike_come_out_as_their_difference():
     """Two launch speeds that add: only the sum is seen."""
     scene, state = thrown()

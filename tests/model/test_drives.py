@@ -220,6 +220,7 @@ def crank_and_arm(drive):
 RAMP = Ramp(10.0, 0.1)
 
 
+@pytest.mark.slow
 def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
     scene, state = crank_and_arm(RAMP)
     times = [0.05, 0.1, 0.3]

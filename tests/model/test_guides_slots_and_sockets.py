@@ -240,6 +240,7 @@ def test_bodies_that_start_outside_are_centred_or_moved_to_rest(joint, label, pl
     assert contacts * push == pytest.approx(9.81, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_pin_deep_in_the_end_of_its_slot_is_not_assembled():
     """It is centred across the slot only."""
     joint = slot("ground", "b", travel=0.1)

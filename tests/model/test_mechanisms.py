@@ -31,6 +31,7 @@ class PendulumRod(cj.extend.AbstractConstraint):
         )
 
 
+@pytest.mark.slow
 def test_iftomm_simple_pendulum():
     """Benchmark A01: a point mass on a massless bar, released from the horizontal."""
     scene = cj.Scene(

@@ -81,6 +81,7 @@ class Ellipse(AbstractProfile):
         return 16
 
 
+@pytest.mark.slow
 def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse():
     """Depth, normal and points against the nearest points of a circle and an ellipse."""
     a, b = RADIUS + 30e-6, RADIUS - 20e-6

@@ -137,6 +137,7 @@ def test_a_file_in_another_encoding_is_named(tmp_path):
         cj.load(tmp_path / "pin.toml")
 
 
+@pytest.mark.slow
 def test_many_bodies_need_states_and_long_tables_are_read(read):
     body = "[bodies.b{}]\nmass = 1.0\ninertia = [1, 1, 1]\n"
     with pytest.raises(ValueError, match="no state of 3000 bodies.*give .state.bodies"):

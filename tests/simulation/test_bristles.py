@@ -117,7 +117,9 @@ def test_stick_slip_is_that_of_an_independent_integration():
 
 
 @pytest.mark.parametrize(
-    "friction", [LUGRE, cj.frictions.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"]
+    "friction",
+    [LUGRE, pytest.param(cj.frictions.RegularisedCoulomb(0.25), marks=pytest.mark.slow)],
+    ids=["LuGre", "Coulomb"],
 )
 def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
     """Half the breakaway load: tanh friction creeps at the speed that balances it."""
@@ -176,6 +178,7 @@ def test_derivatives_are_right_across_an_onset():
             assert np.abs(error).max() < 2e-5 * scale, (name, column)
 
 
+@pytest.mark.slow
 def test_deflections_are_zero_in_flight_and_at_each_onset():
     scene, state = falling()
     times = np.linspace(5e-5, 6e-3, 60)

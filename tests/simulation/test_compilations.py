@@ -109,6 +109,7 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
     np.testing.assert_allclose(seen[1].energies["kinetic"], first.energies["kinetic"], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_an_option_compiles_the_programs_of_a_run_and_going_back_none(damped, compiled):
     """Other things are integrated or kept in them."""
     scene, state = damped

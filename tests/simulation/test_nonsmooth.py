@@ -73,6 +73,7 @@ def test_a_run_ends_at_its_end_time_without_rounding():
         assert cj.simulate_nonsmooth(*ball(), end_time, step=1e-3, start_time=0.01).time == end_time
 
 
+@pytest.mark.slow
 def test_an_elastic_ball_keeps_its_energy():
     scene, state = ball()
     solution = cj.simulate_nonsmooth(scene, state, 20.0, step=STEP, restitution=1.0)

@@ -111,9 +111,8 @@ def expected(law):
     return np.stack(slopes, axis=-1)
 
 
-@pytest.mark.parametrize(
-    "law", [pytest.param(law, marks=() if law == "both" else pytest.mark.slow) for law in LAWS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
 def test_sensitivities_across_a_jump_of_a_law(law):
     """The derivatives after the onset contain the jump of the force there."""
     scene, state = dropped(Buffer(*LAWS[law]))
@@ -234,6 +233,7 @@ def start_of(k):
     return cj.Parameter(lambda s: s.forces[f"push {k}"].start)
 
 
+@pytest.mark.slow
 def test_derivatives_along_the_times_of_switched_forces():
     """x = sum F (t - t_s)^2/(2 m); two forces at one instant; both comparisons, < and <=."""
     scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3, jnp.greater))

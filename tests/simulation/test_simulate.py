@@ -184,6 +184,7 @@ def test_forward_derivative_through_impacts():
     np.testing.assert_allclose(slope, expected, rtol=2e-2)
 
 
+@pytest.mark.slow
 def test_memoryless_and_free_scenes_run():
     body = cj.Body(2.0, (0.1, 0.2, 0.25))
     scene = cj.Scene({"rock": body})

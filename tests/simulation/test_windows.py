@@ -178,6 +178,7 @@ def quarters(number):
     return lambda scene: 0.5 * jnp.pi * number * jnp.sqrt(2.0 / scene.forces["spring"].stiffness)
 
 
+@pytest.mark.slow
 def test_a_window_may_follow_the_values_of_a_lane():
     """x = 0.3 cos(w t): its mean over the second quarter period is -0.6/pi, whatever the
     stiffness."""

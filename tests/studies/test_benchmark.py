@@ -169,6 +169,7 @@ def test_joint_and_body_of_first_calls_are_the_mechanisms(mechanism):
     assert set(state.bodies) == set(scene.bodies)
 
 
+@pytest.mark.slow
 def test_chain_falls_freely_until_it_touches():
     scene, state = chain(1)
     end = cj.simulate(scene, state, 5e-3, progress=False).final

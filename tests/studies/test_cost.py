@@ -8,6 +8,7 @@ CASES = features.cases()
 NAMES = list(CASES)
 
 
+@pytest.mark.slow
 def test_quick_features_have_times(tmp_path):
     found = features.measure(quick=True)
     assert [cost.name for cost in found] == NAMES[:2]

@@ -22,6 +22,7 @@ def findings():
     return extremes.find(quick=True, scenes=24, seed=7)
 
 
+@pytest.mark.slow
 def test_nothing_is_wrong(findings):
     assert findings.wrong() == 0
     (random,) = findings.batches
@@ -29,6 +30,7 @@ def test_nothing_is_wrong(findings):
     assert all(np.isfinite(value) for lane in random.lanes for value in lane.violations.values())
 
 
+@pytest.mark.slow
 def test_every_case_is_right_somewhere(findings):
     assert len(findings.rows) == 8
     for row in findings.rows:
@@ -36,6 +38,7 @@ def test_every_case_is_right_somewhere(findings):
         assert row.worst <= row.bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["deep start", "tilted journal"])
 def test_a_journal_in_the_wall_has_left_its_bearing(findings, name):
     (row,) = [row for row in findings.rows if row.name == name]
@@ -44,12 +47,14 @@ def test_a_journal_in_the_wall_has_left_its_bearing(findings, name):
     ] * 2
 
 
+@pytest.mark.slow
 def test_impossible_numbers_are_refused_with_a_remedy(findings):
     for refusal in findings.refused:
         assert refusal.message.startswith("Argument `"), refusal.attempt
         assert ": " in refusal.message, refusal.attempt
 
 
+@pytest.mark.slow
 def test_report_and_map(findings, tmp_path):
     text = extremes.report(findings)
     assert "Wrong in all: 0." in text

@@ -16,6 +16,7 @@ def test_angles_lose_double_turns_and_nothing_else():
         assert float(within_two_turns(angle)) == pytest.approx(0.75, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_top_that_tumbles_for_long_keeps_its_norm():
     """Without the correction the norm would be 3.6 at the end."""
     outcome = long_runs.run(long_runs.Case("top", long_runs.top, 1e-3), 1e4, 1_000_000)
@@ -39,6 +40,7 @@ def test_a_thousand_turns_of_a_pendulum_are_as_good_as_the_first():
     assert late < 0.45 and late == pytest.approx(10.0 * early, rel=0.1)
 
 
+@pytest.mark.slow
 def test_quick_runs_do_not_drift(tmp_path):
     cases, span = long_runs.QUICK
     ideal, top = (long_runs.run(case, span, long_runs.MAX_STEPS) for case in cases)

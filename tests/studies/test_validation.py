@@ -65,6 +65,7 @@ def test_its_error_is_proportional_to_the_step(linkage):
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_ball_of_siconos_bounces_as_published():
     height, velocity, impulse = rigid_ball(quick=True)
     # An impact is found to half a step of 8 us, in which gravity changes the velocity by 4e-5 m/s.

@@ -122,6 +122,7 @@ def test_a_scene_is_invoke(folder):
         assert part in outcome.output
 
 
+@pytest.mark.slow
 def test_constraint_errors_have_units_of_lengths_and_of_angles(rotor):
     expected = "largest constraint error: 0 m or rad, rate 0 m/s or rad/s\n"
     assert expected in invoke("check", "rotor.toml").output

@@ -13,7 +13,10 @@ from clearjoint.extend import ZERO, Contact, Vector
 from tests.support.planes import Plane
 
 DEPTH, RATE = 3e-14, -0.06
-SPRINGS = [cj.laws.Hertz(4e8, exponent=1.0), cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)]
+SPRINGS = [
+    pytest.param(cj.laws.Hertz(4e8, exponent=1.0), marks=pytest.mark.slow),
+    cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0),
+]
 
 
 def forces_at(law, closed, depth):

@@ -209,7 +209,7 @@ def test_trees_move_as_in_absolute_coordinates(kind, backwards):
     ("mechanism", "redundant", "left"),
     [
         (cj.mechanisms.double_pendulum, False, 0),
-        (lambda: cj.mechanisms.double_pendulum(None), False, 0),
+        pytest.param(lambda: cj.mechanisms.double_pendulum(None), False, 0, marks=pytest.mark.slow),
         pytest.param(double_four_bar, True, 10, marks=pytest.mark.slow),
         pytest.param(bricard, True, 5, marks=pytest.mark.slow),
     ],

@@ -119,6 +119,7 @@ def planar_pendulum(in_plane):
     return cj.Scene(bodies, joints, gravity=(0.0, 9.81, 0.0)), cj.State(state)
 
 
+@pytest.mark.slow
 def test_body_on_a_planar_joint_accelerates_as_a_free_one():
     """A rotation of a joint that also slides is about the parent's point."""
     (free, start), (bound, _) = planar_pendulum(False), planar_pendulum(True)

@@ -171,6 +171,7 @@ def test_covariance_is_the_inverse_of_the_information():
     )
 
 
+@pytest.mark.slow
 def test_whiteness_and_normality_have_the_probabilities_they_claim():
     """The tests reject 5 % of white normal noise, and always other noise."""
     generator = np.random.default_rng(1)

@@ -145,6 +145,7 @@ def narrow(seed, number):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_narrow_priors_have_the_posterior_and_the_evidence_of_the_closed_form(seed):
     result = narrow(seed, 100)

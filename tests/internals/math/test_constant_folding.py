@@ -71,7 +71,7 @@ def test_scenes_share_a_program_for_other_numbers_but_not_for_other_zeros():
     assert folded_scene([0.0, 9.81, 0.0]) != folded_scene([0.0, 1.0, 0.0])
 
 
-@pytest.mark.parametrize("clearance", [None, 5e-4])
+@pytest.mark.parametrize("clearance", [pytest.param(None, marks=pytest.mark.slow), 5e-4])
 def test_constant_folding_does_not_change_rates(clearance):
     """Accelerations of a moving double pendulum agree to rounding."""
     scene, state = cj.mechanisms.double_pendulum(clearance)

@@ -173,6 +173,7 @@ def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed(
             assert bool(instant.touches(law)) == (speed > 0.0)
 
 
+@pytest.mark.slow
 def test_states_saved_at_the_end_of_a_step_are_those_of_the_step():
     scene, state = cj.mechanisms.double_pendulum()
     steps = cj.simulate(scene, state, 0.1, save=cj.Saving(steps=True), progress=False).steps

@@ -372,6 +372,7 @@ def other_scene(options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("other", "names"),
     [
