@@ -215,7 +215,7 @@ def test_an_undeclared_jump_is_refused():
     ("law", "complaint"),
     [
         (Stepped, "inside the contact, at a depth of 3e-07 m"),
-        (Bilinear, "with the rate, at .* m/s"),
+        pytest.param(Bilinear, "with the rate, at .* m/s", marks=pytest.mark.slow),
     ],
 )
 def test_jumps_inside_the_contact_are_refused(law, complaint):
@@ -552,7 +552,7 @@ def test_bristles_between_faces_that_resist_rotation_are_refused():
     [
         cj.AppliedLoad("a", (1.0, -2.0, 3.0), (0.1, 0.2, -0.3), (0.3, 0.2, 0.1)),
         cj.SpringDamper("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3),
-        cj.DriveTorque("a", "b", (1.0, 2.0, 3.0), torque=2.0),
+        pytest.param(cj.DriveTorque("a", "b", (1.0, 2.0, 3.0), torque=2.0), marks=pytest.mark.slow),
         pytest.param(
             cj.TorsionalSpring("a", "b", (1.0, 2.0, 3.0), 5.0, damping=0.2, rest_angle=0.4),
             marks=pytest.mark.slow,

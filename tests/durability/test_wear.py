@@ -341,6 +341,7 @@ def test_a_store_is_continued(tmp_path):
         cj.wear(scene, state, CYCLE, other, 3000.0, path=tmp_path / "wear", **OPTIONS)
 
 
+@pytest.mark.slow
 def test_a_store_without_a_run_is_written_too(tmp_path):
     scene, state = whirling()
     cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, path=tmp_path / "wear", **OPTIONS)

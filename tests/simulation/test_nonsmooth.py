@@ -68,6 +68,7 @@ def test_a_ball_rests_after_infinitely_many_impacts(drop):
     assert contact.penetration <= contact.fastest * STEP / 10
 
 
+@pytest.mark.slow
 def test_a_run_ends_at_its_end_time_without_rounding():
     for end_time in (0.1, 0.1 + 1e-3 / 3, 0.123):
         assert cj.simulate_nonsmooth(*ball(), end_time, step=1e-3, start_time=0.01).time == end_time

@@ -242,6 +242,7 @@ def raising(error):
     return fail
 
 
+@pytest.mark.slow
 def test_a_singular_cloud_has_no_posterior(rough, monkeypatch):
     singular = np.linalg.LinAlgError("Matrix is not positive definite")
     monkeypatch.setattr("clearjoint._identification.posterior.posterior.draw", raising(singular))

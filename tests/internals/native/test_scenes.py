@@ -125,6 +125,9 @@ SLOW = {
     "`simulate` with an implicit solver",
     "`free_impact`",
     "`simulate_nonsmooth`",
+    "`simulate` with states, steps, impacts and outputs saved",
+    "`observe`",
+    "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`",
 }
 """Calls that compile for seconds."""
 README = Path(native.__file__).with_name("README.md").read_text(encoding="utf-8")

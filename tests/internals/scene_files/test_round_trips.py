@@ -268,6 +268,7 @@ def test_arrays_that_are_annotated_come_back(tmp_path):
     exact(tmp_path / "a.toml", cj.Scene(BODIES, forces={"p": push}), STATE, classes=given)
 
 
+@pytest.mark.slow
 def test_a_user_defined_law_runs_from_a_scene_file(tmp_path):
     """The docstring of `load`: a law in Python, used by a file that names it."""
     blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
