@@ -1,5 +1,6 @@
 """The conformance checks accept all laws and joints of the package and refuse broken ones."""
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -112,6 +113,25 @@ class Blind(Pulling):
     def force(self, gap, entry_speed):
         entry_speed = jnp.minimum(entry_speed, 100.0)
         return self.elastic_force(gap) * jnp.maximum(1 + 0.5 * gap.rate / entry_speed, 0.0)
+
+
+LAWS = (
+    cj.laws.LankaraniNikravesh(0.0, 1e8, exponent=1.0),
+    cj.laws.Hertz(STEEL),
+    cj.laws.LankaraniNikravesh(0.9, STEEL),
+    cj.laws.LankaraniNikravesh(0.9, STEEL, smoothing=1e-7),
+    cj.laws.HuntCrossley(0.5, STEEL),
+    cj.laws.Flores2011(0.2, STEEL, exponent=2.0),
+    cj.laws.MemorylessHuntCrossley(0.8, STEEL, 0.1),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_laws_conform(law):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_law(law)
 
 
 @pytest.mark.parametrize(
