@@ -38,6 +38,7 @@ def problem(draws):
     return runs, samples(draws[0], len(runs.times)), at
 
 
+@pytest.mark.slow
 def test_jacobian_is_that_of_the_residuals(problem):
     """Central differences of the residuals themselves."""
     runs, data, at = problem
@@ -49,6 +50,7 @@ def test_jacobian_is_that_of_the_residuals(problem):
         assert np.abs(difference - found.jacobian[:, k]).max() < 1e-4 * size
 
 
+@pytest.mark.slow
 def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     runs, data, at = problem
     stopped = eqx.tree_at(lambda r: r.max_steps, runs, jnp.asarray(300, int))
@@ -61,6 +63,7 @@ def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
     np.testing.assert_allclose(found.residuals[~late], whole.residuals[~late], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_windows_have_a_prior_at_their_start(problem):
     """The prior is one more measurement of each coordinate, with `max_step` as noise."""
     runs, data, at = problem

@@ -45,6 +45,7 @@ def _points(solution: cj.results.Solution, local: np.ndarray) -> np.ndarray:
     return np.asarray(saved.position)[:, None] + np.einsum("ijt,nj->tni", rotation, local)
 
 
+@pytest.mark.slow
 def test_growth_is_that_of_two_neighbouring_runs(found):
     scene, state = dropped_rod()
     speed, how = 1e-8, (cj.Settings(rtol=1e-11), cj.Saving(found.times))
@@ -61,6 +62,7 @@ def test_growth_is_that_of_two_neighbouring_runs(found):
     assert found.rate == pytest.approx(slope, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
     """Against differences of the misfit itself, by runs of `simulate`."""
     scene, state = dropped_rod()
@@ -149,6 +151,7 @@ def test_guesses_of_several_parameters():
     assert len(list(offsets(np.ones(5)))) == 10 + 8
 
 
+@pytest.mark.slow
 def test_the_warning_names_the_line_of_the_user(found):
     """Functions of the package, such as `identify`, call the method."""
     # Without the frame of the check of shapes, which only tests have.
