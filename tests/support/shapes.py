@@ -63,7 +63,7 @@ def has_shape(hint: object) -> bool:
     """Whether an annotation is an array of `jaxtyping`, or a choice or a collection with one.
 
     Fields of elements are left to their own checks: they are arrays, or vectors of scalars where
-    elements compute (`clearjoint._fields.types`), which stand as arrays of ``Any``.
+    elements compute, which stand as arrays of ``Any``.
     """
     if inspect.isclass(hint) and issubclass(hint, jaxtyping.AbstractArray):
         return hint.array_type is not Any
