@@ -1,7 +1,7 @@
 """Differentiable simulation of mechanisms whose revolute joints have clearance.
 
 A `Scene` holds bodies, joints and forces by name, and a `State` the positions and velocities of the
-bodies. `simulate` computes one motion, `sweep` computes many and keeps selected results,
+bodies. `simulate` computes one motion, `sweep` computes many and returns selected results,
 `sensitivities` computes derivatives of a motion with respect to parameters, and `identify`
 estimates parameters from measurements. Contact laws are in `clearjoint.laws`, friction laws in
 `clearjoint.frictions`, films in `clearjoint.films`, profiles of bearings in `clearjoint.profiles`,
@@ -193,6 +193,7 @@ from ._simulation.reductions.joints import ArchardWear as ArchardWear
 from ._simulation.reductions.joints import DissipatedEnergy as DissipatedEnergy
 from ._simulation.reductions.joints import ImpactCount as ImpactCount
 from ._simulation.reductions.joints import MeanPowerLost as MeanPowerLost
+from ._simulation.reductions.quantities import Integral as Integral
 from ._simulation.reductions.quantities import Peak as Peak
 from ._simulation.reductions.quantities import Quantiles as Quantiles
 from ._simulation.reductions.quantities import Statistics as Statistics
@@ -202,6 +203,7 @@ from ._simulation.results.solution import SimulationError as SimulationError
 from ._simulation.run.outputs import ImpactTable as ImpactTable
 from ._simulation.run.predictor import Predictor as Predictor
 from ._simulation.run.predictor import predictor as predictor
+from ._simulation.run.rejections import RejectedSteps as RejectedSteps
 from ._simulation.run.saving import Saving as Saving
 from ._simulation.run.sections import Section as Section
 from ._simulation.run.sensitivities import sensitivities as sensitivities

@@ -16,7 +16,8 @@ class RESULTS(eqx.Enumeration):
         "The step limit was reached before the end time. Raise `max_steps`, loosen the tolerances "
         "(in runs with derivatives, raise `derivative_tolerance`), or continue from the state "
         "reached. If far more steps were tried than accepted, a force or driver may jump or have a "
-        "kink near this time: give its class `breakpoints`."
+        "kink near this time: give its class `breakpoints`. The output `RejectedSteps` tells why "
+        "steps were rejected."
     )
     step_too_small = (
         "The step size fell to the resolution of the time. The motion may be singular there, or "

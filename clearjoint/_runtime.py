@@ -65,9 +65,9 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     variable ``XLA_FLAGS``, have no effect later. If the variable already contains
     ``--xla_backend_extra_options``, it is not changed, so that the user's own options hold.
 
-    The folder keeps machine code between processes. If the arguments of a call consist only of this
-    package's classes, numbers, strings and arrays, the whole program is saved, and the next process
-    loads it without tracing. A call with a user-defined class or function is traced in each
+    The folder stores machine code for later processes. If the arguments of a call consist only of
+    this package's classes, numbers, strings and arrays, the whole program is saved, and the next
+    process loads it without tracing. A call with a user-defined class or function is traced in each
     process, so that a change of the user's code always takes effect. A process in which the package
     is upgraded, or functions, classes or constants in its modules are replaced, uses and saves no
     whole programs. It does not notice if entries of this package's dictionaries and lists are

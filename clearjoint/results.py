@@ -19,7 +19,9 @@ from ._simulation.results.observe import Observation as Observation
 from ._simulation.results.solution import Crossings as Crossings
 from ._simulation.results.solution import Solution as Solution
 from ._simulation.results.solution import Trajectory as Trajectory
+from ._simulation.run.rejections import Rejections as Rejections
 from ._simulation.run.sensitivities import Sensitivities as Sensitivities
 from ._simulation.run.settle import Settled as Settled
 from ._simulation.run.wall_impact import FreeImpact as FreeImpact
+from ._simulation.step.step_state import Rejection as Rejection
 from ._sweeps.largest import LargestFeasible as LargestFeasible

@@ -111,7 +111,7 @@ def _sections(study: Study) -> Iterator[str]:
     study.check_elements(run.outputs, "run", "outputs")
     # What a section needs is imported only if there is one: importing takes longer than checking.
     if run.end is not None:
-        run.saved_times(study.end())
+        run.saved_times(study.end())  # raises an error for wrong times
         yield f"run: {run.start:g} s to {study.end():g} s"
     if (sweep := study.parts.sweep) is not None:
         from .sweeping import shape_of_lanes, sweep_axes

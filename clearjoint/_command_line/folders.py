@@ -2,9 +2,9 @@
 
 import json
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
 
@@ -22,7 +22,7 @@ from .._result_codes import RESULTS
 from .._scene_files.documents import FileLocation, listed
 from .._scene_files.files import Writer, load, save
 from .._scene_files.reading import Reader
-from .._simulation.results.impact_table import Impacts
+from .._simulation.results.impact_table import IMPACT_UNITS, NAMED, Impacts
 from .._simulation.results.solution import (
     BRISTLES,
     CONTACTS,
@@ -32,6 +32,7 @@ from .._simulation.results.solution import (
     Trajectory,
     contact_label,
 )
+from .endings import say
 from .study import CLASSES, Study
 
 SUMMARY = "summary.json"
@@ -57,6 +58,8 @@ SECTION = "section "
 """Prefix of the names of the tables of Poincaré sections."""
 TABLE = "impacts of "
 """Prefix of the names of the tables of impacts that are outputs."""
+REJECTED = "rejected steps of "
+"""Prefix of the names of the tables of rejected steps."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
 FIGURES = "figures"
 PAGE = "index.html"
@@ -75,13 +78,17 @@ def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> No
 
 
 def read_summary(folder: Path) -> dict[str, str | int | float]:
-    """Return the entries of the summary; `ValueError` for a folder without results."""
-    if not (folder / SUMMARY).is_file():
+    """Return the entries of the summary; `ValueError` for a folder without results. A summary of an
+    earlier version may have no title: the name of the folder replaces it."""
+    summary: dict[str, str | int | float] = {"title": folder.absolute().name}
+    if (folder / SUMMARY).is_file():
+        summary |= json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    if "kind" not in summary:
         raise ValueError(
-            f"{folder}: found no {SUMMARY}, expected a folder of results: pass the folder that "
-            "`clearjoint run`, `sweep`, `fit` or `wear` wrote (--out)."
+            f"{folder}: found no {SUMMARY} with a kind of results, expected a folder of results: "
+            "pass the folder that `clearjoint run`, `sweep`, `fit` or `wear` wrote (--out)."
         )
-    return json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    return summary
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
@@ -120,20 +127,34 @@ def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
     to_frame(table).to_csv(folder / f"{file}.csv")
 
 
-def read_table(folder: Path, name: str) -> xr.Dataset | None:
-    """Return the dataset in the file `name`.nc; ``None`` without such a file."""
+def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Dataset | None:
+    """Return the dataset in the file `name`.nc; ``None`` without such a file; `ValueError` if it
+    lacks a variable, coordinate or attribute of the `needed` names."""
     path = folder / f"{name}.nc"
     if not path.exists():
         return None
     table = xr.load_dataset(path, engine="scipy")
     # Names that netCDF does not allow were changed when the file was written.
-    return table.rename({n: v.attrs.get("original_name", n) for n, v in table.items()})
+    table = table.rename({n: v.attrs.get("original_name", n) for n, v in table.items()})
+    _require_names(path, needed, {*table.variables, *table.attrs})
+    return table
+
+
+def _require_names(path: Path, needed: Iterable[str], available: Collection[object]) -> None:
+    lacking = [name for name in needed if name not in available]
+    if lacking:
+        raise ValueError(
+            f"{path}: found no {', '.join(lacking)}, expected a table of this version and of "
+            f"the scene in {SCENE}: run `clearjoint run` again."
+        )
 
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
     """Return the scene and the solution of a run in a folder, from which its figures can be drawn
     again. The accepted steps are not stored."""
-    motion = read_table(folder, MOTION)
+    needed = ["time", "body", *STATE_PARTS, *(f"final_{part}" for part in STATE_PARTS)]
+    needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
+    motion = read_table(folder, MOTION, needed)
     if motion is None or not (folder / SCENE).exists():
         files = f"{MOTION}.nc and {SCENE}"
         remedy = "run `clearjoint run` again"
@@ -141,14 +162,12 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # Warnings about unusual values were issued when the run was made.
     with quiet():
         scene, _ = load(folder / SCENE)
+    _require_names(folder / f"{MOTION}.nc", scene.bodies, motion["body"].values.tolist())
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
     # The file has the message of the result instead of its code. The message of another version may
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
-    impacts = read_table(folder, IMPACTS)
-    columns = {} if impacts is None else {f.name: impacts[f.name].values for f in fields(Impacts)}
-    columns |= {name: columns[name].astype(object) for name in ("joint", "contact") if columns}
     solution = Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
@@ -158,7 +177,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         saved=Trajectory(motion["time"].values, _state(scene, motion)),
         saved_count=motion.sizes["time"],
         steps=None,
-        impacts=None if impacts is None else Impacts(**columns),
+        impacts=_impacts(folder),
         formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
         redundant_constraints=names,
         outputs=_sections(folder),
@@ -171,10 +190,28 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     return scene, solution
 
 
+def _impacts(folder: Path) -> Impacts | None:
+    """Return the table of impacts. Columns of numbers that an earlier version did not write are
+    NaN, which is said."""
+    table = read_table(folder, IMPACTS, NAMED)
+    if table is None:
+        return None
+    lacking = [name for name in IMPACT_UNITS if name not in table]
+    if lacking:
+        say(
+            f"note: {folder / IMPACTS}.nc, of an earlier version, lacks {', '.join(lacking)}; "
+            "these numbers are shown as nan: run `clearjoint run` again to have them"
+        )
+    nan = np.full(table.sizes["impact"], np.nan)
+    names = {name: table[name].values.astype(object) for name in NAMED}
+    numbers = {name: table[name].values if name in table else nan for name in IMPACT_UNITS}
+    return Impacts(**names, **numbers)
+
+
 def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
     """Return a solution from `read_run` with further states between its saved ones, for figures;
     results of an earlier version have none."""
-    table = read_table(folder, DRAWN)
+    table = read_table(folder, DRAWN, ["time", "body", *STATE_PARTS])
     if table is None:
         return solution
     path = Trajectory(table["time"].values, _state(scene, table))
@@ -196,12 +233,13 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
     chosen = {}
     for name in ("coordinates", "stabilisation"):
         choices = {describe(choice): choice for choice in EARLIER[name]}
-        text = str(notes[f"setting_{name}"])
+        text = str(notes.get(f"setting_{name}"))
         if text not in choices:
             remedy = "run `clearjoint run` again"
             location.at(f"setting_{name}").refuse(text, f"one of {listed(choices)}", remedy)
         chosen[name] = choices[text]
-    redundant, ledger = notes["redundant_constraints"] != "none", notes["setting_ledger"] == "True"
+    redundant = notes["redundant_constraints"] != "none"
+    ledger = notes.get("setting_ledger") == "True"
     return Formulation(**chosen, redundant=redundant, ledger=ledger)
 
 
@@ -235,7 +273,7 @@ def _by_contact(
 def _sections(folder: Path) -> dict[str, Crossings]:
     sections = {}
     for path in sorted(folder.glob(f"{SECTION}*.nc")):
-        table = read_table(folder, path.stem)
+        table = read_table(folder, path.stem, ["time"])
         assert table is not None
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}

@@ -22,6 +22,7 @@ from .._model.scene import Scene
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import observe
 from .._simulation.results.solution import Solution
+from .._sweeps.outputs import NOT_OUTPUTS
 from .._sweeps.store.store import open_sweep
 from .._views.viewing import view
 from ..plot.report_page import IMPACT_COLUMNS, impact_rows
@@ -92,7 +93,11 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
 
 def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
     """Mark the peaks of a joint's impacts as dots, since saved states may miss them."""
-    if impacts is None or not (of_joint := impacts.joint == joint).any():
+    if impacts is None:
+        return
+    # Tables of earlier versions may lack the forces.
+    of_joint = (impacts.joint == joint) & np.isfinite(impacts.peak_force)
+    if not of_joint.any():
         return
     # The figure has chosen its units, which its labels tell.
     peaks = impacts.peak_force[of_joint] * (1e-3 if "kN" in forces.get_ylabel() else 1.0)
@@ -128,6 +133,8 @@ def _save(folder: Path, name: str, axes: Axes) -> None:
 ROWS = 20
 """Largest number of impacts, or of lanes of a sweep, in a table of the page."""
 STAGES, PROFILES = "stages.csv", "profiles.csv"
+LATER = "force", *(f"{part}_volume" for part in PARTS)
+"""Variables of a result of wear that the first versions did not store."""
 VIEW, PDF = "view.html", "report.pdf"
 STYLE = Path(__file__).parent / "templates" / "page.css"
 
@@ -180,9 +187,8 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     if axes == ["lane"]:  # zipped axes, of which the first is drawn
         axes = [str(name) for name in lanes.coords if lanes[name].dims == ("lane",)][:1]
     for name, variable in dataset.items():
-        # Besides the outputs, the dataset contains these four numbers of each lane, which are not
-        # drawn. Outputs with more dimensions than the lanes, such as saved motions, are not either.
-        is_output = name not in ("result", "attempts", "accepted", "time_reached")
+        # Outputs with more dimensions than the lanes, such as saved motions, are not drawn.
+        is_output = name not in NOT_OUTPUTS
         if variable.dims == lanes.dims and is_output and variable.dtype.kind == "f":
             _draw_output(folder, dataset, str(name), axes)
     # A section "onset" has the variable "onset_count", the dimension "onset_number", and variables
@@ -210,15 +216,23 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
     and of the worn profiles."""
     frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
+    lacking = [name for name in LATER if name not in dataset]
+    if lacking:
+        say(f"note: {WEAR_STORE}, of an earlier version, lacks {', '.join(lacking)}")
     profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
     for joint, part in worn_parts(dataset):
         name = f"{part} of {joint}"
         profiles[f"{name} [m]"] = dataset[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
         depths[name] = frame[f"{name}, largest [m]"]
-        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]  # in mm^3
+        if (volume := f"{name}, volume [m^3]") in frame:
+            volumes[name] = 1e9 * frame[volume]  # in mm^3
         _save(folder, name, plot.worn_profile(dataset, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in dataset["joint"].values}
+    forces = {
+        str(joint): frame[force]
+        for joint in dataset["joint"].values
+        if (force := f"force in {joint} [N]") in frame
+    }
     figures = (
         ("depths", "largest depth", "m", depths),
         ("volumes", "worn volume", "mm^3", volumes),
@@ -244,16 +258,17 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
     before the stage, and the largest forces during the stage's run. The last row is the worn state
-    at the end; no run follows, so its forces are NaN."""
+    at the end; no run follows, so its forces are NaN. Columns of variables that an earlier version
+    did not write are left out."""
     columns = {"cycles": dataset["cycles"].values}
-    for joint in dataset["joint"].values:
+    for joint in dataset["joint"].values if "force" in dataset else ():
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
     for joint, part in worn_parts(dataset):
         depths = dataset[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        volumes = dataset[f"{part}_volume"].sel(joint=joint).values
-        columns[f"{part} of {joint}, volume [m^3]"] = volumes
+        if (volume := f"{part}_volume") in dataset:
+            columns[f"{part} of {joint}, volume [m^3]"] = dataset[volume].sel(joint=joint).values
     return pd.DataFrame(columns)
 
 

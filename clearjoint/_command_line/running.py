@@ -17,11 +17,13 @@ from .._fields.cautions import quiet
 from .._math.vectors import Scalar
 from .._model.scene import Scene
 from .._result_codes import RESULTS
-from .._simulation.reductions.base import AbstractReduction
+from .._simulation.reductions.base import AbstractReduction, result_name
 from .._simulation.reductions.quantities import Peak
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import Observation, observe, values_along
 from .._simulation.results.solution import Crossings, Solution, contact_label
+from .._simulation.run.outputs import Table
+from .._simulation.run.rejections import Rejections
 from .._simulation.run.saving import Saving
 from .._simulation.run.simulate import simulate
 from .._simulation.run.terminal import RunInterrupted
@@ -42,6 +44,14 @@ LARGEST, SMALLEST = " largest", " smallest"
 """Suffixes of the names of the reductions that find the extremes of an output."""
 
 
+PREFIXES: dict[type, str] = {
+    Crossings: folders.SECTION,
+    Impacts: folders.TABLE,
+    Rejections: folders.REJECTED,
+}
+"""Prefixes of the names of the tables of outputs."""
+
+
 class Negative(AbstractQuantity):
     """The negative of a quantity, whose `Peak` is the negative of the quantity's smallest value."""
 
@@ -59,35 +69,12 @@ class Negative(AbstractQuantity):
 def run(study: Study, folder: Path) -> CommandResult:
     """Run a study's scene, and write tables, figures and a page. If the run fails, or if Ctrl-C
     interrupts it, the results so far are written."""
-    part, settings = study.parts.run, study.settings("run")
-    extremes = extremes_of(part, settings)
-    end, code = study.end(), WELL
-    contacts = bool(study.scene.contact_joints())  # without contacts, there is no table of impacts
-    times = part.saved_times(end)
-    # Quantities are computed after the run, so that they don't change a bit of its states.
-    recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
-    # Each interval between saved states is divided for the figures. The divided times contain the
-    # saved ones exactly.
+    settings = study.settings("run")
+    extremes = extremes_of(study.parts.run, settings)
+    times = study.parts.run.saved_times(study.end())
+    # Each interval between saved states is divided for the figures.
     parts = -(-DRAWN // (len(times) - 1))
-    fractions = np.arange(parts * (len(times) - 1) + 1) / parts
-    drawn = np.interp(fractions, np.arange(len(times)), times)
-    try:
-        solution = simulate(
-            study.scene,
-            study.state,
-            end,
-            settings,
-            Saving(drawn, impacts=contacts),
-            outputs={**recorded, **extremes},
-            start_time=part.start,
-            throw=False,
-            progress=has_error_stream(),
-        )
-        if solution.result != RESULTS.successful:
-            code = FAILED
-    except RunInterrupted as stopped:
-        assert isinstance(stopped.solution, Solution)
-        code, solution = INTERRUPTED, stopped.solution
+    solution, code = _simulated(study, settings, extremes, divided(times, parts))
     path = solution.saved
     if path is not None:
         saved = jax.tree.map(lambda rows: rows[::parts], path)
@@ -97,7 +84,7 @@ def run(study: Study, folder: Path) -> CommandResult:
 
     folder.mkdir(parents=True, exist_ok=True)
     names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
-    names += [f"{folders.SECTION}*", f"{folders.TABLE}*"]
+    names += [f"{prefix}*" for prefix in PREFIXES.values()]
     folders.remove_old(folder, names, [folders.NUMBERS, PDF, VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
@@ -106,24 +93,11 @@ def run(study: Study, folder: Path) -> CommandResult:
         force, contact = write_results(study, solution, extremes, folder)
         write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
     folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
-    # Contacts that last are no finished impacts, but an `ImpactCount` counts their onsets.
-    with quiet():
-        ends = depths(study.scene, solution.final).values()
-    touching = sum(int(depth > 0.0) for family in ends for depth in family.values())
-    hardest = {"largest_contact_force_N": force, "largest_contact_force_of": contact}
-    summary = {
-        "ended": "interrupted" if code == INTERRUPTED else RESULTS[solution.result],
-        "start_time_s": part.start,
-        "time_reached_s": float(solution.time),
-        "steps_accepted": int(solution.accepted),
-        "steps_tried": int(solution.attempts),
-        **({} if solution.impacts is None else {"finished_impacts": len(solution.impacts)}),
-        **({"contacts_at_the_end": touching} if contacts else {}),
-        **(hardest if force else {}),
-        **dict(solution.settings),
-    }
     # The page shows the summary and the tables, so it is written after them.
-    folders.write_summary(folder, "run", study, summary)
+    summary = _summary(study, solution, code == INTERRUPTED)
+    if force:
+        summary |= {"largest_contact_force_N": force, "largest_contact_force_of": contact}
+    folders.write_summary(folder, "run", study, {**summary, **dict(solution.settings)})
     write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code != WELL:
@@ -133,6 +107,58 @@ def run(study: Study, folder: Path) -> CommandResult:
     count = "" if solution.impacts is None else f", {len(solution.impacts)} finished impacts"
     largest = f", largest force of a contact {force:.4g} N ({contact})" if force else ""
     return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")
+
+
+def divided(times: np.ndarray, parts: int) -> np.ndarray:
+    """Return times with the `parts` - 1 times that divide each interval between them evenly. The
+    given times are among them exactly."""
+    fractions = np.arange(parts * (len(times) - 1) + 1) / parts
+    return np.interp(fractions, np.arange(len(times)), times)
+
+
+def _simulated(
+    study: Study, settings: Settings, extremes: Mapping[str, AbstractReduction], times: np.ndarray
+) -> tuple[Solution, int]:
+    """Run a study's scene with states at `times`, (N,) s, and return the solution, of a failed or
+    interrupted run too, and the exit code."""
+    part = study.parts.run
+    # Quantities are computed after the run, so that they don't change a bit of its states.
+    recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
+    try:
+        solution = simulate(
+            study.scene,
+            study.state,
+            study.end(),
+            settings,
+            # Without contacts, there is no table of impacts.
+            Saving(times, impacts=bool(study.scene.contact_joints())),
+            outputs={**recorded, **extremes},
+            start_time=part.start,
+            throw=False,
+            progress=has_error_stream(),
+        )
+    except RunInterrupted as stopped:
+        assert isinstance(stopped.solution, Solution)
+        return stopped.solution, INTERRUPTED
+    return solution, WELL if solution.result == RESULTS.successful else FAILED
+
+
+def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, str | int | float]:
+    """Return how a run ended, in words and numbers, for its page."""
+    summary: dict[str, str | int | float] = {
+        "ended": "interrupted" if interrupted else RESULTS[solution.result],
+        "start_time_s": study.parts.run.start,
+        "time_reached_s": float(solution.time),
+        "steps_accepted": int(solution.accepted),
+        "steps_tried": int(solution.attempts),
+    }
+    if solution.impacts is not None:
+        # Contacts that last are no finished impacts, but an `ImpactCount` counts their onsets.
+        with quiet():
+            ends = depths(study.scene, solution.final).values()
+        touching = sum(int(depth > 0.0) for family in ends for depth in family.values())
+        summary |= {"finished_impacts": len(solution.impacts), "contacts_at_the_end": touching}
+    return summary
 
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
@@ -172,9 +198,8 @@ def write_results(
     if solution.impacts is not None:
         tables[folders.IMPACTS] = solution.impacts.to_xarray()
     for name, output in solution.outputs.items():
-        if isinstance(output, Crossings | Impacts):
-            prefix = folders.SECTION if isinstance(output, Crossings) else folders.TABLE
-            tables[f"{prefix}{name}"] = output.to_xarray()
+        if isinstance(output, Table):
+            tables[f"{PREFIXES[type(output)]}{name}"] = output.to_xarray()
     for name, table in tables.items():
         folders.write_table(folder, name, table)
     outputs = study.parts.run.outputs
@@ -230,7 +255,7 @@ def _write_numbers(
         # the time of the peak, keep their signs.
         sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
         for part, unit in reduction.units().items():
-            output = f"{name}_{part}" if part else name
+            output = result_name(name, part)
             value = solution.outputs[output]
             rows.append((output, value if part else sign * value, unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])

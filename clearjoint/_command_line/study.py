@@ -70,8 +70,8 @@ class RunPart:
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
       the preset.
     - `outputs`: quantities, evaluated at the saved states; reductions such as `Peak`, which give
-      numbers of the whole run; a `Section` or an `ImpactTable`. The extremes of forces and
-      accelerations between saved states are found too.
+      numbers of the whole run; a `Section`, an `ImpactTable` or `RejectedSteps`. The extremes of
+      forces and accelerations between saved states are found too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
     """
 

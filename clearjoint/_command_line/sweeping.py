@@ -36,7 +36,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     # show results early, and a process that is killed loses few lanes.
     chunk = int(np.clip(np.ceil(lanes / 16), 1, 256)) if part.chunk is None else part.chunk
     end, settings = study.end(part.end), study.settings("sweep")
-    kept = study.outputs_of_sweep(part)
+    requested = study.outputs_of_sweep(part)
     folder.mkdir(parents=True, exist_ok=True)
     write_scene(folder, study.scene, study.state)
     code = WELL
@@ -46,9 +46,9 @@ def sweep(study: Study, folder: Path) -> CommandResult:
             study.state,
             end,
             axes,
-            kept.outputs,
+            requested.outputs,
             settings,
-            kept.save,
+            requested.save,
             zipped=part.zipped,
             path=folder / STORE,
             chunk=chunk,

@@ -361,8 +361,8 @@ class CycleRun:
             require(is_rates, f"rates[{name!r}]", of_joint, "a WearRates", remedy)
         require_positive("cycle", self.cycle, "give the duration of a cycle in s")
         goals = np.atleast_1d(np.asarray(self.cycles, float))
-        row = goals.ndim == 1 and goals.size > 0
-        positive = row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
+        is_row = goals.ndim == 1 and goals.size > 0
+        positive = is_row and bool(np.all(np.diff(goals, prepend=0.0) > 0.0))
         remedy = "give a number of cycles, such as 1e6, or a rising row of them"
         require(positive, "cycles", self.cycles, "positive and rising", remedy)
         if self.depth is not None:
@@ -399,7 +399,7 @@ class CycleRun:
         )
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
-        extremes = np.zeros((2, len(self.rates), 2))
+        extremes = np.zeros((2, len(self.rates), len(EXTREMES)))
         rates = self.rates_of_parts
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
@@ -621,7 +621,7 @@ class _Stages:
         # first stage, when the lists are empty.
         rates = np.full(depths.shape, np.nan)
         rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
-        extremes = np.full((len(depths), len(self.names), 2), np.nan)
+        extremes = np.full((len(depths), len(self.names), len(EXTREMES)), np.nan)
         extremes[: len(self.extremes)] = np.array(self.extremes).reshape(-1, *extremes.shape[1:])
         variables: dict[str, tuple] = {}
         for k, (name, unit) in enumerate(EXTREMES.items()):
@@ -677,14 +677,13 @@ class _Store:
         """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
-        stored = open_wear(self.path)
-        require(
-            stored.attrs.get("digest") == self.digest,
-            "path",
-            str(self.path),
-            "a folder without a result, or with one of the same scene and arguments",
-            "pass another folder",
-        )
+        stored, remedy = open_wear(self.path), "pass another folder"
+        expected = "a folder without a result, or with one of the same scene and arguments"
+        is_same = stored.attrs.get("digest") == self.digest
+        require(is_same, "path", str(self.path), expected, remedy)
+        lacking = ", ".join(name for name in EXTREMES if name not in stored)
+        text, expected = f"{self.path} without {lacking}", "a store of this version"
+        require(not lacking, "path", text, expected, remedy)
         depths, rates = (_stacked(stored, name) for name in ("depth", "rate"))
         # The stages with a run have a penetration that is not NaN.
         measured = int(np.isfinite(stored["penetration"].values[0]).sum())

@@ -28,11 +28,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     """Position, Euler parameters, velocity and spin of each body, with all ideal joints as
     constraints.
 
-    The variables are a `BodyState` for each body. If a body with a clearance joint to the ground
-    has an `Anchor`, which is a point of the body, such as the journal's centre, and a fixed point
-    near it, such as the bearing's centre, its position variable is the vector, m, from the fixed
-    point to the body's point. Computed as a difference of two positions of the order of metres,
-    this vector would lose digits, and impacts amplify such errors.
+    The variables are a `BodyState` for each body. If a clearance joint to the ground has an
+    `AbstractContactJoint.anchor`, the position variable of its body is the vector, m, from a fixed
+    point, such as the bearing's centre, to a point of the body near it, such as the journal's
+    centre. Computed as a difference of two positions of the order of metres, this vector would lose
+    digits, and impacts amplify such errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()

@@ -87,7 +87,7 @@ def constraint_report(
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
     rows = start_rows_by_numpy(scene, coordinates, state, on_device(t), with_jacobian=True)
     rows = rows.in_order_of(scene)
-    redundant, uncertain = dependent(rows.names, rows.left, {})
+    redundant, uncertain = dependent(rows.names, rows.reduced, {})
     assert rows.jacobian is not None
     return ConstraintReport(
         bodies=rows.bodies,
@@ -118,7 +118,7 @@ class StartRows(NamedTuple):
     - `values`, `rates`, `all_names`: of all m rows, as in `ConstraintReport`.
     - `bodies`: names of the bodies in the order of the columns of `jacobian`.
     - `names`: of the n rows which the coordinates do not eliminate.
-    - `left`: (n, speeds of the coordinates), derivatives of the rates of these rows by the speeds,
+    - `reduced`: (n, speeds of the coordinates), derivatives of these rows' rates by the speeds,
       each row divided by the norm of the same row of `jacobian`.
     - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
 
@@ -131,7 +131,7 @@ class StartRows(NamedTuple):
     all_names: tuple[RowName, ...]
     bodies: tuple[str, ...]
     names: tuple[RowName, ...]
-    left: np.ndarray
+    reduced: np.ndarray
     jacobian: np.ndarray | None
 
     def texts(self) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ class StartRows(NamedTuple):
             all_names=tuple(self.all_names[k] for k in every),
             bodies=bodies,
             names=tuple(self.names[k] for k in remaining),
-            left=np.asarray(self.left)[remaining],
+            reduced=np.asarray(self.reduced)[remaining],
             jacobian=jacobian,
         )
 
@@ -195,21 +195,21 @@ def start_rows(
         # The speeds of absolute coordinates are the velocities and spins of the bodies.
         mechanics = absolute.mechanics(scene, absolute.encode(scene, bodies))
         jacobian = _stacked([as_array(mechanics.projected(row.jacobian)) for row in rows.values()])
-    names, left = [], []
+    names, reduced = [], []
     # In a scene of trees, joint coordinates leave no rows, and nothing further is computed.
     if coordinates is not None and not by_joint.keys() <= coordinates.eliminated(scene):
         mechanics = coordinates.mechanics(scene, coordinates.encode(scene, bodies))
         remaining = constraint_rows(scene, coordinates, mechanics.motions, t)
         for name, row in _by_name(remaining).items():
             names.append(name)
-            left.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
+            reduced.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
     return StartRows(
         values=_stacked(values),
         rates=_stacked(rates),
         all_names=tuple(rows),
         bodies=tuple(scene.bodies),
         names=tuple(names),
-        left=_stacked(left),
+        reduced=_stacked(reduced),
         jacobian=jacobian,
     )
 
@@ -256,17 +256,21 @@ def start_rows_of_lanes(
     `varied` is a PyTree like `scene`, with an array of N values for each number that varies, and
     ``None`` for each number that does not. `states` have the axis of length N first in each array.
     """
-    # `columns` has an entry for each leaf of `arguments`, in their order: the array of its N
-    # values, or None if the leaf is the same in all runs.
-    scenes = jax.tree.structure(scene).flatten_up_to(varied)
-    starts = [None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)]
-    count, first = len(jax.tree.leaves(states)[0]), jax.tree.map(lambda leaf: leaf[0], states)
-    columns = [*scenes, *[None] * len(jax.tree.leaves(coordinates)), *starts, None]
-    arguments = scene, coordinates, first, np.asarray(t, float)
+    count = len(jax.tree.leaves(states)[0])
+    first_state = jax.tree.map(lambda leaf: leaf[0], states)
+    arguments = scene, coordinates, first_state, np.asarray(t, float)
+    # For each leaf of `arguments`, in their order: the array of its N values, or None if the leaf
+    # is the same in all runs.
+    columns = [
+        *jax.tree.structure(scene).flatten_up_to(varied),
+        *[None] * len(jax.tree.leaves(coordinates)),
+        *[None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)],
+        None,
+    ]
     # User-defined joints may use a primitive that native code does not support. Then the scenes are
     # evaluated one by one.
-    alike = all(column is None for column in columns)
-    if count > FEW and not alike:
+    all_equal = all(column is None for column in columns)
+    if count > FEW and not all_equal:
         with suppress(UnsupportedPrimitiveError):
             return _start_rows.rows(arguments, columns)
     # If all scenes and states are equal, one evaluation serves them all.
@@ -274,17 +278,21 @@ def start_rows_of_lanes(
     per_lane = [
         start_rows_by_numpy(
             *jax.tree.unflatten(
-                structure, [a if c is None else c[k] for a, c in zip(leaves, columns, strict=True)]
+                structure,
+                [
+                    leaf if column is None else column[lane]
+                    for leaf, column in zip(leaves, columns, strict=True)
+                ],
             )
         )
-        for k in range(1 if alike else count)
+        for lane in range(1 if all_equal else count)
     ]
 
     def stacked(field: str) -> np.ndarray:
         array = np.stack([getattr(rows, field) for rows in per_lane])
         return np.broadcast_to(array, (count, *array.shape[1:]))
 
-    arrays = {name: stacked(name) for name in ("values", "rates", "left")}
+    arrays = {name: stacked(name) for name in ("values", "rates", "reduced")}
     return per_lane[0]._replace(**arrays)
 
 

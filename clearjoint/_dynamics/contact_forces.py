@@ -170,7 +170,7 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the forces of one contact of a joint, with the arguments and errors of
+    """Return the forces of one contact of a joint. **Arguments:**, **Raises:** as in
     `contact_forces`.
 
     Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of

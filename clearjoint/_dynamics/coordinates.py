@@ -84,15 +84,14 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
-        """Return (H^T M H)^-1 times generalised forces: the rates that they cause."""
+        """Return (H^T M H)^-1 times generalised forces: the rates of the speeds that they cause."""
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations H' u, which the bodies have if u' = 0
-        (with gravity, if the rates are relative to free fall).
+        """Return the row's Jacobian times the accelerations that the bodies have if all rates are
+        zero: H' u and, if the rates are relative to free fall (see `free_rates`), gravity.
 
-        It is the part of the second time derivative of the row's value that is not in the row's
-        `bias`.
+        Added to ``row.bias``, it is the second time derivative of the row's value at rates of zero.
         """
 
     @abc.abstractmethod
@@ -132,7 +131,7 @@ class AbstractCoordinates(eqx.Module):
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
         """Return the variables that represent given states of all bodies.
 
-        If the states violate an ideal joint that is eliminated, the violation is dropped.
+        A violation of an eliminated joint by the states is ignored.
         """
 
     @abc.abstractmethod
@@ -164,18 +163,18 @@ class AbstractCoordinates(eqx.Module):
         """Return variables with the positions of `variables` and the speeds of `others`."""
 
     def rotation_rates(self, scene: Scene, variables: MotionVariables) -> dict[str, Scalar]:
-        """Return how fast bodies rotate relative to the bodies that carry them, rad/s, positive;
-        the default is an empty dictionary.
+        """Return how fast bodies rotate relative to the bodies to which joints connect them, rad/s,
+        positive; empty by default.
 
-        Runs limit the rotation in a step where they search steps for events, for rotations that
-        have no integration error if they are uniform. The variables of these bodies must have an
-        attribute `position`.
+        If these rotations are uniform, they have no integration error that could limit the step:
+        where a run searches steps for events, it limits their angles in a step instead. The
+        variables of these bodies must have an attribute `position`.
         """
         return {}
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return those of the bodies in `rotation_rates` whose rotations change the poses of some
-        `bodies` relative to each other. The default is an empty set."""
+        `bodies` relative to each other; empty by default."""
         return frozenset()
 
 

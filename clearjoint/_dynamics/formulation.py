@@ -1,6 +1,6 @@
 """Choices for the equations of motion: coordinates, stabilisation, solver."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import equinox as eqx
@@ -97,11 +97,13 @@ class Formulation(eqx.Module):
     """Coordinates, stabilisation and linear solver for the equations of motion.
 
     - `redundant`: whether some constraints depend on others; see `clearjoint.constraint_report`. If
-      so, reactions are not unique, and the multipliers of least norm are computed, in which each is
-      divided by the square root of the mass, or moment of inertia, that it would accelerate if all
-      bodies were free, so that forces and moments can be added.
+      so, reactions are not unique, and the multipliers of least norm are computed. In this norm,
+      each multiplier is divided by the square root of the mass or moment of inertia that it would
+      accelerate if all bodies were free.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
+    - `integrands`: further functions of a system, time, s, its variables, entry speeds and bristles
+      that are integrated with the state, by name.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates
@@ -112,6 +114,7 @@ class Formulation(eqx.Module):
     stabilisation: AbstractStabilisation = eqx.field(default_factory=Baumgarte)
     redundant: bool = eqx.field(default=False, static=True)
     ledger: bool = eqx.field(default=False, static=True)
+    integrands: Mapping[str, Callable[..., Scalar]] = eqx.field(default_factory=dict)
 
     def solver(self) -> AbstractSolver:
         """Return the linear solver for the constraint multipliers."""

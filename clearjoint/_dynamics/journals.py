@@ -216,14 +216,14 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 
 
 def warn_of_journals_outside(
-    scene: Scene, time: Scalar, final: State, kept: Iterable[tuple[np.ndarray, State]]
+    scene: Scene, time: Scalar, final: State, saved: Iterable[tuple[np.ndarray, State]]
 ) -> None:
     """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing in one of the
-    states in `kept`, pairs of times and states, or at the end of a run, with the earliest time."""
+    states in `saved`, pairs of times and states, or at the end of a run, with the earliest time."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
-    for times, states in (*kept, last):
+    for times, states in (*saved, last):
         for name, excess in slid_out(joints, states.bodies).items():
             if (excess > 0.0).any():
                 first = int(np.argmax(excess > 0.0))

@@ -62,18 +62,18 @@ class Kinds:
         by other names. `others` have no names of bodies.
         """
         if are_many(self._counts[type(element)]):
-            names = {
+            common_names = {
                 name: name if name == GROUND else f"<body {k}>"
                 for k, name in enumerate(dict.fromkeys(element.body_names()))
             }
             # Whatever the function raises for other names, it raises below for the true ones.
             try:
-                alike = _renamed(element, names)
-                under = {new: motions[old] for old, new in names.items()}
-                result = traced_for_a_kind(function, alike, under, *others)
+                renamed = _renamed(element, common_names)
+                renamed_motions = {new: motions[old] for old, new in common_names.items()}
+                result = traced_for_a_kind(function, renamed, renamed_motions, *others)
             except _NOT_RENAMED:
                 return function(element, motions, *others)
-            true_names = {new: old for old, new in names.items()}
+            true_names = {new: old for old, new in common_names.items()}
             return jax.tree.map(
                 lambda leaf: true_names.get(leaf, leaf) if isinstance(leaf, str) else leaf, result
             )

@@ -36,14 +36,14 @@ class ConstraintEquations:
         weights: Sequence[Scalar] | None = None,
     ):
         self._rows, self._speeds, self._weights = len(directions), len(directions[0]), weights
-        # A zero row would make the matrix singular.
-        self._kept = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
+        # A zero row would make the matrix singular: only the others are active.
+        self._active = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
         # A solver for singular matrices replaces entries that are rounding errors by zeros.
-        rows = [solver.significant(directions[k]) for k in self._kept]
+        rows = [solver.significant(directions[k]) for k in self._active]
         if weights is not None:
             rows = [
                 [multiply(weights[k], a) for a in row]
-                for k, row in zip(self._kept, rows, strict=True)
+                for k, row in zip(self._active, rows, strict=True)
             ]
         # The rows of D M^-1.
         self._solved_rows = [mechanics.solved(row) for row in rows]
@@ -54,7 +54,8 @@ class ConstraintEquations:
         each row by its target, M^-1 D^T lambda, and the multipliers of the rows."""
         weights = self._weights
         aims = [
-            targets[k] if weights is None else multiply(weights[k], targets[k]) for k in self._kept
+            targets[k] if weights is None else multiply(weights[k], targets[k])
+            for k in self._active
         ]
         nonzero = self._solve(aims)
         change: Speeds = [0.0] * self._speeds
@@ -62,7 +63,7 @@ class ConstraintEquations:
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
         multipliers: list[Scalar] = [0.0] * self._rows
         # A weighted row has the multiplier of the row itself divided by the weight.
-        for k, multiplier in zip(self._kept, nonzero, strict=True):
+        for k, multiplier in zip(self._active, nonzero, strict=True):
             multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
         return change, multipliers
 

@@ -98,7 +98,7 @@ class System(eqx.Module):
         return self.formulation.coordinates.mechanics(self.scene, variables)
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
-        """Return the rows of those constraints that the coordinates do not eliminate."""
+        """Return the constraint rows that the coordinates do not eliminate."""
         return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
 
     def dynamics(
@@ -152,13 +152,13 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Return the time derivatives of the variables, and the powers of the energy ledger, W."""
+        """Return the variables' time derivatives, and the `powers`; arguments as in `dynamics`."""
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
-        """Return the powers of the energy ledger, W; none if the formulation has no ledger."""
+        """Return the powers, W, whose integrals are the energy ledger; none without a ledger."""
         return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
@@ -167,7 +167,7 @@ class System(eqx.Module):
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
-        """Return penetration and its rate of each contact, from the onset of its force."""
+        """Return penetration and rate of each contact, measured from the onset of its force."""
         return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
@@ -190,7 +190,7 @@ class System(eqx.Module):
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
     ) -> ByLabel[LoadedContact]:
-        """Return geometry and forces of each contact, with the errors of `dynamics`."""
+        """Return geometry and forces of each contact. **Raises:** as in `dynamics`."""
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
     def project(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
@@ -243,8 +243,8 @@ class System(eqx.Module):
         return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
-        """Return the rows, without Jacobians, of constraints that depend on time, for bodies at
-        rest: `time_rate` and `bias` are then the first and second time derivative of the value."""
+        """Return the constraint rows that depend on time, without Jacobians, for bodies at rest:
+        their `time_rate` and `bias` are then the first two time derivatives of their `value`."""
         motions = {
             name: Motion(motion.position, motion.rotation, ZERO, ZERO)
             for name, motion in self.motions(variables).items()
@@ -258,8 +258,8 @@ class System(eqx.Module):
         return prescribed
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
-        """Return whether any constraint is violated by more than `FARTHEST` or the smallest radial
-        clearance of a contact; ``None`` if there are no constraints."""
+        """Return whether any constraint is violated by more than 1e-3, in m, rad or without unit,
+        or the smallest radial clearance; ``None`` if there are no constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

@@ -95,9 +95,9 @@ def as_shown(value: Any) -> Any:
 def checkable(*values: object) -> list[Any] | None:
     """Return the values as arrays for a check, or ``None`` if the check must be omitted.
 
-    A check is omitted if JAX traces one of the values, unless `conditions_of` collects conditions
-    for a compiled program. While it does, returned values may be traced, and so may a condition on
-    them. Therefore, combine conditions by ``&`` and ``|``, and pass the result to `require` without
+    It must be omitted if JAX traces one of the values, except in a run that checks traced numbers
+    in its compiled program. There, returned values may be traced, and so may a condition on them.
+    Therefore, combine conditions by ``&`` and ``|``, and pass the result to `require` without
     calling `bool`, which tracers do not support.
 
     >>> numbers = extend.checkable(0.3, 0.1)
@@ -127,7 +127,7 @@ def require(
 ) -> None:
     """Check a condition on an argument.
 
-    A traced condition is not tested; `conditions_of` collects it.
+    A traced condition raises no error; a run tests it in its compiled program, see `checkable`.
 
     **Raises:** `ValueError` "Argument `argument` must be `expected`, but is `value`: `remedy`." if
     the condition is false.

@@ -82,10 +82,10 @@ def quantity(
 ) -> Any:
     """Declare a field of a user-defined element, law or quantity that holds a number or an array.
 
-    Numbers of Python and NumPy are converted to NumPy arrays of 64-bit floats; JAX arrays are kept.
-    Values are checked against the declaration when an object is made and again before runs. Of
-    values that JAX traces, only the shape is checked, except that a sweep checks the numbers of all
-    its runs.
+    Numbers of Python and NumPy are converted to NumPy arrays of 64-bit floats; JAX arrays stay as
+    they are. Values are checked against the declaration when an object is made and again before
+    runs. Of values that JAX traces, only the shape is checked, except that a sweep checks the
+    numbers of all its runs.
 
     **Arguments:**
 
@@ -261,7 +261,7 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts the values given for a field without a converter."""
+        """Return the function that converts the value of a field that declares no converter."""
         del name
         return as_numbers
 

@@ -2,38 +2,50 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Float, PyTree
 
 from .._fields.checks import require, require_count
 from .._fields.types import ArrayLike
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter, coordinates_of, values_at
+from .._native.lowering import LONGEST_PACKED
+from .._parametrisation.parameter import Parameter, coordinates_of
+from .._parametrisation.parts import Part
 from .._result_codes import RESULTS
+from .._simulation.reductions.base import AbstractReduction
+from .._simulation.results.solution import SimulationError
+from .._simulation.run.predictor import Predictor, predictor
 from .._simulation.step.settings import Settings
 from ..quantities.base import Quantity
-from .residuals import experiment
+from .residuals import Experiment, experiment
 
 if TYPE_CHECKING:
     import optax
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
-"""Function that receives outputs by name, (N,) each, and returns the number to minimise, ()."""
+"""Function that receives outputs by name, (N,) each or numbers of reductions, and returns the
+number to minimise, ()."""
+Coordinates = dict[str, PyTree]
+"""By name of the parameter, its coordinate on the scale of a `Parameter`, or its arrays."""
+HALVINGS = 12
+"""Largest number of trials of a line search, each with half the step of the one before."""
 
 
 @dataclass(frozen=True)
 class Minimum:
     """Result of `minimise`: the parameters of the run with the smallest objective.
 
-    - `estimates`: value of each parameter by name, SI.
-    - `coordinates`: (p,) the same values on the parameters' scales.
-    - `history`: (iterations,) objective of each run; shorter if a run failed or its objective was
-      not finite, which ends the search.
+    - `estimates`: value of each parameter by name, SI: a number, or arrays in the form of
+      `Predictor.values`.
+    - `coordinates`: (p,) all these numbers, those of `Parameter`s on their scales.
+    - `history`: (iterations,) objective before each iteration; shorter if a run failed or its
+      objective was not finite, which ends the search.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
@@ -43,7 +55,7 @@ class Minimum:
     (3,)
     """
 
-    estimates: dict[str, float]
+    estimates: dict[str, Any]
     coordinates: Float[np.ndarray, " p"]
     objective: float
     history: Float[np.ndarray, " iterations"]
@@ -54,33 +66,38 @@ def minimise(
     scene: Scene,
     state: State,
     objective: Objective,
-    parameters: Mapping[str, Parameter],
-    outputs: Mapping[str, Quantity],
-    times: ArrayLike,
+    parameters: Mapping[str, Part],
+    outputs: Mapping[str, Quantity | AbstractReduction],
+    times: ArrayLike | None = None,
     settings: Settings | None = None,
     *,
     optimiser: "optax.GradientTransformation | None" = None,
     iterations: int = 100,
     start_time: float = 0.0,
+    end_time: float | None = None,
 ) -> Minimum:
-    """Find parameters that minimise a function of a motion's outputs, by gradient descent.
+    """Find parameters that minimise a function of a motion's outputs, by gradients.
 
-    The gradient follows from runs with derivatives. For sums of squares use `identify`, which needs
-    far fewer runs.
+    The gradients are those of the exact motion: in forward mode for up to 16 `Parameter`s, as by
+    `sensitivities`, otherwise in reverse mode, as by `predictor`. For sums of squares by few
+    parameters use `identify`, which needs far fewer runs.
 
     **Arguments:**
 
-    - `objective`: a function of the outputs by name, each (N,), that returns a finite number and
-      that JAX can differentiate.
-    - `parameters`: the free parameters by name; the search starts from the `value` of each
-      parameter, by default the number in the scene or its initial state.
-    - `outputs`: functions of an `Instant` by name, evaluated at `times`.
-    - `times`: (N,) times that do not decrease. The run ends at the last of them.
+    - `objective`: a function of the outputs by name that returns a finite number and that JAX can
+      differentiate.
+    - `parameters`: the free parameters by name, as in `predictor`. The search starts from the
+      `value` of a `Parameter`, by default the number in the scene or its initial state.
+    - `outputs`: functions of an `Instant` by name, evaluated at `times`, and reductions, as in
+      `predictor`.
+    - `times`: (N,) times that do not decrease; only reductions need none.
     - `settings`: by default `clearjoint.presets.derivatives`.
-    - `optimiser`: an optax optimiser of the parameters' coordinates on their scales; by default
-      `optax.adam(0.05)`, which changes each coordinate by about 0.05 in a step.
-    - `iterations`: number of runs. The search ends earlier if a run does not reach all times, or if
-      its objective is not finite.
+    - `optimiser`: an optax optimiser of the parameters' coordinates on their scales. By default
+      `optax.adam(0.05)` in forward mode, which changes each coordinate by about 0.05 in a step, and
+      in reverse mode `optax.lbfgs` with a line search of at most 12 runs in an iteration.
+    - `iterations`: largest number of iterations. The search ends earlier if a run fails, if its
+      objective is not finite, or if a line search finds no lower value.
+    - `end_time`: s, by default the last of the times.
 
     **Raises:** `ValueError` for unsupported arguments, and if the first run fails or its objective
     is not finite.
@@ -96,39 +113,135 @@ def minimise(
     import optax
 
     require_count("iterations", iterations, "allow one run")
-    optimiser = optax.adam(0.05) if optimiser is None else optimiser
-    times = np.asarray(times, dtype=float)
-    runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
-    gradient = jax.jit(jax.value_and_grad(objective))
-    at = jnp.asarray(coordinates_of(scene, state, parameters))
+    remedy = "pass the end of the run, s, or the times of quantities"
+    known = end_time is not None or times is not None
+    require(known, "end_time", None, "a time if there are no `times`", remedy)
+    times = None if times is None else np.asarray(times, dtype=float)
+    single = all(isinstance(parameter, Parameter) for parameter in parameters.values())
+    reduced = any(isinstance(output, AbstractReduction) for output in outputs.values())
+    search: _Forward | _Reverse
+    if single and not reduced and end_time is None and len(parameters) <= LONGEST_PACKED:
+        runs = experiment(scene, state, parameters, outputs, times, start_time, settings)  # pyright: ignore
+        at = coordinates_of(scene, state, parameters)  # pyright: ignore
+        search = _Forward(runs, objective, dict(parameters), times, at)  # pyright: ignore
+        default = optax.adam(0.05)
+    else:
+        end = float(times[-1]) if end_time is None else end_time  # pyright: ignore
+        arguments = parameters, outputs, times, settings
+        made = predictor(scene, state, end, *arguments, start_time=start_time)
+        search = _Reverse(made, objective, dict(parameters))
+        halving = optax.scale_by_backtracking_linesearch(HALVINGS, decrease_factor=0.5)
+        default = optax.lbfgs(linesearch=halving)
+    return _descended(search, default if optimiser is None else optimiser, iterations)
+
+
+def _descended(
+    search: "_Forward | _Reverse", optimiser: "optax.GradientTransformation", iterations: int
+) -> Minimum:
+    import optax
+
+    optimiser = optax.with_extra_args_support(optimiser)
+    at = search.start()
     optimiser_state = optimiser.init(at)
     history: list[float] = []
     best, result = at, RESULTS.successful
     for _ in range(iterations):
-        run = runs.run(at, times[-1])
-        result = run.result
+        value, gradient, result = search.evaluated(at)
         if result != RESULTS.successful:
             break
-        # The times that pad `times` to the length of a compiled program are cut off.
-        values = {name: row[: len(times)] for name, row in run.values.items()}
-        value, slopes = gradient(values)
         if not np.isfinite(value):
-            expected, remedy = (
-                "finite in the first run",
-                "start from other parameters, or change it",
-            )
+            expected = "finite in the first run"
+            remedy = "start from other parameters, or change it"
             require(bool(history), "objective", float(value), expected, remedy)
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        # Chain rule: the run gives the derivatives of the outputs by the coordinates, and JAX those
-        # of the objective by the outputs.
-        along = sum(slopes[n] @ run.derivatives[n][: len(times)] for n in outputs)
-        step, optimiser_state = optimiser.update(jnp.asarray(along), optimiser_state, at)
-        at = jnp.asarray(optax.apply_updates(at, step))
+        further = {"value": value, "grad": gradient, "value_fn": search.value}
+        step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
+        moved = optax.apply_updates(at, step)
+        if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
+            break
+        at = moved
     remedy = "start from parameters with which the scene runs to the last of the times"
     expected = "parameters for which the first run succeeds"
     require(bool(history), "parameters", RESULTS[result], expected, remedy)
-    coordinates = np.asarray(best)
-    estimates = values_at(parameters, coordinates)
+    coordinates = np.asarray(ravel_pytree(best)[0])
+    estimates = {
+        name: float(value) if isinstance(value, jax.Array) and not value.ndim else value
+        for name, value in search.values(best).items()
+    }
     return Minimum(estimates, coordinates, min(history), np.array(history), result)
+
+
+@dataclass(frozen=True)
+class _Forward:
+    """An objective and its gradient by the derivatives of runs by each parameter, from the
+    coordinates `first`, (p,)."""
+
+    runs: Experiment
+    objective: Objective
+    parameters: dict[str, Parameter]
+    times: np.ndarray
+    first: np.ndarray
+
+    def start(self) -> Coordinates:
+        return dict(zip(self.parameters, jnp.asarray(self.first), strict=True))
+
+    def evaluated(self, at: Coordinates) -> tuple[float, Coordinates, RESULTS]:
+        count, coordinates = len(self.times), jnp.stack([at[name] for name in self.parameters])
+        run = self.runs.run(coordinates, self.times[-1])
+        # The times that pad `times` to the length of a compiled program are cut off.
+        values = {name: row[:count] for name, row in run.values.items()}
+        value, slopes = jax.jit(jax.value_and_grad(self.objective))(values)
+        # Chain rule: the run gives the derivatives of the outputs by the coordinates, and JAX those
+        # of the objective by the outputs.
+        along = sum(slopes[name] @ run.derivatives[name][:count] for name in values)
+        return value, dict(zip(self.parameters, jnp.asarray(along), strict=True)), run.result
+
+    def value(self, at: Coordinates) -> jax.Array:
+        """Return the objective, NaN if the run fails, inside of a line search of optax."""
+
+        def on_host(at: Coordinates) -> np.ndarray:
+            value, _, result = self.evaluated(at)
+            return np.asarray(value if result == RESULTS.successful else np.nan, float)
+
+        return jax.pure_callback(on_host, jax.ShapeDtypeStruct((), float), at)
+
+    def values(self, at: Coordinates) -> Coordinates:
+        return _values(self.parameters, at)
+
+
+@dataclass(frozen=True)
+class _Reverse:
+    """An objective and its gradient by the derivatives of runs in reverse mode."""
+
+    predictor: Predictor
+    objective: Objective
+    parameters: dict[str, Part]
+
+    def start(self) -> Coordinates:
+        values = jax.tree.map(jnp.asarray, self.predictor.values)
+        scales = {n: p.scale for n, p in self.parameters.items() if isinstance(p, Parameter)}
+        coordinates = {n: jnp.asarray(scale.coordinate(values[n])) for n, scale in scales.items()}
+        return values | coordinates
+
+    def values(self, at: Coordinates) -> Coordinates:
+        return _values(self.parameters, at)
+
+    def evaluated(self, at: Coordinates) -> tuple[float, Coordinates, RESULTS]:
+        try:
+            value, gradient = jax.value_and_grad(
+                lambda at: self.objective(self.predictor(self.values(at)))
+            )(at)
+        except SimulationError as error:
+            return np.nan, at, error.solution.result
+        return value, gradient, RESULTS.successful
+
+    def value(self, at: Coordinates) -> jax.Array:
+        """Return the objective, NaN if the run fails, inside of a line search of optax."""
+        return self.objective(self.predictor.or_nan(self.values(at)))
+
+
+def _values(parameters: Mapping[str, Part], at: Coordinates) -> Coordinates:
+    scales = {n: p.scale for n, p in parameters.items() if isinstance(p, Parameter)}
+    return {**at, **{name: jnp.asarray(scale.value(at[name])) for name, scale in scales.items()}}

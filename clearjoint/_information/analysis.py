@@ -218,7 +218,7 @@ class Identifiability:
 
     @property
     def slopes(self) -> Float[np.ndarray, " p"]:
-        """Magnitude of the derivative of each parameter's value by its coordinate, (p,), SI."""
+        """Magnitude of the derivative of each value by its coordinate on the scale, (p,), SI."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.abs([float(scale.slope(u)) for scale, u in pairs])
 

@@ -130,7 +130,7 @@ class FitHorizon:
     def warn_if_beyond(self, time: float) -> None:
         """Warn, with a `UserWarning`, if a record's last sample is at `single_shot` or later.
 
-        The warning names each limit that the record reaches, and suggests growing windows.
+        The warning names each limit that the record reaches, and suggests `grow` of `identify`.
         """
         if time >= self.single_shot:
             reasons = []

@@ -100,15 +100,16 @@ class _Plan:
     def factorisation(self) -> list[_Step]:
         """Return the table for `_factor`, with one row for each row of a block: kind, indices of
         the row to be changed and of the row to be multiplied, and index of the block by which it is
-        multiplied."""
+        multiplied. The inverses of the diagonal blocks follow the blocks in `slots`."""
         table: list[_Step] = []
-        slots, inverses = self.slots, len(self.slots)
+        slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
-            diagonal, inverse = self.rows(j, slots[j, j]), inverses + j
+            diagonal, inverse = self.rows(j, slots[j, j]), first_inverse + j
             for target, row in zip(self.rows(j, inverse), diagonal, strict=True):
                 table.append((_FACTORISE, target, row, inverse))
             for i in column:
                 table += [(_DIVIDE, row, row, inverse) for row in self.rows(i, slots[i, j])]
+            # The column j is subtracted from the columns k after it.
             for k in column:
                 for i in column:
                     if i >= k:
@@ -126,8 +127,10 @@ class _Plan:
         """
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
-        factor, inverses = len(self.slots), 2 * len(self.slots)
-        identity = inverses + count
+        # The blocks of the matrix come first, then those of the factor, inverses, and the identity.
+        of_factor = {place: len(self.slots) + slot for place, slot in self.slots.items()}
+        first_inverse = 2 * len(self.slots)
+        identity = first_inverse + count
         table: list[_Step] = []
         for sweep in range(sweeps):
             if sweep:
@@ -135,11 +138,11 @@ class _Plan:
                 for target, slot, source, turned in self.products():
                     table.append((1, -1, turned, r[target], slot, x[source]))
             for j, column in enumerate(self._below):
-                table.append((0, 1, 0, r[j], inverses + j, r[j]))
-                table += [(1, -1, 0, r[i], factor + self.slots[i, j], r[j]) for i in column]
+                table.append((0, 1, 0, r[j], first_inverse + j, r[j]))
+                table += [(1, -1, 0, r[i], of_factor[i, j], r[j]) for i in column]
             for j, column in reversed([*enumerate(self._below)]):
-                table += [(1, -1, 1, r[j], factor + self.slots[i, j], r[i]) for i in column]
-                table.append((0, 1, 1, r[j], inverses + j, r[j]))
+                table += [(1, -1, 1, r[j], of_factor[i, j], r[i]) for i in column]
+                table.append((0, 1, 1, r[j], first_inverse + j, r[j]))
             table += [(1, 1, 0, x[k], identity, r[k]) for k in range(count)]
         return table
 
@@ -166,11 +169,12 @@ class BlockMatrix(AbstractMatrix):
         self._plan = _Plan(neighbours, [*map(len, groups)])
         order = self._plan.order
         self._groups = [groups[k] for k in order]
-        # _Place of each row among the elements of a vector in blocks.
+        # Place of each row among the elements of a vector in blocks.
         self._places = np.zeros(self.n, int)
         for k, group in enumerate(self._groups):
             self._places[group] = SIZE * k + np.arange(len(group))
         of_first, of_second = ([part[k] for k in order] for part in columns)
+        # Each block (i, j) of S is a sum of products of blocks (i, c) of D and (j, c) of X.
         steps: list[_Step] = []
         slots: list[dict[_Place, int]] = [{}, {}]
         for i, j in self._plan.entries:
@@ -364,9 +368,9 @@ def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> ja
     """Return the solution of a system of equations, see `_Plan.solution`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
-        kept, sign, turned, target, block, source = row
+        former, sign, turned, target, block, source = row
         image = _image(blocks, block, turned, vectors, source)
-        return kept * _row(vectors, target) + sign * image, target
+        return former * _row(vectors, target) + sign * image, target
 
     start = jnp.concatenate([right, jnp.zeros_like(right), right])
     return _looped(step, start, table)[right.size : 2 * right.size]

@@ -400,9 +400,9 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     """Replace each array of shape (3,), (4,) and (3, 3) in a PyTree by a `Vector`,
     `EulerParameters` or `Matrix`.
 
-    Structural components of a `ConstantFolded` PyTree become Python numbers. Fields with the
-    metadata ``{"table": True}`` keep their arrays. If arrays have a number of `leading` axes before
-    these shapes, the scalars are arrays with these axes.
+    In compiled programs, components that are exactly 0 or 1 become Python numbers. Fields declared
+    by `quantity` with ``table=True`` keep their arrays. If arrays have a number of `leading` axes
+    before these shapes, the scalars are arrays with these axes.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0

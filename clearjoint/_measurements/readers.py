@@ -173,11 +173,11 @@ def function_from_csv(
     # The second argument of `column_named` is the argument that error messages name.
     column_named = _columns_of(path, options)
     times = _times(column_named(time, "time"), time_unit)
-    rows = column_named(column, "column")
-    values = rows.numbers()
-    rows.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
-    with errors_about(f"In {rows.label}"):
-        factor, _ = to_si(rows.unit or unit, unit)
+    content = column_named(column, "column")
+    values = content.numbers()
+    content.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
+    with errors_about(f"In {content.label}"):
+        factor, _ = to_si(content.unit or unit, unit)
     return kind(times, values * factor)
 
 

@@ -46,7 +46,7 @@ NumberOrArray: TypeAlias = Float[Any, "..."]
 
 
 class Deviation(NamedTuple):
-    """Deviation of a profile's support function from that of its circle, at an angle of the normal.
+    """Distance of a profile's tangent from the centre less that of its circle, at a normal's angle.
 
     `value` is in m; `slope` and `bend` are its first and second derivative by the angle, m/rad and
     m/rad^2.
@@ -64,10 +64,9 @@ class AbstractProfile(AbstractConverting):
     """Base class of periodic deviations of a bearing's wall or of a journal from a circle.
 
     The angle is measured about the axis of the part (bearing or journal), from x towards y of the
-    axes that `transverse_axes` returns; for the axis (0, 0, 1) they are the x and y axes of the
-    body. A positive deviation enlarges the radius: it removes material from a bearing and adds
-    material to a journal. A subclass defines the deviation as a twice continuously differentiable
-    function of the angle:
+    part's frame, see `clearjoint.quantities.JournalOffset`. A positive deviation enlarges the
+    radius: it removes material from a bearing and adds material to a journal. A subclass defines
+    the deviation as a twice continuously differentiable function of the angle:
 
     ```python
     import clearjoint as cj
@@ -106,7 +105,7 @@ class Harmonics(AbstractProfile):
     **Arguments:** `cosines`: a_1, a_2, ..., a_K, (K,) m. `sines`: b_1, ..., b_K, (K,) m; zero by
     default.
 
-    **Raises:** `ValueError` if the coefficients are not finite, non-empty rows of equal length.
+    **Raises:** `ValueError` unless both are (K,) finite numbers, with K at least 1.
 
     >>> oval = cj.profiles.Harmonics([0.0, 5e-6])
     >>> print(f"{oval.at(0.0).value:.1e} m, {oval.at(np.pi / 2).value:.1e} m")
@@ -190,7 +189,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
     **Arguments:** `coefficients`: (N,) m, of the cubic B-splines that are centred at the angles 0,
     2 pi/N, 4 pi/N, ...; at least four.
 
-    **Raises:** `ValueError` if the coefficients are not a row of at least four finite numbers.
+    **Raises:** `ValueError` unless the coefficients are (N,) finite numbers, with N at least 4.
 
     >>> values = 1e-6 * np.cos(2.0 * np.arange(64) * 2.0 * np.pi / 64)
     >>> profile = cj.profiles.PeriodicSpline.through(values)
@@ -393,6 +392,6 @@ def caution_two_contacts(
 def _sampled(profile: AbstractProfile | None) -> Deviation:
     """Return the deviation at evenly spaced angles, four times as many as resolve the profile."""
     if profile is None:
-        return Deviation(*(np.zeros(1),) * 3)
+        return Deviation(value=np.zeros(1), slope=np.zeros(1), bend=np.zeros(1))
     count = 4 * profile.angles()
     return profile.at(np.arange(count) * (2.0 * np.pi / count))

@@ -59,9 +59,9 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
     if not in_memory and max(no_size, yes_size) <= LONGEST_CHOICE:
         # Short branches: a few operations whose results are not used cost less than a jump. Since
         # both are executed, neither may overwrite an argument.
-        kept = [borrowed(argument) for argument in arguments]
-        no_results = lower.inline(no, kept)
-        return _selected(lower, condition, lower.inline(yes, kept), no_results)
+        unchanged = [borrowed(argument) for argument in arguments]
+        no_results = lower.inline(no, unchanged)
+        return _selected(lower, condition, lower.inline(yes, unchanged), no_results)
     if ops.width == 1 or ops.is_uniform(condition):
         return _branch(lower, condition, yes, no, arguments)
     # In several lanes both branches may be executed, each for the lanes that need it.

@@ -146,7 +146,7 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
 
         def rest(j: Symbol) -> Symbol:
             def term(k: Symbol) -> Symbol:
-                a, b = (_read(lower, factor, top + row * n + k) for row in (i, j))
+                a, b = (_read(lower, factor, top + line * n + k) for line in (i, j))
                 return -(a * b)
 
             return _sum(lower, _read(lower, source, top + i * n + j), zero, j, term)

@@ -222,13 +222,13 @@ class _Writer:
                 self._needed_results.setdefault(number, set()).add(k)
         elif isinstance(entry, Branch):
             # Values that nothing uses are removed, with all that is computed only for them.
-            kept = [k for k, out in enumerate(entry.outs) if uses[out]]
-            entry.outs = [entry.outs[k] for k in kept]
-            entry.yes_values = [entry.yes_values[k] for k in kept]
-            entry.no_values = [entry.no_values[k] for k in kept]
+            used = [k for k, out in enumerate(entry.outs) if uses[out]]
+            entry.outs = [entry.outs[k] for k in used]
+            entry.yes_values = [entry.yes_values[k] for k in used]
+            entry.no_values = [entry.no_values[k] for k in used]
             uses.update((*entry.yes_values, *entry.no_values))
             effects = [self._mark(entry.yes), self._mark(entry.no)]
-            if not kept and not any(effects):
+            if not used and not any(effects):
                 return False
             uses.update((entry.condition,))
         else:
@@ -531,11 +531,15 @@ class _Writer:
     def _is_one_cell(self, index: Value | None) -> bool:
         return index is None or self._program.is_uniform(index)
 
+    def _form_in_memory(self, kind: str) -> Form:
+        """Return the type of a kind of values in memory, where integers and bools have 64 bits."""
+        return self._type(_CELL[kind[0]] + kind[1:])
+
     def _load(self, entry: Operation) -> Word:
         """Read a cell. If the lanes may have different indices, the cells are read lane by lane."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
-        cell = self._type(_CELL[kind[0]] + kind[1:])
+        cell = self._form_in_memory(kind)
 
         def load(form: Form, lane: int = 0) -> Word:
             # Only 8 bytes of alignment are known: a vector of tangents may begin at any cell.
@@ -545,8 +549,8 @@ class _Writer:
         if self._is_one_cell(index):
             content = load(cell)
         else:
-            base, _ = _parts(cell)
-            content = self._vector(cell, [load(base, lane) for lane in range(self._width)])
+            element, _ = _parts(cell)
+            content = self._vector(cell, [load(element, lane) for lane in range(self._width)])
         if kind[0] == "b":
             return self._add(f"icmp ne {cell} {content}, {_constant(cell, 0)}")
         if kind[0] == "w":
@@ -554,23 +558,23 @@ class _Writer:
         return content
 
     def _store(self, entry: Operation) -> None:
-        value, index = (*entry.arguments, None)[:2]
+        """Write a cell. If the lanes may have different indices, it is written lane by lane."""
+        value, index = (*entry.arguments, None)[:2]  # without an index, the only cell
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)
-        cell = self._type(_CELL[kind[0]] + kind[1:])
-        # In memory, integers and bools have 64 bits.
-        if kind[0] in "bw":
+        cell = self._form_in_memory(kind)
+        if kind[0] in "bw":  # bools and integers of 32 bits
             extend = "zext" if kind[0] == "b" else "sext"
             content = self._add(f"{extend} {self._typed(value)} to {cell}")
         if self._is_one_cell(index):
             pointer = self._pointer(entry.number, index)
             self._lines.append(f"store {cell} {content}, ptr {pointer}, align 8")
             return
-        base, _ = _parts(cell)
+        element, _ = _parts(cell)
         for lane in range(self._width):
             pointer = self._pointer(entry.number, index, lane)
             word = self._element(cell, content, lane)
-            self._lines.append(f"store {base} {word}, ptr {pointer}, align 8")
+            self._lines.append(f"store {element} {word}, ptr {pointer}, align 8")
 
     def _write_branch(self, entry: Branch) -> None:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,

@@ -536,7 +536,7 @@ class Lowering:
         are read again, and results that share cells with these or with each other.
         """
         arguments: list[Array] = []
-        kept: dict[Atom, InMemory] = {}
+        read_later: dict[Atom, InMemory] = {}
         for atom in equation.invars:
             array = self._atom(atom, arrays)
             # The numbers of a literal are never overwritten.
@@ -545,7 +545,7 @@ class Lowering:
                 # occurs twice in this equation, writing for one would change the other.
                 is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
                 if not is_last:
-                    kept[atom] = array
+                    read_later[atom] = array
                     array = replace(array, owned=False)
             arguments.append(array)
         try:
@@ -562,7 +562,7 @@ class Lowering:
         # A result, such as a part of an array, may have cells in common with an argument that is
         # read later or with another result. Then neither of the two may be overwritten.
         in_memory = [out for out in outs if isinstance(out, InMemory)]
-        for atom, array in kept.items():
+        for atom, array in read_later.items():
             if any(map(array.overlaps, in_memory)):
                 arrays[atom] = replace(array, owned=False)
         for variable, out in zip(equation.outvars, outs, strict=True):

@@ -85,6 +85,7 @@ def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list
 
 
 def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
+    """Return one array of the elements of several, placed as `join` places their indices."""
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
     rows = zip(avals, starts, strict=False)

@@ -221,8 +221,7 @@ class Parameter:
 
     - `path`: function that selects the number in a scene, such as ``lambda scene:
       scene.joints["pin"].clearance``. A path that returns several numbers ties them: they share one
-      value. Instead of a path, an `AbstractVariation` may be given, which says in another way how a
-      value changes scene and state.
+      value.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for numbers
       between bounds. A scale gives each value an unbounded coordinate; the fit works in these
       coordinates, and derivatives are with respect to them.
@@ -269,7 +268,7 @@ class Parameter:
         unit: str | None = None,
     ) -> "Parameter":
         """Return a parameter that is a number of the initial state, such as ``lambda state:
-        state.bodies["arm"].spin[2]``, with arguments and errors of `Parameter`."""
+        state.bodies["arm"].spin[2]``. **Arguments:**, **Raises:** as `Parameter`."""
         return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod
@@ -310,8 +309,8 @@ class Parameter:
         the time t since the start of the run. All series that are named have the same value, so
         that they must have the same unit. `identify`, `identify_many`, `minimise`, `posterior`,
         `sensitivities`, `identifiability` and `fit_horizon` accept these parameters; the last three
-        refer to outputs or sensors in place of series. If the channel has a period, such as an
-        angle, whole periods of a residual don't count.
+        take names of outputs or sensors in place of series. Residuals of a quantity with a period,
+        such as an angle, are taken modulo the period.
 
         >>> bias = cj.Parameter.bias("encoder", value=0.01)
         >>> bias.value

@@ -96,6 +96,8 @@ class ParametrisedScene(AbstractSceneFamily):
     - `values`: (p,) coordinates of the parameters on their scales.
     - `base`: scene and initial state before any change.
     - `changes`, `scales`: of each parameter.
+    - `directions`: (n, p), those of the derivatives in the space of coordinates; ``None`` for the
+      derivatives by each parameter.
     """
 
     values: Coordinates
@@ -103,6 +105,18 @@ class ParametrisedScene(AbstractSceneFamily):
     changes: tuple[Change, ...] = eqx.field(static=True)
     scales: tuple[AbstractScale, ...] = eqx.field(static=True)
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
+    directions: Coordinates | None = None
+
+    def in_groups(self, largest: int) -> "list[ParametrisedScene]":
+        """Return copies with derivatives by equally many parameters each, at most `largest`, one
+        after the other. The last parameter is repeated in the last group."""
+        count = len(self.values)
+        if count <= largest:
+            return [self]
+        groups = -(-count // largest)
+        size = -(-count // groups)
+        numbers = np.minimum(np.arange(groups * size), count - 1).reshape(groups, size)
+        return [replace(self, directions=np.eye(count)[row]) for row in numbers]
 
     def at(self, values: ArrayLike) -> "ParametrisedScene":
         """Return a copy with other coordinates."""
@@ -110,8 +124,8 @@ class ParametrisedScene(AbstractSceneFamily):
 
     @property
     @override
-    def seeds(self) -> jax.Array:
-        return jnp.eye(len(self.values))
+    def seeds(self) -> Coordinates:
+        return jnp.eye(len(self.values)) if self.directions is None else self.directions
 
     @override
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
@@ -150,12 +164,10 @@ class ParametrisedScene(AbstractSceneFamily):
                 has_aux=True,
             )
 
-        count = len(self.values)
-        tell_tangents(count)
-        # One row of the identity for each parameter: vmap computes the value once for all
-        # derivatives.
+        tell_tangents(self.tangents)
+        # The value is computed once for all derivatives.
         value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
-            jnp.eye(count), tangents
+            self.seeds, tangents
         )
         return value, auxiliary, derivatives
 

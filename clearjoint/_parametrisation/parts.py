@@ -67,6 +67,7 @@ def parts_of(
 def _selected(
     scene: Scene, state: State, path: Callable[[Scene], PyTree], argument: str
 ) -> tuple[PyTree, Change]:
+    """Return the numbers that one path selects, and the function that sets them."""
     element = None
     # `value_at` raises these errors with a remedy.
     with suppress(AttributeError, KeyError, IndexError, TypeError):

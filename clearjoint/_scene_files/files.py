@@ -86,19 +86,22 @@ class Writer:
         if isinstance(value, Enum):
             return value.name
         if isinstance(value, Mapping):
-            inner = expected.by_name or ANYTHING
+            of_entry = expected.by_name or ANYTHING
             for key in value:
                 if not isinstance(key, str):
                     location.refuse(key, "a name", "use text for the keys of dictionaries")
-            return {key: self._value(item, inner, location.at(key)) for key, item in value.items()}
+            return {
+                key: self._value(item, of_entry, location.at(key)) for key, item in value.items()
+            }
         if isinstance(value, tuple | list):
             # Rows of an array have the unit of the whole array.
-            inner = expected.item or expected
-            return [self._value(item, inner, location.at(k)) for k, item in enumerate(value)]
+            of_entry = expected.item or expected
+            return [self._value(item, of_entry, location.at(k)) for k, item in enumerate(value)]
         # The table need not name its class if the argument allows only objects of this class.
         if is_dataclass(value) and not isinstance(value, type):
-            kind = {} if expected.classes == (type(value),) else {KIND: class_name(type(value))}
-            return kind | self.table(value, location)
+            is_known = expected.classes == (type(value),)
+            class_entry = {} if is_known else {KIND: class_name(type(value))}
+            return class_entry | self.table(value, location)
         if value is None:
             if expected.is_text:  # the reader would return the text "none"
                 remedy = "leave it out, or make None the default of the argument"

@@ -80,8 +80,8 @@ class Reader:
             if all(type(v) in (int, float) and abs(v) <= sys.float_info.max for v in content):
                 return tuple(content)
             # Without `item` the list is an array: its entries are numbers, or rows of them.
-            inner = expected.item or expected
-            return tuple(self._item(v, inner, location.at(k)) for k, v in enumerate(content))
+            of_entry = expected.item or expected
+            return tuple(self._item(v, of_entry, location.at(k)) for k, v in enumerate(content))
         if isinstance(content, str):
             return _text(content, expected, location)
         if isinstance(content, float) and math.isnan(content):
@@ -100,6 +100,7 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
+        """Convert a table to an object of its class, to Euler parameters, or to a dictionary."""
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:
@@ -115,8 +116,8 @@ class Reader:
             if not expected.allows_anything:
                 simple = "a text" if expected.is_text else "a number"
                 location.refuse(dict(content), simple, "replace the table by one")
-        inner = expected.by_name or ANYTHING
-        return {key: self.value(item, inner, location.at(key)) for key, item in content.items()}
+        of_entry = expected.by_name or ANYTHING
+        return {key: self.value(item, of_entry, location.at(key)) for key, item in content.items()}
 
     def instance(
         self,

@@ -25,6 +25,7 @@ from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
 from .._sweeps.axes import Axis
+from .._sweeps.outputs import NOT_OUTPUTS
 from .._sweeps.sweep import SweepOptions, sweep
 
 PARTS = ("velocity", "spin")
@@ -172,8 +173,6 @@ ROUNDING = 1e-12
 """Rounding error of a level of a quantile."""
 DRAW, QUANTILE = "draw", "quantile"
 """Names of the dimensions that results have besides the axes."""
-NOT_OUTPUTS = ("result", "time_reached", "attempts", "accepted")
-"""Variables that every sweep returns about each of its runs, besides the outputs asked for."""
 
 
 def ensemble(

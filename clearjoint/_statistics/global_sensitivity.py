@@ -135,9 +135,9 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
 
     usable = np.isfinite(groups).all(axis=1)
     used, randomisation = groups[usable], (np.arange(len(groups)) % RANDOMISATIONS)[usable]
-    left = np.unique(randomisation)
+    randomisations = np.unique(randomisation)
     expected = "2 groups without failures or more, of different randomisations"
-    require(len(left) > 1, "draws", len(used), expected, "run more")
+    require(len(randomisations) > 1, "draws", len(used), expected, "run more")
     if len(used) < len(groups):
         text = f"{len(used)} of {len(groups)} groups of runs are used."
         warnings.warn(text, stacklevel=level_of_the_user())
@@ -145,7 +145,7 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     a, b, *others = (used - used[:, :2].mean()).T
     moments = [np.ones(len(used)), 0.5 * (a + b), 0.5 * (a**2 + b**2)]
     terms = [*moments, *(b * (c - a) for c in others), *(0.5 * (a - c) ** 2 for c in others)]
-    sums = np.array([[term[randomisation == k].sum() for term in terms] for k in left])
+    sums = np.array([[term[randomisation == k].sum() for term in terms] for k in randomisations])
 
     def both_orders(row: np.ndarray) -> np.ndarray:
         number, mean, square = row[0], row[1] / row[0], row[2] / row[0]
@@ -156,7 +156,7 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     # Standard error by the jackknife over the randomisations. The groups of one of them are not
     # independent: the spread of single groups, such as in a bootstrap, is that of random points,
     # which is up to 200 times the error of Sobol points.
-    total, freedom = sums.sum(axis=0), len(left) - 1
+    total, freedom = sums.sum(axis=0), len(randomisations) - 1
     value, without = both_orders(total), np.array([both_orders(total - row) for row in sums])
     half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * np.sqrt(freedom * without.var(axis=0))
     parts = {"": value, "_low": value - half, "_high": value + half}

@@ -51,15 +51,14 @@ class Axis:
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as ``lambda scene:
-      scene.joints["pin"].clearance``; or a variation, an object that says how a value changes scene
-      and state (`clearjoint._parametrisation.variations`). If the function returns several numbers,
-      all of them get the same value.
+      scene.joints["pin"].clearance``. If the function returns several numbers, all of them get the
+      same value.
     - `values`: (n,), in the SI unit of the number.
     - `unit`: text that labels the values in the results; by default the unit of the number in the
-      scene. It does not convert the values. A variation has its own unit.
+      scene. It does not convert the values.
 
-    **Raises:** `ValueError` for values that are not a row of one or more finite numbers, for a
-    `path` that is neither a function nor a variation, and for a `unit` with a variation.
+    **Raises:** `ValueError` unless values are (n,) finite numbers, with n at least 1, and for a
+    `path` that is not a function.
 
     >>> axis = cj.Axis(lambda scene: scene.joints["pin"].clearance, np.geomspace(5e-5, 1e-3, 64))
     >>> axis.values.shape
@@ -98,7 +97,7 @@ class Axis:
         `make` receives the scene, the initial state and one value, and returns the changed pair
         (scene, state). Scene and state already have the values of the axes that come before this
         one in the sweep. The function may change numbers only, not names or shapes of arrays. A
-        lane for which it changes more, or raises a `ValueError`, is not run.
+        value for which it changes more, or raises a `ValueError`, is not run.
         """
         return Axis(MadeByFunction(make, unit), values)
 
@@ -119,7 +118,7 @@ class Axis:
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return a text for the notes of a sweep, such as "StateNumber <lambda>"."""
+        """Return the text that describes the axis in the attributes of a sweep's results."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 

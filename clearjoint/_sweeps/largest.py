@@ -153,11 +153,10 @@ def largest_feasible(
 ) -> LargestFeasible:
     """Find the largest value of a parameter for which quantities stay within their limits.
 
-    No computed value up to this one violates a limit. One sweep runs a row of values side by side,
-    as lanes. A first row over the range finds the first violation, and a second row examines the
-    values just below it. If margins, log(limit / peak), rise and fall, more rows search for
-    violations between values with small margins. Then each row divides the interval in which the
-    first violation begins, down to the tolerance.
+    No computed value up to this one violates a limit. A sweep over the range finds the first
+    violation, and a second one examines the values just below it. If margins, log(limit / peak),
+    rise and fall, more sweeps search for violations between values with small margins. Then each
+    sweep divides the interval in which the first violation begins, down to the tolerance.
 
     ```python
     import clearjoint as cj
@@ -171,8 +170,8 @@ def largest_feasible(
 
     **Arguments:**
 
-    - `parameter`: the parameter, for example a clearance; values in a row are evenly spaced on its
-      scale.
+    - `parameter`: the parameter, for example a clearance; values of a sweep are evenly spaced on
+      its scale.
     - `quantity`: a scalar function of an `Instant` (the scene and its motion at one time), whose
       peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
       limited; or several functions and reductions by name.
@@ -187,8 +186,8 @@ def largest_feasible(
       start, an `Axis` with its draws, by name. All have equal length, and their i-th values form
       the i-th draw.
     - `quantile`: share of the draws that must satisfy each limit, from 0 to 1.
-    - `lanes`: number of values in a row, at least 3. With draws, a row has this many runs for each
-      draw.
+    - `lanes`: number of values in a sweep, at least 3. With draws, a sweep has this many runs for
+      each draw.
     - `tolerance`: relative tolerance of the value, positive. The search also ends where rounding
       errors leave no values in between. If the range contains zero, the absolute tolerance is at
       least `tolerance` squared times the range.
@@ -210,7 +209,7 @@ def largest_feasible(
     expected = "axes of equal length"
     require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
     require_range("quantile", quantile, 0.0, 1.0, "pass a share of the draws, for example 0.95")
-    require_count("lanes", lanes, "give a number of values in a row")
+    require_count("lanes", lanes, "give a number of values in a sweep")
     require(lanes > 2, "lanes", lanes, "at least 3", "pass 32")
     require_positive("tolerance", tolerance, "1e-3 suffices")
     # A quantity without reduction is limited by its peak.
@@ -250,8 +249,8 @@ class LaneMargins:
         """Return these margins merged with those at other coordinates; of equal ones, this object's
         is kept."""
         both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
-        kept = np.unique(both[0], return_index=True)[1]
-        return LaneMargins(*(row[kept] for row in both), peak=self.peak)
+        first_places = np.unique(both[0], return_index=True)[1]
+        return LaneMargins(*(row[first_places] for row in both), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
         """Return these margins, with the smaller one, or a NaN, where `others` has a margin too."""

@@ -23,6 +23,8 @@ LANE = "lane"
 """Name of the dimension of lanes."""
 RESULT = "result"
 """Name of the variable with the lanes' result codes."""
+NOT_OUTPUTS = (RESULT, "time_reached", "attempts", "accepted")
+"""Names of the variables with a number of each lane that is not an output."""
 BY_LANE = "by_lane"
 """Folder of a store with the results by lane; variables and axes can't have this name."""
 PENDING = -1

@@ -33,6 +33,7 @@ from .._simulation.results.impact_table import IMPACT_UNITS
 from .._simulation.results.solution import LABELS, STATE_PARTS, contact_label
 from .._simulation.run.impact_recorder import ImpactRecorder
 from .._simulation.run.outputs import ImpactTable, Kept, Output, kept_by
+from .._simulation.run.rejections import RejectedSteps
 from .._simulation.run.run_checks import check_numbers, check_precision, check_structure
 from .._simulation.run.saving import Saving
 from .._simulation.run.sections import Section
@@ -266,15 +267,15 @@ def sweep(
       the lane's scene, for example of the speed of a crank.
     - `axes`: the values of each parameter by name; see `Axis`. The lanes are all combinations of
       the values. With `zipped`, lane i has the i-th value of every axis.
-    - `outputs`: results to keep for each lane, by name, as in `simulate`: reductions (`Peak`,
-      `ImpactCount`, `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass
-      of `AbstractReduction`), sections (`Section`), tables of impacts (`ImpactTable`), and
-      quantities, which are evaluated at the times of `save`, along ``saved_time``. For instance,
-      ``{"hits": cj.ImpactTable(20)}`` keeps the first 20 impacts of every contact, with their peak
-      forces as ``hits_peak_force``. The final state, result code, time reached, and numbers of
-      steps are always kept.
+    - `outputs`: results of each lane, by name, as in `simulate`: reductions (`Peak`, `ImpactCount`,
+      `DissipatedEnergy`, `MeanPowerLost`, `Statistics`, `ArchardWear`, or a subclass of
+      `AbstractReduction`), sections (`Section`), tables of impacts (`ImpactTable`), and quantities,
+      which are evaluated at the times of `save`, along ``saved_time``. For instance, ``{"hits":
+      cj.ImpactTable(20)}`` records the first 20 impacts of every contact, with their peak forces as
+      ``hits_peak_force``. The final state, result code, time reached, and numbers of steps are
+      always recorded.
     - `settings`: by default `clearjoint.presets.default`.
-    - `save`: a `Saving` with the sample times of each lane, at which states are kept as
+    - `save`: a `Saving` with the sample times of each lane, at which states are saved as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin``, unless its
       `states` is false. Times that are a function of the lane's scene are the variable
       ``saved_time`` along ``saved_number``. Entries for times that a failed lane has not reached
@@ -325,6 +326,8 @@ def sweep(
     save = kept.save
     save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
     save.require_none(["impacts"], "in a sweep", PASS_TABLE)
+    remedy = "pass the lane's scene to simulate() for it"
+    kept.refuse(RejectedSteps, "another output in a sweep", remedy)
     kept.check_names()
     kept.check(scene, settings.ledger)
     if threads is not None:
@@ -392,7 +395,7 @@ def checked_starts(
     for lane in np.flatnonzero((np.abs(residuals) <= ACCEPTED_VIOLATION).all(axis=1)).tolist():
         if lane in bad:
             continue
-        dependent_rows, uncertain = dependent(rows.names, rows.left[lane], searched)
+        dependent_rows, uncertain = dependent(rows.names, rows.reduced[lane], searched)
         try:
             require_certain(uncertain)
             redundant = redundant or bool(dependent_rows)

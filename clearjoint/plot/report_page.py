@@ -145,7 +145,8 @@ def _counted(number: int, name: str, singular: str = "", plural: str = "s") -> s
 
 def _tolerances(solution: Solution) -> list[str]:
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
-    if "solver" not in notes:
+    # Without `Settings`, or of a version with others.
+    if not {"solver", "controller", "rtol", "atol"} <= notes.keys():
         return []
     solver, controller = (str(notes[name]).split("(")[0] for name in ("solver", "controller"))
     if controller != "None":

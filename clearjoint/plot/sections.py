@@ -142,13 +142,13 @@ def section_points(
     """Draw two channels of section crossings at `times` (N,), s: name, values (N,) and SI unit of
     each. For the other arguments, see `poincare_section`."""
     times, units = np.asarray(times), [unit for *_, unit in channels]
-    kept = np.full(len(times), True) if after is None else times >= after
+    is_drawn = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
-    require(bool(kept.any()) or after is None, "after", after, last, "give an earlier time")
+    require(bool(is_drawn.any()) or after is None, "after", after, last, "give an earlier time")
     is_drawable = clearance is None or set(units) == {"m"}
     expected = f"None for channels in {units}"
     require(is_drawable, "clearance", clearance, expected, "leave it out")
-    rows = [np.asarray(values)[kept] for _, values, _ in channels]
+    rows = [np.asarray(values)[is_drawn] for _, values, _ in channels]
     sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
     # Channels of the same unit and a similar size get the same prefix and the same scale, as both
     # components of a vector should; if one is 20 times the other, the points would lie on a line.
@@ -162,7 +162,7 @@ def section_points(
         suffix = "" if text == "1" else f", {text}"
         columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
     (x, x_label, factor), (y, y_label, _) = columns
-    axes = _mapped(x, y, 1 + np.flatnonzero(kept), (x_label, y_label), axes)
+    axes = _mapped(x, y, 1 + np.flatnonzero(is_drawn), (x_label, y_label), axes)
     if clearance is not None:
         clearance_circle(axes, clearance, factor=factor)
     if same:
@@ -170,7 +170,7 @@ def section_points(
         # so that the circle fills them.
         axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
     if after is not None:
-        text = f"{kept.sum()} of {len(kept)} crossings, from {after:g} s on"
+        text = f"{is_drawn.sum()} of {len(is_drawn)} crossings, from {after:g} s on"
         axes.set_title(text, fontsize="small", loc="right")
     return axes
 
@@ -191,7 +191,7 @@ def bifurcation(
     **Arguments:**
 
     - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
-      A quantity named "section_channel" that is sampled once a period is drawn, too.
+      An output named "section_channel", sampled once a period, may replace a section.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 

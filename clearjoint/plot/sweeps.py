@@ -179,7 +179,7 @@ def parameter_map(
 
     >>> masses = cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 1.0])
     >>> both = {"stiffness": values, "mass": masses}
-    >>> found = cj.sweep(scene, state, 0.5, both, speed, progress=False)
+    >>> found = cj.sweep(scene, state, 0.5, both, outputs, progress=False)
     >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
     """
     values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))

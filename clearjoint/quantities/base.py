@@ -37,10 +37,10 @@ class Instant:
     - `time`: the scene's time, s.
     - `work[name]`: energies since the start, J: dissipated by "normal damping", "friction", "film"
       and "stabilisation", or "supplied" by drives and loads; "friction" includes the energy in
-      bristles. Empty unless the run keeps this ledger.
+      bristles. Empty unless the run has ``Settings(ledger=True)``.
 
     Runs create instants. The example makes one from a `System`, which evaluates the equations of
-    motion, the time since the system's `origin`, s, and the variables of `system.encode`. An
+    motion, its `own_time` since the system's `origin`, s, and the variables of `system.encode`. An
     instant is a PyTree; flattening drops the function that gives the instants `inside` its step.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())

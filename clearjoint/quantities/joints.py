@@ -141,9 +141,9 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, the rate of the penetration at its onset, m/s; zero while
     the surfaces are apart.
 
-    It exists only for contacts whose law uses the entry speed. In a section at the onset or the end
-    of a contact, it is that of the contact. For a contact that had begun before the start of the
-    run, the value is 1e9 m/s, unless the initial state contains the entry speed.
+    It exists only for contacts whose law uses the entry speed. In a `Section` at the onset or end
+    of a contact, the value is that of this contact. For a contact that had begun before the start
+    of the run, the value is 1e9 m/s, unless the initial state contains the entry speed.
 
     >>> cj.quantities.EntrySpeed("shoulder", "V").unit
     'm/s'
@@ -254,9 +254,9 @@ class Multiplier(AbstractJointQuantity):
     driving force or moment, positive if it pushes the second body towards larger values.
 
     Prefer `Reaction`, which is a force or moment in axes that you know, for all joints. Multipliers
-    belong to single rows: a joint in joint coordinates has none; rows between directions multiply
-    moments by the sine of the angle of their axes; and among redundant constraints, multipliers are
-    those of least norm, so that they are not unique.
+    belong to single rows, and depend on how the joint writes its equations. A joint that joint
+    coordinates eliminate has none. Among redundant constraints they are not unique; those of least
+    norm are computed.
 
     `row` is the name of the constraint row, a key of the dictionary that the joint's method `rows`
     returns.
@@ -302,7 +302,7 @@ class AbstractReaction(AbstractJointQuantity):
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the part of the joint's constraints in the reaction."""
+        """Return the wrench of the joint's constraints on the body, without contacts and films."""
         # In joint coordinates, rows of joints that the coordinates satisfy have no multipliers.
         return constraint_wrenches(now.absolute_dynamics, self.joint).get(self.body, NO_WRENCH)
 
@@ -421,7 +421,7 @@ class AbstractJointAngle(AbstractJointQuantity):
         return elements_with_angle(scene)
 
     def angle(self, now: Instant) -> Row:
-        """Return the angle as a constraint row, see `HasRelativeAngle`."""
+        """Return the `Row` whose value is the angle, rad."""
         return elements_with_angle(now.scene)[self.joint].relative_angle(now.motions)
 
 

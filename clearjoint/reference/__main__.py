@@ -42,8 +42,8 @@ def write_page(source: str, docs: Path) -> None:
     page.parent.mkdir(parents=True, exist_ok=True)
     if source.endswith(".ipynb"):
         names = {"unique_key": page.stem, "output_files_dir": f"{page.stem}_files"}
-        text, given = nbconvert.MarkdownExporter().from_filename(str(ROOT / source), names)
-        for name, content in given["outputs"].items():
+        text, resources = nbconvert.MarkdownExporter().from_filename(str(ROOT / source), names)
+        for name, content in resources["outputs"].items():
             file = page.parent / name
             file.parent.mkdir(exist_ok=True)
             file.write_bytes(content)

@@ -307,7 +307,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
         bristles, slip = Vector(z * 0.6, z * 0.8, 0.0), Vector(v, 0.0, 0.0)
         return law.ratio(bristles, law.rate(bristles, slip), slip).x
 
-    evaluated("The friction", ratio, friction, deflection, speed)
+    evaluated("The friction", ratio, friction, deflection, speed)  # ensures that it is finite
     rates = evaluated("rate()", growth, friction, deflection, speed)
     sticks = speed == 0.0
     ensure(jnp.where(sticks, rates, 0.0) == 0.0, "rate() without slip is not zero: it creeps.")

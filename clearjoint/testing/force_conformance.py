@@ -111,11 +111,11 @@ def _check_power(
     # The supplied power is the rate at which the element changes the total energy of the scene:
     # positive for a motor, negative for a damper.
     supplied = float(element.supplied_power(motions, on_device(time)))
-    left = supplied - power - rate
+    imbalance = supplied - power - rate
     ensure(
-        abs(left) < tolerance * (1.0 + abs(power) + abs(supplied)),
-        f"The energy does not balance: {left:.3g} W of the supplied power are neither stored nor "
-        "transferred to the bodies.",
+        abs(imbalance) < tolerance * (1.0 + abs(power) + abs(supplied)),
+        f"The energy does not balance: {imbalance:.3g} W of the supplied power are neither stored "
+        "nor transferred to the bodies.",
     )
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from dataclasses import dataclass
@@ -70,7 +71,8 @@ class Yardstick:
         numbers = (WIDTHS[kind], span, rtol, count, least, most, 1)
         words = [str(self._program), *(repr(float(n)) if n != int(n) else str(n) for n in numbers)]
         done = subprocess.run(words, capture_output=True, text=True, check=True)
-        found = json.loads(done.stdout)
+        # C++ writes what is not a number as `nan` or `-nan`.
+        found = json.loads(re.sub("-?nan", "NaN", done.stdout))
         runs = found["runs"]
         return Timed(
             found["seconds"],

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.observations import observation_of
 
 
 def _observed(
@@ -57,5 +58,5 @@ def test_friction_dissipates_and_is_booked():
 def test_an_observation_at_no_times_has_no_residual():
     none = np.zeros(0)
     energies = {"mechanical": none}
-    observed = cj.results.Observation(none, *([{}] * 6), energies=energies, reactions_unique=True)
+    observed = observation_of(none, energies=energies)
     assert observed.ledger_residual().shape == (0,)

@@ -15,6 +15,7 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.plot.report_page import impact_rows
 from tests.plot.test_pictures import CODES, labels, record, seen_contact
+from tests.support.observations import observation_of
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
 
@@ -295,9 +296,7 @@ def test_the_drift_between_steps_is_that_at_their_ends():
     times = np.linspace(0.0, 0.2, 21)
     energies = {"kinetic": times**2, "mechanical": times**2, "supplied": 0.2 * times}
     inside = ~np.isin(np.arange(21), (0, 20))
-    seen = cj.results.Observation(
-        times, *([{}] * 6), energies=energies, reactions_unique=True, interpolated=inside
-    )
+    seen = observation_of(times, energies=energies, interpolated=inside)
     assert np.abs(seen.ledger_residual()).max() < 1e-15
 
 

@@ -13,6 +13,7 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.plot.report_page import joint_rows
 from tests.support.dropped_rod import dropped_rod
+from tests.support.observations import observation_of
 from tests.support.recorded_journal import ContactObservation
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
@@ -183,7 +184,7 @@ def test_wrong_arguments_are_refused(call, message):
 
 
 def test_a_scene_without_contacts_has_no_timeline():
-    seen = cj.results.Observation(*([TIMES] + [{}] * 7), reactions_unique=True)
+    seen = observation_of(TIMES)
     for draw in (plot.motion_timeline, plot.joint_forces):
         with pytest.raises(ValueError, match="`observation` must be of a scene with contacts"):
             draw(seen)
@@ -192,7 +193,7 @@ def test_a_scene_without_contacts_has_no_timeline():
 def energies(**more) -> cj.results.Observation:
     stored = {"kinetic": 3.0 * TIMES, "gravity": 5.0 - 9.0 * TIMES, "contacts": 0.5 * TIMES}
     whole = stored | {"springs": 0.5 * TIMES, "mechanical": 5.0 - 5.0 * TIMES} | more
-    return cj.results.Observation(TIMES, *([{}] * 6), energies=whole, reactions_unique=True)
+    return observation_of(TIMES, energies=whole)
 
 
 def test_the_ledger_has_energies_and_drift():

@@ -268,12 +268,12 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 
 
 class JointCoordinates(AbstractCoordinates):
-    """Relative positions and speeds in the ideal joints that carry the bodies.
+    """Positions and speeds in ideal joints, each of a body relative to the one before it in a tree.
 
     A clearance joint is a force element, so in most mechanisms with clearances the bodies and ideal
     joints form trees, which have no multipliers, no drift and no redundant constraints in these
-    coordinates. Ideal joints that close a loop remain constraints. A body that no joint carries has
-    the same variables as in absolute coordinates.
+    coordinates. Ideal joints that close a loop remain constraints. The first body of a tree that no
+    ideal joint connects to the ground has the same variables as in absolute coordinates.
 
     These coordinates are the default, because they are faster on every mechanism measured: one
     evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
@@ -348,7 +348,7 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
-        """Return the rates in joints without Euler parameters, which have integration errors."""
+        """Return rates of angles only: Euler parameters have errors even in uniform rotation."""
         rates = {
             branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
             for branch, evaluate in _branches(forest(scene))

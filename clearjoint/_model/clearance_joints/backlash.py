@@ -154,7 +154,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the axis, rad in [-pi, pi], which is `middle` in the
-        middle of the play, as a row."""
+        middle of the play, as a `Row`."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     @override

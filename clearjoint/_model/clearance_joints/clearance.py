@@ -470,7 +470,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the journal's `transverse_axes` along the bearing's."""
+        """Return the components of the x and y axes of the journal along those of the bearing."""
         axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
@@ -541,9 +541,9 @@ class ClearanceJoint(AbstractCentredJoint):
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components are in the bearing's frame: z along its axis, x and y across it along the vectors
-        that `transverse_axes` returns. For a `bearing_axis` of (0, 0, 1), the frame's axes are the
-        axes of the bearing's body.
+        Components are in the bearing's frame: z along its axis, x and y across it as in
+        `clearjoint.quantities.JournalOffset`. For a `bearing_axis` of (0, 0, 1), the frame's axes
+        are the axes of the bearing's body.
 
         **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
         default, for the journal's centre; a `ValueError` for another label.
@@ -561,7 +561,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a row.
+        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`.
 
         It is zero if the bodies' frames differ by the shortest rotation that makes the axes
         parallel, or antiparallel if the scalar product of `bearing_axis` and `journal_axis` is

@@ -68,7 +68,7 @@ class AbstractOneLawJoint(AbstractContactJoint):
 
     @abc.abstractmethod
     def deepest_penetration(self) -> Scalar:
-        """Return the penetration of a contact in `contact_labels`, m, that ends a run."""
+        """Return the penetration, m, of a contact in `contact_labels` above which a run ends."""
 
     @override
     def deepest(self) -> dict[str, Scalar]:

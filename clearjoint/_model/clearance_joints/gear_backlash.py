@@ -106,8 +106,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `pressure_angle`: alpha, rad, 0.1 to 0.8; 20 degrees by default.
     - `phase`: rad, rotation of the first gear from its reference position; zero by default. At
       phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
-      centre to the second has the direction of the first of the axis's `transverse_axes` (x for an
-      axis along z).
+      centre to the second has the direction x of the frame of which the axis is z (see
+      `clearjoint.quantities.JournalOffset`).
 
     **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2
     times the pitch.
@@ -192,8 +192,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contacts of both flanks, at the pitch point; infinitely deep if the gears are
-        too close."""
+        """Return the contacts of both flanks, at the pitch point; their penetration is infinite if
+        the centres are too close for a mesh."""
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         # The pitch point divides the line of centres in the ratio of the teeth. For an internal

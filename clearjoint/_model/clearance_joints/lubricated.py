@@ -107,8 +107,8 @@ class LubricatedJoint(AbstractContactJoint):
 
     If `transition` is given, contact begins when the journal touches the wall, and smoothly
     replaces the film as the penetration grows from zero to `transition`. This is the blend of P.
-    Flores et al. 2006, but with a continuous slope. If `transition` is ``None``, film and contact
-    act together.
+    Flores et al. 2006, but with a continuous derivative. If `transition` is ``None``, film and
+    contact act together.
 
     With a film the journal touches the wall slowly. A law that divides by the entry speed then
     gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.

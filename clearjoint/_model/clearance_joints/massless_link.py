@@ -21,8 +21,8 @@ class MasslessLink(AbstractConstraint):
 
     The bases are the circles at the journal's two ends. At each base the eccentricity vector acts
     as a massless rod between the axes (S. W. E. Earles, C. L. S. Wu 1973; R. S. Haines 1985), which
-    is one constraint row. There are no impacts and no separation. The wall pushes the journal
-    towards the bearing's axis, as a rod in tension does. A positive Lagrange multiplier of a row, a
+    is one constraint. There are no impacts and no separation. The wall pushes the journal towards
+    the bearing's axis, as a rod in tension does. A positive Lagrange multiplier of a constraint, a
     rod in compression, indicates that the journal would leave the wall: the model is then invalid.
 
     **Arguments:**
@@ -69,8 +69,8 @@ class MasslessLink(AbstractConstraint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the rows (e^2 - c^2)/(2 c), m, of the bases' eccentricities e and the clearance
-        c."""
+        """Return the constraint rows (e^2 - c^2)/(2 c), m, of the bases' eccentricities e and the
+        clearance c."""
         names = self.bearing_body, self.journal_body
         bearing, journal = (motions[name] for name in names)
 

@@ -458,12 +458,12 @@ class RoughCylinders(AbstractContactLaw):
     - `asperities`: a `GreenwoodTripp`.
     - `length`: of the part of the journal to which the contact belongs, m, as in
       `AbstractCylinder`.
-    - `law`: of the walls. Its force must begin with zero slope, as that of `Hertz` with an exponent
+    - `law`: of the walls. Its force must begin without a kink, as that of `Hertz` with an exponent
       above one does. A `smoothing` must be at most `asperities.reach`, which is not checked:
       otherwise the force of the walls would begin before that of the asperities.
 
-    **Raises:** `ValueError` if the force of `law` may begin with a jump or a slope; in a force, if
-    the `Gap` has no radii.
+    **Raises:** `ValueError` if the force of `law` may begin with a jump or a kink; when a force is
+    computed, if the `Gap` has no radii.
 
     >>> rough = cj.laws.GreenwoodTripp(roughness=0.5e-6, modulus=1.14e11)
     >>> law = cj.laws.RoughCylinders(rough, length=10e-3, law=cj.laws.Hertz(1e10))

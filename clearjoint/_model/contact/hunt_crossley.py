@@ -245,7 +245,7 @@ class AbstractHertzianLaw(AbstractElasticLaw):
         return self.elastic_force(gap) * ramp(factor, width)
 
     def delivered_restitution(self) -> Scalar:
-        """Return rebound speed over entry speed of a free impact, for chi and without smoothing."""
+        """Return rebound speed over entry speed of a free impact, for a law without `smoothing`."""
         return delivered_restitution(self.damping_factor())
 
 

@@ -141,7 +141,7 @@ class AbstractElasticity(AbstractConverting):
         """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force starts with zero slope; if so, no kink is corrected."""
+        """Return whether the force begins without a kink, so that none is corrected."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
@@ -317,7 +317,7 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
-        """Return the conservative part of the force, N: the slope of the stored energy."""
+        """Return the conservative part of the force, N: the derivative of the stored energy."""
 
     @abc.abstractmethod
     def stored_energy(self, gap: Gap) -> Scalar:

@@ -75,11 +75,11 @@ class AbstractDriveAboutAxis(AbstractDrive):
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     """Base class of ideal drivers: the second body's angle follows a function of time.
 
-    The Lagrange multiplier of its one row is the driving moment in N m, positive if it pushes the
-    second body towards larger angles; `observe(...).reactions[driver]` contains it, and the energy
-    ledger of a run lists its work as "supplied". Angles are taken modulo 2 pi, so that the number
-    of revolutions is unlimited. If the angle has kinks, return their times from the method
-    `breakpoints`: an impulse of the driver makes velocities jump there. A run ends with
+    The Lagrange multiplier of its one constraint is the driving moment in N m, positive if it
+    pushes the second body towards larger angles; `observe(...).reactions[driver]` contains it, and
+    the energy ledger of a run lists its work as "supplied". Angles are taken modulo 2 pi, so that
+    the number of revolutions is unlimited. If the angle has kinks, return their times from the
+    method `breakpoints`: an impulse of the driver makes velocities jump there. A run ends with
     `RESULTS.not_followed` if the mechanism can't follow the driver.
 
     ```python
@@ -258,9 +258,9 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     """Prescribes the distance of two points along an axis of the first body as a function of time.
 
     It constrains neither the motion across the axis nor rotations: add a prismatic or cylindrical
-    joint. The Lagrange multiplier of its one row is the driving force in N, positive if it pushes
-    the second body along the axis. The energy ledger of a run lists the work of this force as
-    "supplied".
+    joint. The Lagrange multiplier of its one constraint is the driving force in N, positive if it
+    pushes the second body along the axis. The energy ledger of a run lists the work of this force
+    as "supplied".
 
     **Arguments:**
 

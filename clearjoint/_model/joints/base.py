@@ -96,14 +96,14 @@ class AbstractElement(AbstractConverting):
         return ()
 
     def attachments(self) -> tuple[Attachment, ...]:
-        """Return the element's points on bodies, by default those in `point_fields`."""
+        """Return the points on bodies; by default those in the class attribute `point_fields`."""
         fields = self.point_fields.items()
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
     def draw(self, pen: AbstractPen) -> None:
         """Draw the element with a pen; by default a marker at each point of `attachments`.
 
-        `arranged_state`, which makes a first guess of a state, places the bodies such that the two
+        A first guess of a state, as `load` and `view` make it, places bodies such that the two
         points at which a joint is drawn coincide.
         """
         for _, body, point in self.attachments():

@@ -43,7 +43,7 @@ def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Sc
 def coincident_points(
     names: Pair, first: Motion, second: Motion, local_first: Vector, local_second: Vector
 ) -> dict[str, Row]:
-    """Return three rows that keep a point of the first body at a point of the second.
+    """Return three constraint rows that keep a point of the first body at a point of the second.
 
     Their values are the global components of the vector from the second point to the first, m.
 
@@ -71,7 +71,7 @@ def coincident_points(
 def perpendicular(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """Return the row that keeps a direction of one body perpendicular to a direction of another.
+    """Return the constraint row that keeps directions of two bodies perpendicular.
 
     Its value is the scalar product of `axis_first` and `axis_second`, unit vectors in body axes.
 
@@ -103,7 +103,7 @@ def perpendicular(
 def point_in_plane(
     names: Pair, first: Motion, second: Motion, origin: Vector, axis: Vector, local: Vector
 ) -> Row:
-    """Return the row that keeps a point of the second body in a plane of the first.
+    """Return the constraint row that keeps a point of the second body in a plane of the first.
 
     Its value is the point's distance from the plane, m, positive on the side of the normal.
 
@@ -134,12 +134,12 @@ def point_in_plane(
 def turning_angle(
     names: Pair, first: Motion, second: Motion, axis: Vector, direction: Vector
 ) -> Row:
-    """Return the angle of a direction of the second body about an axis of the first, as a row.
+    """Return the angle of a direction of the second body about an axis of the first, as a `Row`.
 
-    Its value is in rad in [-pi, pi], right-handed about the axis, from the first of the axis'
-    `transverse_axes` to the projection of the direction. Jacobian and bias are exact even if the
-    direction is not perpendicular to the axis; it must not be parallel. `axis` is a unit vector in
-    the first body's axes, `direction` one in the second's.
+    Its value is in rad in [-pi, pi], right-handed about the axis, from a fixed direction across the
+    axis (x for the axis z) to the projection of the direction. Jacobian and bias are exact even if
+    the direction is not perpendicular to the axis; it must not be parallel. `axis` is a unit vector
+    in the first body's axes, `direction` one in the second's.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))

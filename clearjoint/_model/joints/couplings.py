@@ -44,7 +44,7 @@ def _require_teeth(argument: str, value: ArrayLike) -> None:
 
 
 class GearJoint(AbstractConstraint):
-    """Fixed speed ratio of two gears on a carrier, from their numbers of teeth; one row.
+    """Fixed speed ratio of two gears on a carrier, from their numbers of teeth; one constraint.
 
     The carrier is the housing, usually "ground", or the moving arm of an epicyclic gear. The gears
     rotate in opposite senses about axes of the same direction, unless `internal` is set for a ring
@@ -160,7 +160,7 @@ def _require_lead(argument: str, value: ArrayLike) -> None:
 
 
 class ScrewJoint(AbstractAxisJoint):
-    """Couples rotation about an axis with an advance along it; five rows.
+    """Couples rotation about an axis with an advance along it; five constraints.
 
     The advance is taken modulo the lead, so that the number of revolutions is unlimited: of the
     advances that belong to an angle, the joint holds the nearest.
@@ -279,7 +279,7 @@ class UniversalMotion(AbstractMotionAtPoints):
 
 
 class UniversalJoint(AbstractPairJoint):
-    r"""A Hooke or Cardan joint: keeps two points together and two axes perpendicular; four rows.
+    r"""A Hooke or Cardan joint: two points together, two axes perpendicular; four constraints.
 
     $$\frac{\omega_2}{\omega_1} = \frac{\cos \beta}{1 - \sin^2 \beta \cos^2 \theta}$$
 

@@ -123,7 +123,7 @@ class AbstractAxisJoint(AbstractPairJoint):
         }
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the first's axis, rad in [-pi, pi], as a row.
+        """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`.
 
         It is zero if the bodies' frames differ by the shortest rotation that makes the axes
         parallel.
@@ -132,7 +132,7 @@ class AbstractAxisJoint(AbstractPairJoint):
 
 
 class SphericalJoint(AbstractPairJoint):
-    """Keeps a point of one body at a point of the other; three rows (Flores et al. 2006, eq. 25).
+    """Keeps two points together; three constraints (Flores et al. 2006, eq. 25).
 
     **Arguments:** `point_first`, `point_second`: the joint's point on each body, (3,) m from its
     centre of mass in its axes.
@@ -157,9 +157,9 @@ class SphericalJoint(AbstractPairJoint):
 
 
 class RevoluteJoint(AbstractAxisJoint):
-    """Keeps two points together and two axes parallel: a hinge; five rows.
+    """Keeps two points together and two axes parallel: a hinge; five constraints.
 
-    A state with opposite axes satisfies the rows too, but can only be simulated in
+    A state with opposite axes satisfies the constraints too, but can only be simulated in
     `AbsoluteCoordinates`.
 
     **Arguments:**
@@ -188,7 +188,7 @@ class RevoluteJoint(AbstractAxisJoint):
 
 
 class FixedJoint(AbstractOrientedJoint):
-    """Holds two bodies rigidly together; six rows.
+    """Holds two bodies rigidly together; six constraints.
 
     **Arguments:**
 
@@ -220,7 +220,7 @@ class FixedJoint(AbstractOrientedJoint):
 
 
 class InlineJoint(AbstractPairJoint):
-    """Keeps a point of the second body on a line of the first; two rows.
+    """Keeps a point of the second body on a line of the first; two constraints.
 
     Choose it as a pin of a planar mechanism whose other joints hold the bodies in the plane: with
     an axis perpendicular to the plane, no constraint is redundant.
@@ -248,7 +248,7 @@ class InlineJoint(AbstractPairJoint):
 
 
 class CylindricalJoint(AbstractAxisJoint):
-    """Allows rotation about a common axis and sliding along it; four rows.
+    """Allows rotation about a common axis and sliding along it; four constraints.
 
     **Arguments:**
 
@@ -271,7 +271,7 @@ class CylindricalJoint(AbstractAxisJoint):
 
 
 class PrismaticJoint(AbstractOrientedJoint):
-    """Allows sliding along an axis of the first body without rotation; five rows.
+    """Allows sliding along an axis of the first body without rotation; five constraints.
 
     **Arguments:**
 
@@ -309,9 +309,9 @@ class PrismaticJoint(AbstractOrientedJoint):
 
 
 class DistanceJoint(AbstractPairJoint):
-    """A massless rod between a point of one body and a point of another; one row.
+    """A massless rod between a point of one body and a point of another; one constraint.
 
-    The row's Lagrange multiplier is the force in the rod in N, positive in compression.
+    The Lagrange multiplier is the force in the rod in N, positive in compression.
 
     **Arguments:**
 
@@ -338,7 +338,7 @@ class DistanceJoint(AbstractPairJoint):
 
 
 class PointInPlaneJoint(AbstractPairJoint):
-    """Keeps a point of the second body in a plane of the first; one row.
+    """Keeps a point of the second body in a plane of the first; one constraint.
 
     Choose it for a pin in a slot without clearance, with walls parallel to the plane.
 
@@ -366,7 +366,7 @@ class PointInPlaneJoint(AbstractPairJoint):
 
 
 class LineInPlaneJoint(AbstractPairJoint):
-    """Keeps a line of the second body in a plane of the first; two rows.
+    """Keeps a line of the second body in a plane of the first; two constraints.
 
     Choose it for a slider that slides freely, without clearance, between two walls.
 
@@ -469,9 +469,9 @@ class PlanarMotion(AbstractTurning):
 
 
 class PlanarJoint(AbstractAxisJoint):
-    """Allows sliding in a plane and rotation about its normal, like a plate on a table; three rows.
+    """Allows sliding in a plane and rotation about its normal; three constraints.
 
-    A state with opposite normals satisfies the rows too, but can only be simulated in
+    A state with opposite normals satisfies the constraints too, but can only be simulated in
     `AbsoluteCoordinates`.
 
     **Arguments:**

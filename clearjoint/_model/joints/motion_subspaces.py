@@ -143,7 +143,7 @@ class AbstractMotionSubspace(eqx.Module):
         return jax.tree.unflatten(jax.tree.structure(state.position), state.speeds)
 
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """Return the position after a small motion along the columns, rad or m, one for each speed.
+        """Return the position after a small motion, the columns times `changes`, rad or m.
 
         By default the changes are added to the numbers of the position, in order.
         """
@@ -151,8 +151,8 @@ class AbstractMotionSubspace(eqx.Module):
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """Return an equivalent position, so that neither angles nor rounding errors grow over a
-        long run.
+        """Return the position with angles reduced by whole turns and normalised Euler parameters,
+        so that rounding errors do not grow over a long run.
 
         It is called at the end of each step; the default, the position itself, suits distances.
         """
@@ -179,8 +179,7 @@ class AbstractMotionSubspace(eqx.Module):
         """Return how fast the child rotates relative to its parent, rad/s; ``None`` if no step need
         limit it.
 
-        An angle that grows evenly is integrated exactly, so that errors limit no step. Runs
-        therefore limit the rotation in a step where they search steps for events.
+        See `AbstractCoordinates.rotation_rates`.
         """
         spin = self.twist(state).angular
         return None if all(map(is_zero, spin)) else norm(spin)

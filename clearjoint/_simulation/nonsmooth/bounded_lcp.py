@@ -122,9 +122,9 @@ class BoxProblem:
                 jnp.where(meet, jnp.where(d < 0.0, *bounds), jnp.clip(a + share * d, *bounds))
                 for a, d, meet, bounds in zip(x, change, meets, self._bounds, strict=True)
             ]
-            left = [f & jnp.logical_not(meet) for f, meet in zip(free, meets, strict=True)]
+            still_free = [f & jnp.logical_not(meet) for f, meet in zip(free, meets, strict=True)]
             # A step of full length reaches the minimum over the rows that are still free.
-            return moved, left, share >= 1.0
+            return moved, still_free, share >= 1.0
 
         done = jnp.logical_not(reduce(jnp.logical_or, free))
         return jax.lax.while_loop(goes, go, (list(x), free, done))[0]

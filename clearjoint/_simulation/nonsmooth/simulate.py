@@ -289,11 +289,11 @@ def simulate_nonsmooth(
 
     **Returns:** a `NonsmoothSolution`.
 
-    **Raises:** `ValueError` for invalid arguments, such as a law that does not report the
-    restitution that it delivers, or a thrust face whose friction has a moment, and if JAX computes
-    in 32 bits; `SimulationError` for a run that fails, because the contact problem of a step was
-    not solved, a penetration exceeds the bearing's clearance, a driver has an undeclared kink or
-    jump inside a step, or the state is not finite.
+    **Raises:** `ValueError` for invalid arguments, such as a law without the method
+    `delivered_restitution`, or a thrust face whose friction has a moment, and if JAX computes in 32
+    bits; `SimulationError` for a run that fails, because the contact problem of a step was not
+    solved, a penetration exceeds the bearing's clearance, a driver has an undeclared kink or jump
+    inside a step, or the state is not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
     in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall

@@ -6,21 +6,21 @@ does not grow with the number of steps.
 
 import abc
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import PyTree
+from jaxtyping import Float, PyTree
 from typing_extensions import override
 
 from ..._fields.checks import as_number, require
 from ..._fields.objects import AbstractConverting
 from ..._math.vectors import Condition, Scalar
 from ..._model.scene import Scene
-from ...quantities.base import Instant, check_quantity
+from ...quantities.base import Instant, Quantity, check_quantity
 
 Instants: TypeAlias = Annotated[float | Callable[[Scene], Scalar] | None, "s"]
 """A time in s, or a function of the run's scene that returns one and that JAX can trace; ``None``
@@ -31,9 +31,9 @@ class AbstractReduction(AbstractConverting):
     """Base class of outputs that are updated at every accepted step of a run.
 
     A subclass defines `start`, `update`, `results` and `units`; the first three are traced by JAX.
-    They receive an `Instant`, the scene with its motion at one time, from which quantities are
-    computed. A subclass that reads the energy ledger, `Instant.work`, sets `needs_ledger = True`.
-    The example adds up the time in s during which a contact force exceeds a limit:
+    A tally, a PyTree of numbers, passes from step to step. An `Instant` is the scene with its
+    motion at one time. A subclass that reads the energy ledger, `Instant.work`, sets `needs_ledger
+    = True`. The example adds up the time in s during which a contact force exceeds a limit:
 
     ```python
     import clearjoint as cj
@@ -60,9 +60,40 @@ class AbstractReduction(AbstractConverting):
 
     outputs = {"overload": TimeAbove("shoulder", force=500.0)}
     ```
+
+    `clearjoint.predictor` differentiates those results, named in `differentiated`, that are
+    functions of values of quantities at few instants, such as the peak, and of integrals between
+    instants. A subclass with such results also defines `observed` or `integrands`, `instants` and
+    `combined`.
     """
 
     needs_ledger: ClassVar[bool] = False
+    differentiated: ClassVar[tuple[str, ...]] = ()
+    finds_instants: ClassVar[bool] = False
+    """Whether `instants` needs the results of the run."""
+
+    def observed(self) -> tuple[Quantity, ...]:
+        """Return the quantities whose values at instants determine the `differentiated` results."""
+        return ()
+
+    def integrands(self) -> tuple[Quantity, ...]:
+        """Return the quantities whose integrals over time, from the start of the run to instants,
+        determine the `differentiated` results."""
+        return ()
+
+    def instants(
+        self, results: Mapping[str, float], span: tuple[float, float]
+    ) -> tuple[float, ...]:
+        """Return the instants, s, in a run over the time `span`, s. There are `results` if the
+        reduction `finds_instants`."""
+        raise NotImplementedError
+
+    def combined(
+        self, values: Float[np.ndarray, "instants values"], instants: tuple[float, ...]
+    ) -> dict[str, Scalar]:
+        """Return the `differentiated` results from the values of the `observed` quantities and of
+        the integrals of the `integrands` at the instants. JAX differentiates this function."""
+        raise NotImplementedError
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the bodies, joints and contacts that the reduction names.
@@ -105,6 +136,11 @@ class AbstractReduction(AbstractConverting):
     @abc.abstractmethod
     def units(self) -> dict[str, str]:
         """Return the unit of each result, with the keys of the dictionary from `results`."""
+
+
+def result_name(name: str, part: str) -> str:
+    """Return the name, in the outputs of a run, of a part of the output `name`."""
+    return f"{name}_{part}" if part else name
 
 
 def optional_time(value: Instants) -> Instants:
@@ -201,6 +237,17 @@ class AbstractWindowedReduction(AbstractReduction):
     @override
     def __check_init__(self):
         Window(self.after, self.until)  # which checks the times
+
+    @override
+    def instants(
+        self, results: Mapping[str, float], span: tuple[float, float]
+    ) -> tuple[float, ...]:
+        """Return the start and the end of that part of the window that the run covers."""
+        for name in ("after", "until"):
+            edge, remedy = getattr(self, name), "give a time in s, which derivatives hold fixed"
+            require(not callable(edge), name, edge, "a number in reverse mode", remedy)
+        window = TimeSpan(self.after, self.until)  # pyright: ignore[reportArgumentType]
+        return max(span[0], float(window.start)), min(span[1], float(window.end))
 
     def _window(self, now: Instant) -> TimeSpan:
         return Window(self.after, self.until).at(now)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from typing_extensions import override
 
 from ..._fields.checks import require_count, require_positive
@@ -14,7 +15,7 @@ from ..._math.vectors import Condition, Scalar, Vector, add
 from ..._model.clearance_joints.journal_bases import BASES, HasJournal, require_bases_only
 from ..._model.contact.laws import slip_velocity
 from ..._model.scene import Scene
-from ...quantities.base import Instant, require_known
+from ...quantities.base import Instant, Quantity, require_known
 from .base import AbstractWindowedReduction
 
 LOSSES = ("normal damping", "friction", "film")
@@ -101,6 +102,11 @@ class AbstractLossReduction(AbstractWindowedReduction):
     an earlier run whose ledger the run continues."""
 
     needs_ledger = True
+    differentiated = ("",)
+
+    @override
+    def observed(self) -> tuple[Quantity, ...]:
+        return (_lost,)
 
     @override
     def start(self, now: Instant) -> LossTally:
@@ -148,6 +154,10 @@ class DissipatedEnergy(AbstractLossReduction):
     """
 
     @override
+    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+        return {"": values[1, 0] - values[0, 0]}
+
+    @override
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
         return {"": self._window(now).if_reached(self._inside(tally, now), now.time)}
 
@@ -168,6 +178,10 @@ class MeanPowerLost(AbstractLossReduction):
     >>> outputs["heating"].units()
     {'': 'W'}
     """
+
+    @override
+    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+        return {"": (values[1, 0] - values[0, 0]) / (instants[1] - instants[0])}
 
     @override
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:

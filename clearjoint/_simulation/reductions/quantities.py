@@ -2,6 +2,7 @@
 its quantiles over time."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -48,10 +49,10 @@ class PeakTally(NamedTuple):
 
     highest: Scalar
     time: Scalar
-    last: Scalar
-    now: Scalar
-    last_before: Scalar
-    before: Scalar
+    end_value: Scalar
+    end_time: Scalar
+    start_value: Scalar
+    start_time: Scalar
 
 
 class Peak(AbstractQuantityReduction):
@@ -78,6 +79,24 @@ class Peak(AbstractQuantityReduction):
     {'': 'N', 'time': 's'}
     """
 
+    differentiated, finds_instants = ("",), True
+
+    @override
+    def observed(self) -> tuple[Quantity, ...]:
+        return (self.quantity,)
+
+    @override
+    def instants(
+        self, results: Mapping[str, float], span: tuple[float, float]
+    ) -> tuple[float, ...]:
+        # A shift of the instant of the peak does not change its value to first order.
+        super().instants(results, span)
+        return (results["time"],)
+
+    @override
+    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+        return {"": values[0, 0]}
+
     @override
     def start(self, now: Instant) -> PeakTally:
         value, window = self._value(now), self._window(now)
@@ -87,43 +106,43 @@ class Peak(AbstractQuantityReduction):
         return PeakTally(
             highest=highest,
             time=now.time,
-            last=value,
-            now=now.time,
-            last_before=value,
-            before=now.time,
+            end_value=value,
+            end_time=now.time,
+            start_value=value,
+            start_time=now.time,
         )
 
     @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
+        # Positions of points are fractions of this step, which begins where the previous one ended.
         # The search also uses the value at the start of the previous step: a parabola through it
         # and both ends of this step gives the first guess of the peak. A rejected attempt has the
         # length zero; its tally is computed too, and discarded.
-        length = now.time - tally.now
-        earlier = (tally.before - tally.now) / jnp.where(length > 0.0, length, 1.0)
-        before, start = Point(earlier, tally.last_before), Point(0.0, tally.last)
-        end = Point(1.0, self._value(now))
+        length = now.time - tally.end_time
+        position = (tally.start_time - tally.end_time) / jnp.where(length > 0.0, length, 1.0)
+        before = Point(position, tally.start_value)
+        start, end = Point(0.0, tally.end_value), Point(1.0, self._value(now))
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window(now)
         if not window.is_whole:
-            a, b = window.fractions(tally.now, now.time)
+            a, b = window.fractions(tally.end_time, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
-        # Positions are fractions of the step, so the position of `before` is negative. The search
-        # is made even if no part of the step is in the window, because runs that compiled code
-        # computes side by side cannot branch. The peak is then not used.
+        # The search is made even if no part of the step is in the window, because runs that
+        # compiled code computes side by side cannot branch. The peak is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
-        time = tally.now + peak.x * length
+        time = tally.end_time + peak.x * length
         rises = peak.value > tally.highest
         if not window.is_whole:
             rises = rises & (last.x > first.x)
         return PeakTally(
             highest=jnp.where(rises, peak.value, tally.highest),
             time=jnp.where(rises, time, tally.time),
-            last=end.value,
-            now=now.time,
-            last_before=start.value,
-            before=tally.now,
+            end_value=end.value,
+            end_time=now.time,
+            start_value=start.value,
+            start_time=tally.end_time,
         )
 
     @override
@@ -139,17 +158,111 @@ class Peak(AbstractQuantityReduction):
         return {"": self.unit, "time": "s"}
 
 
-Triplet = tuple[Scalar, Scalar, Scalar]
-StatisticsTally = tuple[tuple[Scalar, Scalar], Triplet, tuple[Scalar, Scalar]]
-"""Tally of `Statistics`: (latest time, s, and the value there), (duration inside the window, s, and
-the integrals over it of the value and of its square), (smallest and largest value)."""
+class IntegralTally(NamedTuple):
+    """Tally of integrals: the latest time, s, and the value there; the duration inside the window,
+    s, and the integrals over it of the value and of its square."""
+
+    time: Scalar
+    value: Scalar
+    duration: Scalar
+    first: Scalar
+    second: Scalar
 
 
-class Statistics(AbstractQuantityReduction):
+class AbstractIntegralReduction(AbstractQuantityReduction):
+    """Base class of reductions of integrals of a quantity, which in each step is approximated by
+    the parabola through both ends and the middle."""
+
+    def _started(self, now: Instant) -> IntegralTally:
+        value = self._value(now)
+        zero = jnp.zeros_like(value)
+        return IntegralTally(now.time, value, zero, zero, zero)
+
+    def _updated(
+        self, tally: IntegralTally, now: Instant
+    ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
+        """Return the tally after a step, its parabola, and where in the step, 0 to 1, its part in
+        the window begins and ends."""
+        t0, t1, value = tally.time, now.time, self._value(now)
+        # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
+        # is computed too, and discarded.
+        arc = Parabola.through(tally.value, self._value(now.middle), value)
+        length = jnp.where(t1 > t0, t1 - t0, 1.0)
+        a, b = self._window(now).fractions(t0, t1)
+        h = jnp.where(b > a, (b - a) * length, 0.0)
+        # Three Gauss nodes integrate the parabola and its square exactly.
+        values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in GAUSS_NODES]
+        pairs = list(zip(GAUSS_WEIGHTS, values, strict=True))
+        sums = (
+            tally.duration + h,
+            tally.first + h * sum(weight * value for weight, value in pairs),
+            tally.second + h * sum(weight * value * value for weight, value in pairs),
+        )
+        return IntegralTally(t1, value, *sums), arc, a, b
+
+
+class Integral(AbstractIntegralReduction):
+    """Integral of a quantity over a window of time.
+
+    In each step the quantity is approximated by the parabola through both ends and the middle. A
+    `clearjoint.predictor` instead integrates the quantity together with the motion.
+
+    **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: the unit of
+    the integral; `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
+
+    >>> sway = cj.quantities.Position("arm", "y")
+    >>> cost = cj.Integral(lambda now: sway(now) ** 2, "m^2 s", after=0.1)
+    >>> cost.units()
+    {'': 'm^2 s'}
+    """
+
+    differentiated = ("",)
+
+    @override
+    def integrands(self) -> tuple[Quantity, ...]:
+        return (self.quantity,)
+
+    @override
+    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+        return {"": values[1, 0] - values[0, 0]}
+
+    @override
+    def start(self, now: Instant) -> IntegralTally:
+        return self._started(now)
+
+    @override
+    def update(self, tally: IntegralTally, now: Instant) -> IntegralTally:
+        return self._updated(tally, now)[0]
+
+    @override
+    def results(self, tally: IntegralTally, now: Instant) -> dict[str, Scalar]:
+        del now
+        return {"": jnp.where(tally.duration > 0.0, tally.first, jnp.nan)}
+
+    @override
+    def units(self) -> dict[str, str]:
+        return {"": self.unit}
+
+
+class _Square(eqx.Module):
+    # Equal squares are equal, as two functions made by `lambda` are not: programs are kept by them.
+    quantity: Quantity = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        return jnp.square(jnp.asarray(self.quantity(now), dtype=float))
+
+
+StatisticsTally: TypeAlias = tuple[IntegralTally, tuple[Scalar, Scalar]]
+"""Tally of `Statistics`: integrals, and the smallest and the largest value."""
+
+
+class Statistics(AbstractIntegralReduction):
     """Mean, root mean square, smallest and largest value of a quantity over a window of time.
 
     The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
-    In each step the quantity is approximated by the parabola through both ends and the middle.
+    In each step the quantity is approximated by the parabola through both ends and the middle. A
+    `clearjoint.predictor` instead integrates the quantity and its square together with the motion,
+    and has only "mean" and "rms".
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
@@ -159,45 +272,43 @@ class Statistics(AbstractQuantityReduction):
     ['mean', 'rms', 'smallest', 'largest']
     """
 
+    differentiated = ("mean", "rms")
+
+    @override
+    def integrands(self) -> tuple[Quantity, ...]:
+        return self.quantity, _Square(self.quantity)
+
+    @override
+    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+        mean, square = (values[1] - values[0]) / (instants[1] - instants[0])
+        # The root mean square of a quantity that vanishes has no derivative: zero is taken.
+        positive = jnp.where(square > 0.0, square, 1.0)
+        return {"mean": mean, "rms": jnp.where(square > 0.0, jnp.sqrt(positive), 0.0)}
+
     @override
     def start(self, now: Instant) -> StatisticsTally:
-        value = self._value(now)
-        zero, infinite = jnp.zeros_like(value), jnp.full_like(value, jnp.inf)
-        return (now.time, value), (zero, zero, zero), (infinite, -infinite)
+        integrals = self._started(now)
+        infinite = jnp.full_like(integrals.value, jnp.inf)
+        return integrals, (infinite, -infinite)
 
     @override
     def update(self, tally: StatisticsTally, now: Instant) -> StatisticsTally:
-        (t0, u), (duration, first, second), (smallest, largest) = tally
-        t1, v = now.time, self._value(now)
-        # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
-        # is computed too, and discarded.
-        arc = Parabola.through(u, self._value(now.middle), v)
-        length = jnp.where(t1 > t0, t1 - t0, 1.0)
-        a, b = self._window(now).fractions(t0, t1)
-        inside = b > a
-        h = jnp.where(inside, (b - a) * length, 0.0)
-        # Three Gauss nodes integrate the parabola and its square exactly.
-        values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in GAUSS_NODES]
-        pairs = list(zip(GAUSS_WEIGHTS, values, strict=True))
-        sums = (
-            duration + h,
-            first + h * sum(weight * value for weight, value in pairs),
-            second + h * sum(weight * value * value for weight, value in pairs),
-        )
-        low, high = arc.extremes(a, b)
+        integrals, (smallest, largest) = tally
+        integrals, arc, a, b = self._updated(integrals, now)
+        inside, (low, high) = b > a, arc.extremes(a, b)
         smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
         largest = jnp.where(inside, jnp.maximum(largest, high), largest)
-        return (t1, v), sums, (smallest, largest)
+        return integrals, (smallest, largest)
 
     @override
     def results(self, tally: StatisticsTally, now: Instant) -> dict[str, Scalar]:
         del now
-        _, (duration, first, second), (smallest, largest) = tally
-        reached = duration > 0.0
-        length = jnp.where(reached, duration, jnp.nan)
+        integrals, (smallest, largest) = tally
+        reached = integrals.duration > 0.0
+        length = jnp.where(reached, integrals.duration, jnp.nan)
         return {
-            "mean": first / length,
-            "rms": jnp.sqrt(second / length),
+            "mean": integrals.first / length,
+            "rms": jnp.sqrt(integrals.second / length),
             "smallest": jnp.where(reached, smallest, jnp.nan),
             "largest": jnp.where(reached, largest, jnp.nan),
         }

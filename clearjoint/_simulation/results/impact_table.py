@@ -73,14 +73,17 @@ class Impacts(AbstractTabular):
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
         """Return the table made of `rows`, in any order: tuples of a value for each field."""
-        # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
-        ordered = sorted(rows, key=lambda row: (row[2], row[0], row[1]))
-        columns = list(zip(*ordered, strict=True)) or [()] * len(fields(Impacts))
-        text, numbers = columns[:2], columns[2:]
-        return Impacts(
-            *(np.array(column, dtype=object) for column in text),
-            *(np.array(column, dtype=float) for column in numbers),
+        names = [f.name for f in fields(Impacts)]
+        columns = list(zip(*rows, strict=True)) or [()] * len(names)
+        table = Impacts(
+            **{
+                name: np.array(column, dtype=object if name in NAMED else float)
+                for name, column in zip(names, columns, strict=True)
+            }
         )
+        # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
+        keys = table.contact.astype(str), table.joint.astype(str), table.onset
+        return table._rows(np.lexsort(keys))
 
     def of(self, joint: str, contact: str) -> "Impacts":
         """Return the table of the impacts of one contact, with a label such as "V"; empty for
@@ -113,9 +116,9 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> scene, _ = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(cylinder))
-    >>> names = np.array(["shoulder"]), np.array(["V"])
-    >>> depth = np.array([0.4e-3])  # of 0.5 mm of clearance
-    >>> impacts = cj.results.Impacts(*names, *[np.zeros(1)] * 7, depth)
+    >>> depth = 0.4e-3  # m, of 0.5 mm of clearance
+    >>> row = ("shoulder", "V", 0.01, 0.0102, 0.0002, 0.1, 0.08, 900.0, 0.0101, depth)
+    >>> impacts = cj.results.Impacts.of_rows([row])
     >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
     Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
     """

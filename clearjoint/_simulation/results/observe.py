@@ -130,15 +130,16 @@ class Observation(eqx.Module, AbstractTabular):
     """Contacts, reactions, accelerations, constraint drift and energies of a motion at N times.
 
     - `times`: (N,) s.
-    - `contacts[joint][contact]`: a `ContactObservation`.
+    - `contacts[joint][contact]`: penetration, forces and positions; `help` of an entry lists them.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
-    - `reactions[joint][body]`: the `Load` that the constraints of a joint exert on each of its
-      bodies except the ground (Flores et al. 2006, eq. 31). Ideal joints, drivers, and clearance
-      joints that hold their journal axially have constraints.
+    - `reactions[joint][body]`: the `force`, (N, 3) N, and the `moment`, (N, 3) N m in body axes,
+      that the constraints of a joint exert on each of its bodies except the ground (Flores et al.
+      2006, eq. 31). Ideal joints, drivers, and clearance joints that hold their journal axially
+      have constraints.
     - `interpolated`: (N,), that of the observed `Trajectory`; ``None`` for computed states.
     - `reactions_unique`: whether the reactions are unique. If some constraints are redundant, they
       are not, and those of least norm are given.
-    - `accelerations[body]`: an `AccelerationSeries`.
+    - `accelerations[body]`: `linear`, (N, 3) m/s^2, and `angular`, (N, 3) rad/s^2 in body axes.
     - `drift[joint]`: (N,), largest magnitude of the values of the joint's constraint equations,
       which are zero for an exact solution, in m, in rad, or without unit, depending on the
       equation.
@@ -186,8 +187,8 @@ class Observation(eqx.Module, AbstractTabular):
         All variables have the dimension "time", and vectors have "component" ("x", "y", "z") last.
         The second dimension is
 
-        - "contact", with labels such as "pin V", for the fields of `ContactObservation`. A contact
-          without such a field has NaN there;
+        - "contact", with labels such as "pin V", for the fields of `contacts`. A contact without
+          such a field has NaN there;
         - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
         - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
         - "body" for `acceleration` and `angular_acceleration`;

@@ -313,15 +313,17 @@ class Solution(AbstractReadable, AbstractTabular):
     - `time`, `final`: the time in s at which the run ended, and the `State` at that time. A further
       run can start from them.
     - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
-    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted.
+    - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted. The output
+      `RejectedSteps` lists the others, with the reason why each was rejected.
     - `steps`: the `Trajectory` with the states at the start of the run and after every accepted
       step; ``None`` unless requested.
     - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
       requested.
     - `outputs[name]`: the result of each requested output: the (N,) values of a quantity at those
       requested times that the run reached, the `Crossings` of a `Section`, the `Impacts` of an
-      `ImpactTable`, and the number of a reduction. A reduction with several results has entries
-      "name_part" for them: a `Peak` named "force" has the entries "force" and "force_time".
+      `ImpactTable`, the `Rejections` of `RejectedSteps`, and the number of a reduction. A reduction
+      with several results has entries "name_part" for them: a `Peak` named "force" has the entries
+      "force" and "force_time".
     - `formulation`: coordinates, stabilisation of the constraints, and whether the energy ledger
       was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If

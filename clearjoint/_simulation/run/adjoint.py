@@ -10,6 +10,7 @@ these maps, applied from the last step to the first, give the derivatives by all
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import equinox as eqx
@@ -21,12 +22,16 @@ from typing_extensions import override
 
 from ..._compilation import traced_once
 from ..._dynamics.system import System
+from ..._export.datasets import Notes
+from ..._fields.checks import require
 from ..._math.vectors import Condition, Scalar
+from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
-from ..._result_codes import result_number
+from ..._result_codes import RESULTS, result_number
 from ...quantities.base import Instant, Quantity
-from ..results.solution import SUCCESSFUL
+from ..reductions.base import AbstractReduction, result_name
+from ..results.solution import SUCCESSFUL, Solution
 from ..step.dense_output import look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
 from ..step.solvers import UnrolledExplicit
@@ -34,7 +39,9 @@ from ..step.step_state import Attempt, Method, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
 from ..step.trial_step import solved_step
 from ..step.types import Numbers
-from .recorders import RowBuffer
+from .host_run import end_of
+from .outputs import REDUCTIONS, Kept
+from .recorders import ReductionRecorder, RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
 from .sampling import first_step_of, look_at_tangents
 
@@ -143,32 +150,43 @@ class Adjoint(eqx.Module):
 
 
 STEPS = "steps"
+Reductions = dict[str, ReductionRecorder]
 
 
 @Native
-def _begun(run: Adjoint, end: Numbers, first_step: Numbers) -> Progress:
+def _begun(run: Adjoint, reductions: Reductions, end: Numbers, first_step: Numbers) -> Progress:
     start = first_step_of(run.scheme, run.family, run.origin, end, first_step)
-    return _loop(run, end).start(start)
+    return _loop(run, reductions, end).start(start)
 
 
 @Native
-def _segment(run: Adjoint, now: Progress, end: Numbers, attempts: Numbers) -> Progress:
+def _segment(
+    run: Adjoint, reductions: Reductions, now: Progress, end: Numbers, attempts: Numbers
+) -> Progress:
     """Continue a run to its end, a failure, the limit of `attempts` since its start, or a full
     buffer of accepted steps."""
     own_end = end - run.origin
-    return _loop(run, end).until(
+    return _loop(run, reductions, end).until(
         own_end, now, attempts, lambda now: jnp.logical_not(now.records[STEPS].is_full())
     )
 
 
-def _loop(run: Adjoint, end: Numbers) -> RunLoop:
+def _loop(run: Adjoint, reductions: Reductions, end: Numbers) -> RunLoop:
     systems = run.systems()
-    recorders = {STEPS: AcceptedSteps(ROWS)}
+    recorders = {STEPS: AcceptedSteps(ROWS), REDUCTIONS: reductions}
     tried = traced_once(attempt)
     own_end = end - run.origin
     return RunLoop(
         run.scheme.method, systems.system(), own_end, recorders, family=systems, attempt=tried
     )
+
+
+@Native
+def _ended(
+    run: Adjoint, reductions: Reductions, step: Step, tallies: dict[str, PyTree], end: Numbers
+) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
+    """Return the final state, packed, the result code, and the results of the reductions."""
+    return end_of(run.systems().system(), reductions, tallies, step, end - run.origin)
 
 
 def _linear_step(
@@ -345,36 +363,52 @@ class _Segment(NamedTuple):
     rows: np.ndarray | None
 
 
+class _Samples(NamedTuple):
+    """Values of `quantities` at times, (N,) s since the start of a run, in steps of the numbers
+    `places`, whose rows are `rows`, (N, n). The first of the times are those of the quantities that
+    were asked for; the others are instants of reductions, `instants[name]`, s."""
+
+    quantities: dict[str, Quantity]
+    times: np.ndarray
+    places: np.ndarray
+    rows: np.ndarray
+    instants: dict[str, tuple[float, ...]]
+
+
 class RecordedRun:
-    """A run with its accepted steps, from which values and derivatives of quantities follow.
+    """A run with its accepted steps, from which values and derivatives of outputs follow.
 
     - `last`: the state at its end. If the run has failed, the values and derivatives at times that
       it has not reached are meaningless.
 
-    **Arguments:** `times`: (N,) s, not decreasing, between the start and the `end` of the run.
+    **Arguments:** `outputs`: quantities and reductions; `times`: (N,) s, not decreasing, between
+    the start and the `end` of the run, of the quantities.
     """
 
     def __init__(
         self,
         run: Adjoint,
-        outputs: Mapping[str, Quantity],
+        outputs: Kept,
         times: np.ndarray,
         end: float,
         first_step: float,
         max_steps: int,
     ):
-        self._run, self._outputs = run, dict(outputs)
+        self._run, self._outputs, self._reductions = run, outputs, outputs.reductions
+        found = {name: of for name, of in self._reductions.items() if of.finds_instants}
+        self._recorders = {name: ReductionRecorder(of) for name, of in found.items()}
         self._span = np.asarray(end, float), np.asarray(first_step, float)
         self._limit, self._own_end = np.asarray(max_steps), float(end - run.origin)
         self._times = np.asarray(times - run.origin)
-        begun = _begun(run, *self._span)
+        now = _begun(run, self._recorders, *self._span)
         # The buffer is shared by all segments, of which each begins with an empty one.
-        self._example, self._buffer = begun.step, begun.records
+        self._example, self._buffer = now.step, now.records[STEPS]
+        self._tallies = now.records[REDUCTIONS]
         self._segments: list[_Segment] = []
-        self.last = begun.step
+        self.last = now.step
         kept, chosen = 0, []
         while self._goes_on():
-            rows, after = self._recorded(self.last)
+            rows, after, tallies = self._recorded(self.last, self._tallies)
             # The step in which a time lies is the first that ends at or after it. If the run fails,
             # that of later times is its last one.
             ends = rows[:, -1].copy()
@@ -386,8 +420,10 @@ class RecordedRun:
             chosen.append(rows[np.minimum(here, len(rows) - 1)])
             kept += rows.nbytes
             self._segments.append(_Segment(self.last, ends, rows if kept <= KEPT_BYTES else None))
-            self.last = after
+            self.last, self._tallies = after, tallies
         self._chosen = np.concatenate(chosen)
+        ended = _ended(run, self._recorders, self.last, self._tallies, self._span[0])
+        self._final, self._result, self._results = ended
 
     def _goes_on(self, step: Step | None = None) -> bool:
         step = self.last if step is None else step
@@ -397,29 +433,110 @@ class RecordedRun:
     def _reached(self) -> float:
         return float(self.last.t) if self._segments else -np.inf
 
-    def _recorded(self, start: Step) -> tuple[np.ndarray, Step]:
-        now = _segment(self._run, Progress(start, self._buffer), self._span[0], self._limit)
-        return now.records[STEPS].filled(), now.step
+    def _recorded(self, start: Step, tallies: PyTree) -> tuple[np.ndarray, Step, PyTree]:
+        progress = Progress(start, {STEPS: self._buffer, REDUCTIONS: tallies})
+        now = _segment(self._run, self._recorders, progress, self._span[0], self._limit)
+        return now.records[STEPS].filled(), now.step, now.records[REDUCTIONS]
+
+    def _rows_of(self, segment: _Segment) -> np.ndarray:
+        if segment.rows is not None:
+            return segment.rows
+        return self._recorded(segment.start, self._tallies)[0]
+
+    def solution(self, settings: Notes) -> Solution:
+        """Return the run as a `Solution` without records, with notes on the settings."""
+        return Solution(
+            time=float(self._run.origin) + float(self.last.t),
+            final=self._final,
+            result=self._result,
+            attempts=self.last.attempts,
+            accepted=self.last.accepted,
+            saved=None,
+            saved_count=None,
+            steps=None,
+            impacts=None,
+            formulation=self._run.scheme.formulation,
+            redundant_constraints=(),
+            settings=settings,
+        )
+
+    @cached_property
+    def _samples(self) -> _Samples:
+        origin, end = float(self._run.origin), float(self._span[0])
+        quantities, instants = dict(self._outputs.quantities), {}
+        for name, reduction in self._reductions.items():
+            instants[name] = reduction.instants(self._results.get(name, {}), (origin, end))
+            is_reached = bool(
+                np.all(np.diff(instants[name]) > 0.0) & np.all(np.isfinite(instants[name]))
+            )
+            argument, remedy = f"outputs[{name!r}]", "give a window that the run reaches"
+            require(is_reached, argument, reduction, "a reduction over a part of the run", remedy)
+            quantities |= _parts_of(name, reduction)
+        further = np.asarray([t - origin for group in instants.values() for t in group])
+        times = np.concatenate([self._times, further])
+        ends = np.concatenate([segment.ends for segment in self._segments])
+        places = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
+        rows = self._chosen
+        if len(further):
+            rows = np.concatenate([rows, self._rows_at(places[len(rows) :])])
+        return _Samples(quantities, times, places, rows, instants)
+
+    def _rows_at(self, places: np.ndarray) -> np.ndarray:
+        """Return the rows of steps, by their numbers in the run."""
+        rows, first = np.empty((len(places), self._chosen.shape[1])), 0
+        for segment in self._segments:
+            here = (first <= places) & (places < first + len(segment.ends))
+            if here.any():
+                rows[here] = self._rows_of(segment)[places[here] - first]
+            first += len(segment.ends)
+        return rows
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the quantities, (N,) each, at the N times."""
-        return _values_at(self._run, self._example, self._outputs, self._chosen, self._times)
+        """Return the quantities, (N,) each, at the N times, and the results of reductions."""
+        return self._combined(self._sampled)
+
+    @cached_property
+    def _sampled(self) -> dict[str, np.ndarray]:
+        samples = self._samples
+        arguments = samples.quantities, samples.rows, samples.times
+        return _values_at(self._run, self._example, *arguments)
+
+    def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
+        """Return the outputs from values of the quantities of `_samples` at its times."""
+        first = len(self._times)
+        outputs = {name: sampled[name][:first] for name in self._outputs.quantities}
+        for name, reduction in self._reductions.items():
+            instants = self._samples.instants[name]
+            last = first + len(instants)
+            columns = [sampled[part][first:last] for part in _parts_of(name, reduction)]
+            for part, value in reduction.combined(jnp.stack(columns, axis=1), instants).items():
+                outputs[result_name(name, part)] = value
+            first = last
+        return outputs
 
     def gradient(self, cotangents: dict[str, np.ndarray]) -> PyTree:
-        """Return the derivatives, by all parameters, of the sum over quantities and times of values
-        times `cotangents`, (N,) each."""
-        run, example = self._run, self._example
-        at_times = self._chosen, self._times, cotangents
-        pulled, total = _pulled_outputs(run, example, self._outputs, *at_times)
-        now = np.zeros(sum(map(np.size, jax.tree.leaves(example.tangents))))
-        ends = np.concatenate([segment.ends for segment in self._segments])
-        places = np.minimum(np.searchsorted(ends, self._times), len(ends) - 1)
-        last = len(ends)
+        """Return the derivatives, by all parameters, of the sum over outputs and times of values
+        times `cotangents`, (N,) each or, of reductions, numbers."""
+        samples = self._samples
+        (seeds,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
+        at_times = samples.quantities, samples.rows, samples.times, seeds
+        pulled, total = _pulled_outputs(self._run, self._example, *at_times)
+        end = np.zeros(sum(map(np.size, jax.tree.leaves(self._example.tangents))))
+        return self.pulled_back(end, total, pulled, samples.places)
+
+    def pulled_back(
+        self, end: np.ndarray, total: PyTree, pulled: np.ndarray, places: np.ndarray
+    ) -> PyTree:
+        """Return the derivatives by all parameters, from cotangents of the tangents at the `end` of
+        the run, in one array; of the `StepTangents` of the steps of the numbers `places`, (n,), as
+        rows of the array `pulled`; and `total`, those of the parameters at fixed tangents."""
+        run, example, now = self._run, self._example, end
+        cells = sum(map(np.size, jax.tree.leaves(_example_of(run, example))))
+        last = sum(len(segment.ends) for segment in self._segments)
         for segment in reversed(self._segments):
             count = len(segment.ends)
-            rows = self._recorded(segment.start)[0] if segment.rows is None else segment.rows
-            first = last - count
-            added = np.zeros((ROWS, pulled.shape[1]))
+            rows, first = self._rows_of(segment), last - count
+            added = np.zeros((ROWS, cells))
             here = (first <= places) & (places < last)
             np.add.at(added, places[here] - first, pulled[here])
             filled = np.pad(rows, ((0, ROWS - count), (0, 0)))
@@ -427,3 +544,40 @@ class RecordedRun:
             last = first
         start = _pulled_start(run, *self._span, jax.device_get(like(example.tangents, now)))
         return jax.tree.map(np.add, total, start)
+
+
+def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
+    """Return the quantities by whose values the reduction of a name is differentiated, by names
+    that no output can have."""
+    observed = {f"{name}/{k}": of for k, of in enumerate(reduction.observed())}
+    integrals = {key: _Work(key) for key in integrands_of({name: reduction})}
+    return {**observed, **integrals}
+
+
+class _Work(eqx.Module):
+    """An integral over the run, as a quantity."""
+
+    key: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        return now.work[self.key]
+
+
+class Integrand(eqx.Module):
+    """A quantity that is integrated with the state, as a `Formulation` takes it."""
+
+    quantity: Quantity = eqx.field(static=True)
+
+    def __call__(
+        self, system: System, t: Scalar, motion: PyTree, entry_speeds: PyTree, bristles: PyTree
+    ) -> Scalar:
+        return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles))
+
+
+def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:
+    """Return the integrands of reductions, by names that no output can have."""
+    return {
+        f"{name}/integral {k}": Integrand(quantity)
+        for name, reduction in reductions.items()
+        for k, quantity in enumerate(reduction.integrands())
+    }

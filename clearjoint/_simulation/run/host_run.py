@@ -19,12 +19,14 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..._dynamics.journals import any_slid_out
+from ..._dynamics.system import System
 from ..._export.datasets import Notes
 from ..._math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ..._model.bodies import State
 from ..._native import Native
 from ..._result_codes import RESULTS, result_number
 from ...quantities.base import Quantity
+from ..reductions.base import result_name
 from ..results.impact_table import Impacts
 from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot, look_inside
@@ -274,7 +276,7 @@ class Run:
             if self.kept.save.states:
                 saved = Trajectory(save_at[:saved_count], pack(states))
         outputs |= self.kept.recorded(now.records) | {
-            f"{name}_{part}" if part else name: float(value)
+            result_name(name, part): float(value)
             for name, parts in jax.device_get(results).items()
             for part, value in parts.items()
         }
@@ -310,11 +312,22 @@ def _end_of(
     """Return the final state, packed, the result code, whether a journal has slid out of its
     bearing, and the results of the reductions, as results[name][part]."""
     system = scheme.system_of_packed(folded_scene)
-    final = final_state(system, step)
-    slid_out = any_slid_out(unpack(folded_scene), final.bodies)
+    final, result, results = end_of(system, reductions, tallies, step, end)
+    return final, result, any_slid_out(unpack(folded_scene), unpack(final.bodies)), results
+
+
+def end_of(
+    system: System,
+    reductions: dict[str, ReductionRecorder],
+    tallies: dict[str, PyTree],
+    step: Step,
+    end: Scalar,
+) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
+    """Return the final state, packed, the result code, and the results of the reductions, as
+    results[name][part], of a run to the time `end`, s."""
     instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
     results = {n: of.reduction.results(tallies[n], instant) for n, of in reductions.items()}
-    return pack(final), final_result(step, end), slid_out, results
+    return pack(final_state(system, step)), final_result(step, end), results
 
 
 _end_compiled = Native(_end_of)

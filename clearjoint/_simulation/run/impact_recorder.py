@@ -6,6 +6,7 @@ and its end. The penetration, negative where the surfaces are apart, is also cal
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 
 import equinox as eqx
 import jax
@@ -247,7 +248,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     @override
     def start(self, start: RunStart) -> ImpactRecord:
         no, loop = jnp.asarray(False), start.loop
-        none = ImpactRow(*[jnp.zeros(())] * 7)
+        none = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
         rows = RowBuffer.like(none, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
         return each_label(

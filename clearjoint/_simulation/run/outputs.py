@@ -1,7 +1,7 @@
 """The argument `outputs` of runs: named results, and their recorders.
 
 A quantity is a function of an instant. An output is a named result of a run: a quantity, which is
-evaluated at sample times, a reduction, a section or a table of impacts.
+evaluated at sample times, a reduction, a section, or a table of impacts or of rejected steps.
 """
 
 from collections.abc import Mapping
@@ -19,11 +19,12 @@ from ..._fields.checks import (
 )
 from ..._model.scene import Scene
 from ...quantities.base import Quantity, check_quantity, require_known
-from ..reductions.base import AbstractReduction, Instants, Window
+from ..reductions.base import AbstractReduction, Instants, Window, result_name
 from ..results.impact_table import Impacts
 from ..results.solution import TIME, Crossings
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .recorders import ReductionRecorder
+from .rejections import RejectedSteps, Rejections, rejections_of
 from .run_loop import Recorders, Records
 from .saving import Saving, saving_or_nothing
 from .sections import Section
@@ -45,11 +46,11 @@ class ImpactTable:
 
     **Arguments:**
 
-    - `count`: number of impacts kept for each contact.
+    - `count`: largest number of impacts recorded for each contact.
     - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
     - `after`, `until`: start and end of a time window; by default the whole run. An impact is
       recorded if its onset lies in the window. Each may be a function of the scene that returns a
-      time and that JAX can trace, so that the window follows the values of the lane.
+      time and that JAX can trace, so that each run of a sweep has a window of its own.
 
     **Raises:** `ValueError` for a count that is not a positive integer, for times that are NaN or
     not single numbers, and for a window that does not end after its start.
@@ -66,7 +67,7 @@ class ImpactTable:
 
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of impacts")
-        self.window()
+        self.window()  # raises an error for wrong times
 
     def window(self) -> Window | None:
         """Return the time window in which impacts must begin; ``None`` for the whole run."""
@@ -87,9 +88,9 @@ class ImpactTable:
         return [(name, label) for name in names for label in laws[name]]
 
 
-Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable
+Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable | RejectedSteps
 """A named result of a run: a quantity, evaluated at sample times, a reduction such as `Peak`, a
-`Section` or an `ImpactTable`.
+`Section`, an `ImpactTable` or `RejectedSteps`.
 
 >>> outputs = {"x": x, "speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
 >>> save = cj.Saving([0.0, 0.1])  # the sample times
@@ -97,11 +98,13 @@ Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable
 >>> solution.outputs["x"].round(4), round(solution.outputs["speed"], 4)
 (array([0.1   , 0.054 ]), 0.8415)
 """
-RECORDED = AbstractReduction | Section | ImpactTable
+RECORDED = AbstractReduction | Section | ImpactTable | RejectedSteps
 """Kinds of outputs that are recorded at steps, not evaluated at sample times."""
-SECTIONS, REDUCTIONS, TABLES = "sections", "reductions", "tables"
+SECTIONS, REDUCTIONS, TABLES, REJECTIONS = "sections", "reductions", "tables", "rejections"
 """Keys of the dictionaries of recorders and of records. The values are dictionaries by the name of
 the output."""
+Table: TypeAlias = Crossings | Impacts | Rejections
+"""A result with a row for each event of a run."""
 EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
 
 
@@ -118,7 +121,7 @@ class Kept:
 
     def __post_init__(self) -> None:
         require_names("outputs", self.outputs, EXAMPLE)
-        expected = "a quantity, a reduction, a Section or an ImpactTable"
+        expected = "a quantity, a reduction, a Section, an ImpactTable or RejectedSteps"
         for name, output in self.outputs.items():
             is_quantity = callable(output) and not isinstance(output, type)
             is_output = is_quantity or isinstance(output, RECORDED)
@@ -140,6 +143,10 @@ class Kept:
     def tables(self) -> dict[str, ImpactTable]:
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
+    @cached_property
+    def rejections(self) -> dict[str, RejectedSteps]:
+        return {n: o for n, o in self.outputs.items() if isinstance(o, RejectedSteps)}
+
     def check(self, scene: Scene, ledger: bool) -> None:
         """Check that a scene has the elements that the outputs name, and that outputs that need the
         energy `ledger` have it; raise a `ValueError` that names the output."""
@@ -158,7 +165,7 @@ class Kept:
         such as "peak_time", has the name of another output, and that quantities have sample times,
         or raise a `ValueError`."""
         require_array_names("outputs", self.outputs, EXAMPLE)
-        parts = {f"{n}_{part}" for n, o in self.reductions.items() for part in o.units() if part}
+        parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
         twice = sorted(parts & set(self.outputs))
         require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
         remedy = "pass save=cj.Saving(times), or reduce the quantity by cj.Peak or cj.Statistics"
@@ -180,18 +187,21 @@ class Kept:
             SECTIONS: {name: section.recorder for name, section in self.sections.items()},
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             TABLES: {n: ImpactRecorder(o.joint, o.window(), o.count) for n, o in tables},
+            REJECTIONS: {name: output.recorder for name, output in self.rejections.items()},
         }
 
-    def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Crossings | Impacts]:
-        """Return the crossings of each section and the table of each `ImpactTable`, from the
-        records of a run whose clock was zero at `origin`, s."""
-        found: dict[str, Crossings | Impacts] = {}
+    def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:
+        """Return the crossings of each section, and the tables of impacts and of rejected steps,
+        from the records of a run whose clock was zero at `origin`, s."""
+        found: dict[str, Table] = {}
         for name, section in self.sections.items():
             columns = records[SECTIONS][name].rows.filled()
             units = {key: unit for key, (_, unit) in section.pairs.items()}
             found[name] = Crossings(columns.pop(TIME), columns, units)
         for name, record in records[TABLES].items():
             found[name] = Impacts.of_rows(impact_rows_of(record, origin))
+        for name, record in records[REJECTIONS].items():
+            found[name] = rejections_of(record, origin)
         return found
 
 

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -10,31 +10,28 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from ..._export.datasets import setting_notes
 from ..._fields.checks import require
 from ..._fields.objects import with_arrays
 from ..._fields.types import ArrayLike
-from ..._math.vectors import Scalar, fold_constants
+from ..._math.vectors import fold_constants
 from ..._model.bodies import State
 from ..._model.scene import Scene
 from ..._parametrisation.parametrised_scene import DirectedScene
 from ..._parametrisation.parts import Part, guard_direction, parts_of
-from ..._result_codes import RESULTS, result_number
 from ...quantities.base import Quantity
-from ..results.solution import SUCCESSFUL, raise_failure
+from ..reductions.base import AbstractReduction, result_name
+from ..results.solution import SimulationError, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
-from .adjoint import Adjoint, RecordedRun
-from .outputs import EXAMPLE, RECORDED, kept_by
+from .adjoint import Adjoint, RecordedRun, integrands_of
+from .outputs import EXAMPLE, ImpactTable, Kept, kept_by
+from .rejections import RejectedSteps
 from .run_checks import derivative_scheme, is_traced
+from .sections import Section
 
 KEPT_RUNS = 4
 """Number of runs that a predictor keeps, so that a gradient does not repeat that of the values."""
-
-
-@dataclass(frozen=True)
-class _Failed:
-    time: Scalar
-    result: RESULTS
 
 
 class Predictor:
@@ -55,22 +52,26 @@ class Predictor:
         state: State,
         span: tuple[float, float],
         paths: Mapping[str, Part],
-        outputs: Mapping[str, Quantity],
+        outputs: Kept,
         times: Float[np.ndarray, " times"],
         settings: Settings,
     ):
         self._settings, self._span, self._times = settings, span, times
-        self._outputs, self._paths = dict(outputs), dict(paths)
+        self._outputs = outputs
         derivative_scheme(scene, state, settings, span[0])
         numbers, changes = parts_of(scene, state, paths)
         self.values: dict[str, PyTree] = numbers
         scene, state = with_arrays((scene, state))
+        direction = guard_direction(paths, numbers)
         family = DirectedScene(
-            values=numbers, direction=numbers, base=(scene, state), changes=changes, patterns=()
+            values=numbers, direction=direction, base=(scene, state), changes=changes, patterns=()
         )
         self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
-        self._shapes = {name: jax.ShapeDtypeStruct(times.shape, float) for name in outputs}
+        self._shapes = {n: jax.ShapeDtypeStruct(times.shape, float) for n in outputs.quantities}
+        for name, reduction in outputs.reductions.items():
+            for part in reduction.differentiated:
+                self._shapes[result_name(name, part)] = jax.ShapeDtypeStruct((), float)
 
         @jax.custom_vjp
         def predict(values: dict[str, PyTree]) -> dict[str, jax.Array]:
@@ -83,10 +84,10 @@ class Predictor:
         predict.defvjp(lambda values: (predict(values), values), backward)
         self._predict = predict
 
-    def __call__(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, " times"]]:
-        """Return the outputs, (N,) each, for `values` of the parameters, SI, which have the form of
-        the attribute `values`. Leaves that are no arrays of floats, such as functions of a network,
-        are ignored.
+    def __call__(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
+        """Return the outputs for `values` of the parameters, SI, which have the form of the
+        attribute `values`: quantities, (N,) each, and results of reductions, numbers. Leaves that
+        are no arrays of floats, such as functions of a network, are ignored.
 
         **Raises:** `ValueError` for values of another form, and for numbers that the scene can't
         have; `SimulationError` if the run fails. Inside of `jax.jit` and `jax.vmap`, JAX raises an
@@ -99,6 +100,19 @@ class Predictor:
         numbers = {name: self._numbers(name, values[name]) for name in self.values}
         return self._predict(numbers)
 
+    def or_nan(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
+        """Return the outputs as a call does, but NaN for values of a run that fails and for values
+        that the scene can't have. The function has no derivatives."""
+
+        def computed(values: dict[str, PyTree]) -> dict[str, np.ndarray]:
+            try:
+                return self._values(values)
+            except (SimulationError, ValueError):
+                return {name: np.full(of.shape, np.nan) for name, of in self._shapes.items()}
+
+        numbers = {name: self._numbers(name, values[name]) for name in self.values}
+        return _on_host(computed, self._shapes, numbers)
+
     def _numbers(self, name: str, value: PyTree) -> PyTree:
         leaves, structure = jax.tree.flatten(self.values[name])
         given = jax.tree.leaves(value)
@@ -110,7 +124,7 @@ class Predictor:
         require(
             shapes == expected, f"values[{name!r}]", shapes, f"arrays of shapes {expected}", remedy
         )
-        return jax.tree.unflatten(structure, [jnp.asarray(leaf, float) for leaf in given])
+        return jax.tree.unflatten(structure, [_as_floats(leaf) for leaf in given])
 
     def _values(self, values: dict[str, PyTree]) -> dict[str, np.ndarray]:
         return self._run(values).values()
@@ -134,16 +148,22 @@ class Predictor:
         settings, (start, end) = self._settings, self._span
         scene, state = self._family.scene_and_state(values)
         scheme = derivative_scheme(scene, state, settings, start)
-        direction = guard_direction(self._paths, values)
-        family = replace(self._family, values=values, direction=direction)
+        family = replace(self._family, values=values)
         first_step = settings.length_of_first_step(start, end)
+        integrands = integrands_of(self._outputs.reductions)
+        scheme = replace(scheme, formulation=replace(scheme.formulation, integrands=integrands))
         adjoint = Adjoint(scheme, family, np.asarray(start, float))
         run = RecordedRun(adjoint, self._outputs, self._times, end, first_step, settings.max_steps)
-        if result_number(run.last.result) != SUCCESSFUL or float(run.last.t) < end - start:
-            failed = result_number(run.last.result) != SUCCESSFUL
-            result = run.last.result if failed else RESULTS.max_steps_reached
-            raise_failure(_Failed(start + float(run.last.t), result))
+        raise_failure(run.solution(setting_notes(settings)))
         return run
+
+
+def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
+    # JAX would put each number on its device, or trace a conversion, which takes longer than a
+    # short run.
+    if isinstance(leaf, jax.Array):
+        return leaf if leaf.dtype == np.dtype(float) else jnp.asarray(leaf, float)
+    return np.asarray(leaf, float)
 
 
 def _on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
@@ -159,8 +179,8 @@ def predictor(
     state: State,
     end_time: float,
     paths: Mapping[str, Part],
-    outputs: Mapping[str, Quantity],
-    times: ArrayLike,
+    outputs: Mapping[str, Quantity | AbstractReduction],
+    times: ArrayLike | None = None,
     settings: Settings | None = None,
     *,
     start_time: float = 0.0,
@@ -197,18 +217,32 @@ def predictor(
       serves only to choose the random direction, or a function of the scene that selects a number,
       an array, or a whole element, such as an `equinox.nn.MLP` inside of your friction law; of an
       element all arrays of floats are parameters.
-    - `outputs`: quantities by name, as in `sensitivities`.
-    - `times`: (N,) s, not decreasing, between start and end, at which outputs are evaluated.
+    - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
+      (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`. A
+      quantity whose integral is taken must be a continuous function of time, and windows must have
+      fixed edges.
+    - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
 
     **Raises:** `ValueError` for invalid arguments, as `sensitivities`.
     """
     kept = kept_by(outputs, None)
-    kept.refuse(RECORDED, "a quantity in reverse mode", "pass the quantity itself")
+    expected = "a quantity or a reduction in reverse mode"
+    remedy = "pass a quantity or a reduction such as cj.Peak"
+    kept.refuse(Section | ImpactTable | RejectedSteps, expected, remedy)
+    for name, reduction in kept.reductions.items():
+        is_smooth, argument = bool(reduction.differentiated), f"outputs[{name!r}]"
+        expected = "a reduction with derivatives in reverse mode"
+        remedy = "pass cj.Integral, cj.Statistics, cj.Peak, cj.DissipatedEnergy or MeanPowerLost"
+        require(is_smooth, argument, reduction, expected, remedy)
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
     kept.check(scene, settings.ledger)
     check_span(start_time, end_time)
-    checked = checked_times(start_time, end_time, times, "times")
+    checked = np.zeros(0)
+    if kept.quantities or times is not None:
+        remedy = "pass the times at which quantities are evaluated"
+        require(times is not None, "times", None, f"times for {list(kept.quantities)}", remedy)
+        checked = checked_times(start_time, end_time, times, "times")  # pyright: ignore
     span = float(start_time), float(end_time)
-    return Predictor(scene, state, span, paths, outputs, checked, settings)
+    return Predictor(scene, state, span, paths, kept, checked, settings)

@@ -87,7 +87,7 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
     @override
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
-        return choose(step_outcome.kept, step_outcome.tried, record)
+        return choose(step_outcome.kept, replace(step_outcome.tried, rejected=None), record)
 
 
 class TangentPeak(NamedTuple):

@@ -152,7 +152,7 @@ def check_structure(
     rows = start.rows.in_order_of(scene)
     require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
     require_oriented(scene, start.cosines)
-    redundant, uncertain = dependent(rows.names, rows.left, {})
+    redundant, uncertain = dependent(rows.names, rows.reduced, {})
     require_certain(uncertain)
     require_representable(state, coordinates, start.variables, start.orientations)
     return redundant
@@ -225,7 +225,7 @@ def _passes(
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:** whether the start passes all checks except those of redundancy and of the scene's
-    numbers, and none of them would warn; and the fields `names` and `left` of `StartRows`.
+    numbers, and none of them would warn; and the fields `names` and `reduced` of `StartRows`.
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
@@ -245,8 +245,8 @@ def _passes(
     holds += [jnp.asarray(rate) <= FAST_APPROACH for rate in rates]
     # A scene without variables is invalid, because nothing could move.
     holds += [_assembled(state, start), jnp.asarray(bool(jax.tree.leaves(start.variables)))]
-    names, left = start.rows.names, start.rows.left
-    return reduce(and_, holds), (names, left)
+    names, reduced = start.rows.names, start.rows.reduced
+    return reduce(and_, holds), (names, reduced)
 
 
 def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
@@ -334,7 +334,7 @@ class _Starts:
         if self._seen[arguments.key] <= BY_NUMPY and not self._function.is_made(arguments):
             return None
         try:
-            passes, (names, left) = self._function.run(arguments)
+            passes, (names, reduced) = self._function.run(arguments)
         except (UnsupportedPrimitiveError, ValueError):
             # Native code has no rule for an operation of the checks, or a check fails for any
             # numbers, for instance if a body lacks a state. Never try this structure again.
@@ -343,15 +343,15 @@ class _Starts:
         if not passes:
             return None
         self._recheck(scene, unfolded)
-        # The search for redundant constraints depends only on `left`, the derivatives of the
+        # The search for redundant constraints depends only on `reduced`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
         # grow with each start whose constraints differ.
         distances = self._distances.setdefault(arguments.key, {})
         if len(distances) >= KEPT:
             distances.clear()
         order = scene_order(names, scene)
-        names, left = tuple(names[k] for k in order), left[order]
-        redundant, uncertain = dependent(names, left, distances)
+        names, reduced = tuple(names[k] for k in order), reduced[order]
+        redundant, uncertain = dependent(names, reduced, distances)
         return None if uncertain else redundant
 
     def _recheck(self, scene: Scene, flat: FlatArguments) -> None:

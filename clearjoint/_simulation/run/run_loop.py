@@ -97,7 +97,8 @@ class AbstractRecorder(eqx.Module, Generic[R]):
 
     @abc.abstractmethod
     def after(self, record: R, step_outcome: StepOutcome) -> R:
-        """Return the record after an attempt; it must be unchanged if the step was not accepted."""
+        """Return the record after an attempt. It must be unchanged if the step was not accepted,
+        except in records of rejected steps."""
 
     def searched(self, now: Instant) -> PyTree[Scalar]:
         """Return the numbers at an instant that the recorder evaluates at few instants of a step,

@@ -25,6 +25,7 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ..._model.joints.base import each_label
 from ..._native import Native
+from ..._native.lowering import LONGEST_PACKED
 from ..._parametrisation.parametrised_scene import (
     AbstractSceneFamily,
     Coordinates,
@@ -184,7 +185,7 @@ def _sampled_from(
     loop = RunLoop(method, system, own_end, all_recorders, family=systems, attempt=tried)
 
     no_values = dict.fromkeys(outputs, jnp.zeros(()))
-    no_derivatives = dict.fromkeys(outputs, jnp.zeros(len(family.values)))
+    no_derivatives = dict.fromkeys(outputs, jnp.zeros(family.tangents))
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         time, is_new = row
@@ -281,11 +282,36 @@ def sampled(
     **Arguments:** `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that
     reaches the last time, so that this must be `t_end` or later, as `padded` ensures; times after
     `t_end` are not reached. `recorders`: further recorders; `has_states`: whether to keep the state
-    at each time.
+    at each time. For more than `LONGEST_PACKED` parameters, several runs compute the derivatives by
+    some of them each; values, states and records are those of the first run.
     """
-    first = first_compiled(scheme, family, t0, t_end, first_step)
     rest = times, t0, t_end, max_steps, recorders or {}, has_states
-    return sampled_compiled(first, scheme, family, outputs, *rest)
+    runs = []
+    for group in family.in_groups(LONGEST_PACKED):
+        first = first_compiled(scheme, group, t0, t_end, first_step)
+        runs.append(sampled_compiled(first, scheme, group, outputs, *rest))
+    return runs[0] if len(runs) == 1 else _joined(runs, len(family.values))
+
+
+def _joined(runs: list[Sampled], count: int) -> Sampled:
+    """Return the result of runs with derivatives by some of `count` parameters each."""
+
+    def together(*parts: jax.Array) -> jax.Array:
+        return jnp.concatenate(parts, axis=-1)[..., :count]
+
+    result = runs[0].result
+    for run in runs[1:]:
+        result = RESULTS.where(result == RESULTS.successful, run.result, result)
+    return replace(
+        runs[0],
+        derivatives=jax.tree.map(together, *(run.derivatives for run in runs)),
+        amplification=together(*(run.amplification for run in runs)),
+        reached=jnp.stack([run.reached for run in runs]).all(axis=0),
+        time=jnp.stack([run.time for run in runs]).min(),
+        result=result,
+        attempts=sum(run.attempts for run in runs),
+        accepted=sum(run.accepted for run in runs),
+    )
 
 
 def recorded_run(

@@ -16,19 +16,19 @@ from ..step.types import Numbers
 
 @dataclass(frozen=True, eq=False)
 class Saving:
-    """Selection of the records that a run keeps besides its outputs and its final state.
+    """What a run saves besides its outputs and its final state.
 
     **Arguments:**
 
     - `times`: (N,) s, strictly rising and within the run, the sample times, at which states are
       saved, in `solution.saved`, and quantities among the outputs are evaluated. The states are
       interpolated by the solver's dense output, so that saving does not change the steps. In a
-      sweep, a function of the lane's scene may give each lane its own times, equally many, for
-      example one in each revolution of a crank whose speed is swept.
+      sweep, a function of the scene may give each run its own times, equally many, for example one
+      in each revolution of a crank whose speed is swept.
     - `states`: whether the states of all bodies are saved at `times`; if false, only the quantities
       among the outputs are evaluated there, which saves memory in a sweep.
-    - `steps`: keep the states at the start and after every accepted step, in `solution.steps`.
-    - `impacts`: keep a table of impacts, with one row for each finished contact, in
+    - `steps`: save the states at the start and after every accepted step, in `solution.steps`.
+    - `impacts`: save a table of impacts, with one row for each finished contact, in
       `solution.impacts`. A contact that exists at the start of the run has no row. If steps do not
       end at contact events, because the `landing_tolerance` of the `Settings` is ``None``, contacts
       that begin and end within one step have no row, and the times and speeds of onsets and ends
@@ -60,13 +60,13 @@ class Saving:
         return _checked(self.times(scene)) if callable(self.times) else self.times
 
     def times_between(self, scene: Scene, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Return the times to save at as `checked_times`, or ``None`` if there are none."""
+        """Return the checked times to save at in a run, or ``None`` if there are none."""
         times = self.at(scene)
         return None if times is None else checked_times(start_time, end_time, times, "times")
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
-        """Check that the fields `names` request nothing, which a kind of run cannot keep, or raise
-        a `ValueError` that names the field, the kind of run (`where`) and the `remedy`."""
+        """Raise a `ValueError` if one of the fields `names` is set, which the function or
+        transformation `where` does not support; the message contains the `remedy`."""
         for name in names:
             value = getattr(self, name)
             require(not value, name, value, f"False {where}", remedy)

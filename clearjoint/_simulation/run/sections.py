@@ -166,7 +166,7 @@ class Section:
       attribute `unit`, a pair (function, unit).
       The names become those of arrays in results and files. At the onset or end of a contact,
       forces are those just after it, and the entry speed is that of the contact.
-    - `count`: largest number of crossings; later ones are not kept.
+    - `count`: largest number of crossings; later ones are not recorded.
     - `after`: s, time of the scene (not since the start of the run) before which crossings are
       ignored, to leave out a transient; by default none are.
 
@@ -228,7 +228,7 @@ class Section:
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder of the states at the crossings in a lane, whose buffer is emptied during the
+        """The recorder of the states at the crossings in a run, whose buffer is emptied during the
         run."""
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 

@@ -277,16 +277,8 @@ def settle(
     shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
     with ProgressBar(total=periods, **shown) as bar:
         while kind is None:
-            # `PHASES` states in each of the `BLOCK` periods of this run, the last one at its end.
-            times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
-            outputs = {}
-            if section is not None:
-                # A run may have more than `BLOCK` crossings, because the span is a rough guess.
-                outputs[SECTION] = replace(section, count=ROOM, after=time)
-            save, end = Saving(times), float(times[-1])
-            options = {"start_time": time, "throw": False, "progress": False}
             try:
-                block = simulate(scene, state, end, settings, save, outputs=outputs, **options)
+                block = _block(scene, state, settings, time, length, section)
             except RunInterrupted as stopped:
                 raise RunInterrupted(_joined([*blocks, stopped.solution])) from stopped
             state, time, result = block.final, float(block.time), block.result
@@ -300,11 +292,7 @@ def settle(
             if section is None:
                 strobe = strobe_of(motion.states, PHASES)
             else:
-                # Without the crossings that were lost, the motion would not be found to repeat.
-                few = len(block.outputs[SECTION]) < ROOM
-                expected = f"a time in which the section is crossed fewer than {PHASES} times"
-                remedy = "give a time in s in which the section is crossed about once"
-                require(few, "span", span, expected, remedy)
+                _require_few_crossings(block, span)
                 crossings = motion.outputs[SECTION]
                 strobe = section_strobe(crossings.times, [*crossings.values.values()])
                 # The transient has other times between crossings than the last periods.
@@ -332,6 +320,33 @@ def settle(
         changes=changes,
         result=result,
     )
+
+
+def _block(
+    scene: Scene,
+    state: State,
+    settings: Settings,
+    time: float,
+    length: float,
+    section: Section | None,
+) -> Solution:
+    """Run a block of periods of the given `length`, s, from a state at a time, s."""
+    # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
+    times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
+    outputs = {}
+    if section is not None:
+        # A run may have more than `BLOCK` crossings, because the span is a rough guess.
+        outputs[SECTION] = replace(section, count=ROOM, after=time)
+    options = {"outputs": outputs, "start_time": time, "throw": False, "progress": False}
+    return simulate(scene, state, float(times[-1]), settings, Saving(times), **options)
+
+
+def _require_few_crossings(block: Solution, span: float | None) -> None:
+    # Without the crossings that were lost, the motion would not be found to repeat.
+    few = len(block.outputs[SECTION]) < ROOM
+    expected = f"a time in which the section is crossed fewer than {PHASES} times"
+    remedy = "give a time in s in which the section is crossed about once"
+    require(few, "span", span, expected, remedy)
 
 
 def _joined(blocks: list[Solution]) -> Solution:

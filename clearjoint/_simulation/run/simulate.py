@@ -81,9 +81,9 @@ def simulate(
     - `save`: records to keep besides the final state: states at times or after every step, and the
       impacts. Under a transformation of JAX, only states at given times can be kept.
     - `outputs`: results to keep by name, in `solution.outputs`: reductions such as `Peak`, which
-      are updated at every accepted step, a `Section`, an `ImpactTable`, and quantities such as
-      `quantities.Position`, which are evaluated at the times of `save`. Under a transformation of
-      JAX, only quantities.
+      are updated at every accepted step, a `Section`, an `ImpactTable`, `RejectedSteps`, and
+      quantities such as `quantities.Position`, which are evaluated at the times of `save`. Under a
+      transformation of JAX, only quantities.
     - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
       the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
     - `progress`: show a progress bar for runs that take longer than two seconds, and while

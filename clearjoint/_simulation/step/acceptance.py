@@ -1,6 +1,6 @@
 """Decide whether a trial step is accepted, how long the next one is, and whether the run failed."""
 
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import diffrax
 import jax
@@ -15,6 +15,7 @@ from ..._math.stacked import stacked, unstacked
 from ..._math.vectors import Condition, Scalar
 from ..._result_codes import RESULTS
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
+from .landing import Landing
 from .rotation_limit import LARGEST, TARGET, rotation_in
 from .settings import DEFAULT_RTOL
 from .step_length import (
@@ -24,7 +25,7 @@ from .step_length import (
     tangent_sizes,
     with_relative_bristles,
 )
-from .step_state import ControllerState, Method, Proposal, Step, choose
+from .step_state import ControllerState, Method, Proposal, Rejection, Step, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
@@ -43,100 +44,147 @@ driver is not smooth. It is also the smallest factor by which diffrax's PID cont
 step."""
 
 
+class _Decision(NamedTuple):
+    """The decision about a trial step so far.
+
+    - `keep`: whether the trial is accepted.
+    - `t_next`: end of the next trial, s.
+    - `made_jump`: whether the rates may jump at the start of the next trial.
+    - `controller_state`, `controller_result`: new state and result of the step-size controller.
+    - `rejected`: whether the trial is rejected, by `Rejection`; at most one is true.
+    """
+
+    keep: Flag
+    t_next: Single
+    made_jump: Flag
+    controller_state: ControllerState
+    controller_result: diffrax.RESULTS
+    rejected: dict[str, Condition]
+
+    def repeated(
+        self, reason: Rejection, repeats: Condition, t_next: Scalar, last: Proposal
+    ) -> "_Decision":
+        """Return the decision to repeat the trial up to `t_next`, s, where `repeats`, which is true
+        only of trials that were accepted so far."""
+        return self._replace(
+            keep=self.keep & ~repeats,
+            t_next=jnp.where(repeats, t_next, self.t_next),
+            # The controller took the trial for accepted. Its state before the trial is restored, or
+            # its history of errors would contain a step that was never made.
+            controller_state=choose(repeats, last.controller_state, self.controller_state),
+            rejected={**self.rejected, reason: repeats},
+        )
+
+
 def decide_step(
     method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
-) -> tuple[Condition, Proposal, RESULTS]:
-    """Decide whether a trial step is accepted, and return also the step to try next and the result
-    code. The step-size controller decides first. A trial that the controller accepts is still
-    rejected if a driver is not smooth over the step, if bodies rotate too far in it, or if it
-    passes a contact event at which it must end. It is then repeated with a shorter step, or up to
-    the event."""
+) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
+    """Decide whether a trial step is accepted, and return also the step to try next, the result
+    code, and by reason whether the trial is rejected for it. The step-size controller decides
+    first. A trial that the controller accepts is still rejected if a driver is not smooth over the
+    step, if bodies rotate too far in it, or if it passes a contact event at which it must end. It
+    is then repeated with a shorter step, or up to the event."""
     t1, last, after = trial.t1, step.proposal, trial.gaps
-    keep, t_next, made_jump, controller_state, controller_result = _controller_decision(
-        method, system, step, trial
-    )
-    # 1. Drivers. The equations of motion use only second time derivatives of a driver, at the
-    # solver's stages. A kink or jump between stages does not change the error estimate, so it is
-    # checked separately. If no breakpoint declares it, the steps towards it become shorter and
-    # shorter, until `_result` stops the run.
-    rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
-    smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, t1, rtol)
-    refused: Condition | None = None
-    if smooth is not None:
-        repeats: Condition = keep & ~smooth
-        refused, keep = repeats, keep & smooth
-        t_next = jnp.where(repeats, step.t + SHORTER * (t1 - step.t), t_next)
-        # The controller took the trial for accepted. Its state before the trial is restored, or its
-        # history of errors would contain a step that was never made.
-        controller_state = choose(repeats, last.controller_state, controller_state)
-
-    # 2. Rotations. The rates at the start, which have limited the length of the trial, may have
-    # grown in it.
+    decision = _controller_decision(method, system, step, trial)
+    decision = _with_smooth_drivers(decision, method, system, step, trial)
     if method.rotating:
-        rotation = rotation_in(method, system, step, trial)
-        repeats = keep & (rotation > LARGEST)
-        keep = keep & ~repeats
-        shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (t1 - step.t)
-        t_next = jnp.where(repeats, jax.lax.stop_gradient(shorter), t_next)
-        controller_state = choose(repeats, last.controller_state, controller_state)
-
-    # 3. Length of the next step. The controller's proposal assumes that the next step has the same
+        decision = _with_limited_rotation(decision, method, system, step, trial)
+    # Length of the next step. The controller's proposal assumes that the next step has the same
     # time map as this one. The map corrects the proposal, because the next step may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
     # is the length that it would have if no event cut it short.
-    full_length = t_next - jnp.where(keep, t1, step.t)
+    full_length = decision.t_next - jnp.where(decision.keep, t1, step.t)
     if trial.time_map is not None:
-        full_length = trial.time_map.next_length(full_length, keep)
-
-    # 4. Contact events. A step past an event was computed with the wrong set of closed contacts; it
-    # is repeated up to the event. `lands` is true for a trial that is rejected for this reason
-    # only. The first step after an onset is limited to twice `entry_length`, the length of the
-    # latest such step that no event cut short. Without contacts only breakpoints and rotations can
-    # have cut the step short.
+        full_length = trial.time_map.next_length(full_length, decision.keep)
+    # Without contacts only breakpoints and rotations can have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
-        passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
-        lands = keep & passes
-        controller_state = choose(lands, last.controller_state, controller_state)
-        keep = keep & jnp.logical_not(passes)
-        full_length, begins_contact, entry_length = lengths_after_contacts(
-            step, after, t1, keep, lands, full_length
+        decision, full_length, begins_contact, entry_length = _landed(
+            decision, method.landing, step, trial, full_length
         )
-        t_next = jnp.where(lands, landing_time, jnp.where(keep, t1, step.t) + full_length)
     elif breakpoints(system.scene) or method.rotating:
-        full_length = length_after_breakpoints(step, t1, keep, full_length)
-        t_next = jnp.where(keep, t1, step.t) + full_length
-
-    # 5. Whether the next step must compute the rates at its start anew (`made_jump`), or can reuse
-    # those at the end of this one. After a rejection the start of the step is the same, so the flag
-    # stays.
-    jumps = may_jump(method, system.scene)
-    if slopes_may_jump(method, system.scene):
-        # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
-        # that the tangents of the rates cannot be reused.
-        jumps = changes(step.contact_gaps, after)
-    made_jump = jnp.where(keep, made_jump | jumps, last.made_jump)
-
-    result = _result(system, step, trial, keep, refused, t_next, controller_result, t_end)
+        full_length = length_after_breakpoints(step, t1, decision.keep, full_length)
+        start = jnp.where(decision.keep, t1, step.t)
+        decision = decision._replace(t_next=start + full_length)
+    keep = decision.keep
+    result = _result(system, step, trial, decision, t_end)
     if trial.tangents is not None and may_have_undeclared_jump(system.scene):
         # Across an undeclared jump the states stay correct, but the derivatives do not.
         jumps = keep & has_undeclared_jump(method, system, step, trial)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
-    # 6. Time since the latest onset, which runs with tangents need for the next step's time map.
+    # Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
     if since is not None:
         latest = jnp.minimum(since + (t1 - step.t), time_since_onset(step.contact_gaps, after))
         since = jnp.where(keep, latest, since)
     proposal = Proposal(
-        t_next=t_next,
+        t_next=decision.t_next,
         full_length=full_length,
         begins_contact=begins_contact,
         time_since_onset=since,
         entry_length=entry_length,
-        made_jump=made_jump,
-        controller_state=controller_state,
+        made_jump=_made_jump(decision, method, system, step, trial),
+        controller_state=decision.controller_state,
     )
-    return keep, proposal, result
+    return keep, proposal, result, decision.rejected
+
+
+def _with_smooth_drivers(
+    decision: _Decision, method: Method, system: System, step: Step, trial: Trial
+) -> _Decision:
+    """Repeat a trial over which a driver is not smooth. The equations of motion use only second
+    time derivatives of a driver, at the solver's stages. A kink or jump between stages does not
+    change the error estimate, so it is checked separately. If no breakpoint declares it, the steps
+    towards it become shorter and shorter, until `_result` stops the run."""
+    rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
+    smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, trial.t1, rtol)
+    if smooth is None:
+        return decision
+    repeats: Condition = decision.keep & ~smooth
+    shorter = step.t + SHORTER * (trial.t1 - step.t)
+    return decision.repeated(Rejection.DRIVER, repeats, shorter, step.proposal)
+
+
+def _with_limited_rotation(
+    decision: _Decision, method: Method, system: System, step: Step, trial: Trial
+) -> _Decision:
+    """Repeat a trial in which bodies rotate too far. The rates at the start, which have limited the
+    length of the trial, may have grown in it."""
+    rotation = rotation_in(method, system, step, trial)
+    repeats = decision.keep & (rotation > LARGEST)
+    shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)
+    shorter = jax.lax.stop_gradient(shorter)
+    return decision.repeated(Rejection.ROTATION, repeats, shorter, step.proposal)
+
+
+def _landed(
+    decision: _Decision, landing: Landing, step: Step, trial: Trial, full_length: Scalar
+) -> tuple[_Decision, Scalar, Condition, Scalar]:
+    """Repeat a trial that passes a contact event, up to the event, because it was computed with the
+    wrong set of closed contacts. The fields `full_length`, `begins_contact` and `entry_length` of
+    the next `Proposal` are returned too. The first step after an onset is limited to twice
+    `entry_length`, the length of the latest such step that no event cut short."""
+    t1, after = trial.t1, trial.gaps
+    passes, landing_time = landing.retry(step.contact_gaps, after, step.t, t1)
+    lands = decision.keep & passes
+    decision = decision.repeated(Rejection.CONTACT, lands, landing_time, step.proposal)
+    lengths = lengths_after_contacts(step, after, t1, decision.keep, lands, full_length)
+    following = jnp.where(decision.keep, t1, step.t) + lengths[0]
+    return decision._replace(t_next=jnp.where(lands, landing_time, following)), *lengths
+
+
+def _made_jump(
+    decision: _Decision, method: Method, system: System, step: Step, trial: Trial
+) -> Condition:
+    """Return whether the next step must compute the rates at its start anew, or can reuse those at
+    the end of this one."""
+    jumps = may_jump(method, system.scene)
+    if slopes_may_jump(method, system.scene):
+        # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
+        # that the tangents of the rates cannot be reused.
+        jumps = changes(step.contact_gaps, trial.gaps)
+    # After a rejection the start of the step is the same, so the flag stays.
+    return jnp.where(decision.keep, decision.made_jump | jumps, step.proposal.made_jump)
 
 
 def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
@@ -146,14 +194,10 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
     return getattr(controller, "rtol", DEFAULT_RTOL)
 
 
-def _controller_decision(
-    method: Method, system: System, step: Step, trial: Trial
-) -> tuple[Flag, Single, Flag, ControllerState, diffrax.RESULTS]:
-    """Return the decision of diffrax's step-size controller about a trial step from `step`: whether
-    it is accepted; the proposed end of the next step, s; whether the rates may jump at the start of
-    the next step; the controller's new state; and its result code. The controller gets the errors
-    of variables and tangents together. Since it has one tolerance for both, errors of tangents are
-    first divided by `method.derivative_tolerance`."""
+def _controller_decision(method: Method, system: System, step: Step, trial: Trial) -> _Decision:
+    """Return the decision of diffrax's step-size controller about a trial step from `step`. The
+    controller gets the errors of variables and tangents together. Since it has one tolerance for
+    both, errors of tangents are first divided by `method.derivative_tolerance`."""
 
     def scaled(y: PyTree) -> PyTree:
         return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
@@ -188,24 +232,26 @@ def _controller_decision(
         error_order(method),
         step.proposal.controller_state,
     )
-    return keep, t_next, made_jump, state, result
+    too_long = jnp.logical_not(keep)  # of a controller with fixed steps, `keep` is a Python number
+    reasons: dict[str, Condition] = {
+        Rejection.ERROR: too_long & trial.finite,
+        Rejection.NOT_FINITE: too_long & ~trial.finite,
+    }
+    return _Decision(keep, t_next, made_jump, state, result, reasons)
 
 
 def _result(
     system: System,
     step: Step,
     trial: Trial,
-    keep: Condition,
-    refused: Condition | None,
-    t_next: Scalar,
-    controller_result: diffrax.RESULTS,
+    decision: _Decision,
     t_end: Scalar,
 ) -> RESULTS:
     """Return the result code of the run after a trial step. If several checks fail, the last of
     these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint
     is not followed, a variable is not finite, the solver or the controller failed. If none fails,
-    the code in `step` stays. `refused` says whether the trial was rejected because of a driver; it
-    is ``None`` without drivers."""
+    the code in `step` stays."""
+    keep, t_next = decision.keep, decision.t_next
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps
     # A step shorter than the spacing of the numbers at its start makes no progress. At t = 0 that
@@ -213,12 +259,13 @@ def _result(
     resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))
     stuck = (t_next - now <= resolution) & (now < t_end)
     gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
-        controller_result != diffrax.RESULTS.successful
+        decision.controller_result != diffrax.RESULTS.successful
     )
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if trial.gaps:
         deep = keep & too_deep(system.scene, trial.gaps)
         result = RESULTS.where(deep, RESULTS.left_bearing, result)
+    refused = decision.rejected.get(Rejection.DRIVER)
     if refused is not None:
         # If steps shrink to nothing because of a driver, it has a kink or jump there. The cause is
         # not a stiff force.

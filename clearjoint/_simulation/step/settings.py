@@ -62,9 +62,9 @@ class Settings:
       and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
-      base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. The
-      motion alone takes 823 attempted steps. These are more than with 1e5, because during contacts
-      runs without derivatives place the solver's stages at other times in a step:
+      base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. A run
+      without derivatives takes 823 attempted steps, more than with 1e5, because it places the
+      solver's stages differently during contacts:
 
       | `derivative_tolerance` | steps | error of a position's derivative | of an entry speed's |
       |---|---|---|---|
@@ -82,7 +82,8 @@ class Settings:
     - `redundant`: whether some constraint equations depend linearly on others. By default, runs
       find this out from the initial state; inside a JAX transformation, they take all equations as
       independent.
-    - `max_steps`: largest number of attempted steps of a run, accepted and rejected.
+    - `max_steps`: largest number of attempted steps of a run, accepted and rejected. The output
+      `RejectedSteps` tells when and why steps are rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
 
     **Raises:** `ValueError` that names the setting: for a value of a wrong type; for a solver of

@@ -1,6 +1,7 @@
 """Data that a run carries from step to step: variables, contacts, derivatives, and the next step to
 try."""
 
+import enum
 from functools import partial
 from typing import TypeAlias, TypeVar
 
@@ -119,6 +120,37 @@ class Step(eqx.Module):
     tangents: Tangents | None = None
 
 
+class Rejection(enum.StrEnum):
+    """Why a step was rejected and tried again with a shorter length. The value of each member is
+    the text in tables.
+
+    - `ERROR`: the estimated error of the variables, or of their derivatives, exceeds the
+      tolerances.
+    - `NOT_FINITE`: a variable or its error is NaN or infinite.
+    - `DRIVER`: the angle or distance that a driver prescribes is not smooth over the step.
+    - `ROTATION`: a body rotates by more than 0.75 rad; only in runs whose steps are searched for
+      contact events, crossings or peaks that depend on its rotation.
+    - `CONTACT`: a contact begins or ends before the end of the step, which is repeated up to there.
+
+    >>> print(cj.results.Rejection.CONTACT)
+    contact event
+    """
+
+    ERROR = "error estimate"
+    NOT_FINITE = "not finite"
+    DRIVER = "driver"
+    ROTATION = "rotation"
+    CONTACT = "contact event"
+
+
+class Rejected(eqx.Module):
+    """The end `t1` of a trial step, s, and by `Rejection` whether it was rejected for this reason;
+    at most one is true. Reasons that cannot occur in the run are left out."""
+
+    t1: Scalar
+    reasons: dict[str, Condition]
+
+
 class Attempt(eqx.Module):
     """The state after a trial step, with the data for dense output inside this step.
 
@@ -126,6 +158,7 @@ class Attempt(eqx.Module):
       proposal, result code and number of attempts.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
+    - `rejected`: whether and why it was rejected; ``None`` in a record of accepted attempts.
     """
 
     step: Step
@@ -135,6 +168,7 @@ class Attempt(eqx.Module):
     information: DenseInformation
     time_map: AbstractTimeMap | None
     tangents: "TangentsInside | None" = None
+    rejected: Rejected | None = None
 
 
 class TangentsInside(eqx.Module):

@@ -42,6 +42,7 @@ from .step_state import (
     Attempt,
     Method,
     Proposal,
+    Rejected,
     SolverState,
     Step,
     Tangents,
@@ -189,7 +190,7 @@ def attempt(
     the given state with a new proposal, result code and number of attempts.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    keep, proposal, result = decide_step(method, system, step, trial, t_end)
+    keep, proposal, result, reasons = decide_step(method, system, step, trial, t_end)
     inside = None
     accepted = accepted_state(method, system, family, step, trial, keep)
     if step.tangents is not None and trial.tangents is not None:
@@ -210,6 +211,7 @@ def attempt(
         information=trial.outcome.information,
         time_map=trial.time_map,
         tangents=inside,
+        rejected=Rejected(trial.t1, reasons),
     )
 
 
@@ -371,7 +373,7 @@ def blank_attempt(
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
     """Return an `Attempt` that contains `step` and is zero otherwise, as the initial value of a
-    loop over attempts, which calls `attempt` with the same arguments."""
+    loop over attempts, which calls `attempt` with the same arguments. It has no `rejected`."""
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as
         # tracing the whole loop.
@@ -389,6 +391,7 @@ def blank_attempt(
         )
     else:
         example = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
+    example = replace(example, rejected=None)
     zeros = jax.tree.map(lambda s: jnp.zeros(jnp.shape(s), jnp.result_type(s)), example)
     return replace(zeros, step=step)
 

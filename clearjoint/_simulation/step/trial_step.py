@@ -37,8 +37,12 @@ def rates_of(
     `t`; stacked if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
     dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
-    powers = system.powers(dynamics, t)
-    rates = Variables(dynamics.variable_rates, powers, bristle_rates(dynamics))
+    integrands = {
+        name: integrand(system, t, y.motion, entry_speeds, y.bristles)
+        for name, integrand in system.formulation.integrands.items()
+    }
+    work = {**system.powers(dynamics, t), **integrands}
+    rates = Variables(dynamics.variable_rates, work, bristle_rates(dynamics))
     # diffrax requires arrays in place of Python numbers.
     rates = jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
     return stacked(rates) if are_stacked else rates

@@ -54,24 +54,24 @@ Part = str | int | np.ndarray
 of lanes in a chunk; or an array of labels."""
 
 
-def differences(stored: Contents, wanted: Contents, kept: np.ndarray) -> list[str]:
+def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list[str]:
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
     What only the wanted sweep has is no difference, because the store can be extended. Notes that
-    differ are listed only beside other differences, which they may explain. `kept` is the lane of
-    the wanted sweep that each row of the store holds, or -1.
+    differ are listed only beside other differences, which they may explain. `matches` has, for each
+    lane of the store, the number of the equal lane of the wanted sweep, or -1.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
         *_compared(_settings(stored.layout), _settings(wanted.layout)),
         # A part that only the wanted sweep has is no difference: the store is extended by it.
         *_compared(parts, {name: wanted_parts[name] for name in parts if name in wanted_parts}),
-        *_lost(stored, wanted.layout, kept),
+        *_lost(stored, wanted.layout, matches),
     ]
     # A difference that already has a line, such as that of a setting, may change the program of the
     # run too. A second line about this program would mislead.
     lines += _programs(stored, wanted, without_run=bool(lines))
-    lines += _save_times(stored, wanted, kept)
+    lines += _save_times(stored, wanted, matches)
     notes = [name for name in stored.layout.notes if name in wanted.layout.notes]
     old, new = ({name: c.layout.notes[name] for name in notes} for c in (stored, wanted))
     return lines and [*lines, *_compared(old, new)]
@@ -137,20 +137,20 @@ def _shown(value: object, start: int = 0) -> str:
     return f"{head}{rest[:_SHOWN]}{tail}"
 
 
-def _lost(stored: Contents, wanted: Layout, kept: np.ndarray) -> Iterator[str]:
+def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
     """Yield a line for each axis some of whose stored values the wanted sweep lacks, and a single
-    line if it lacks stored lanes. `kept` has for each stored lane the wanted one, or -1."""
+    line if it lacks stored lanes. `matches`: as in `differences`."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
-    for name, old, _ in stored.layout.axes:
-        gone = old[~np.isin(old, values.get(name, old))]
-        if gone.size:
+    for name, stored_values, _ in stored.layout.axes:
+        missing = stored_values[~np.isin(stored_values, values.get(name, stored_values))]
+        if missing.size:
             yield (
-                f"axis {name}: {gone.size} of {old.size} stored values are not among the "
-                f"{values[name].size} present values, first {_shown(gone[0])}"
+                f"axis {name}: {missing.size} of {stored_values.size} stored values are not among "
+                f"the {values[name].size} present values, first {_shown(missing[0])}"
             )
-    lost = kept < 0
+    lost = matches < 0
     if lost.any():
         yield (
             f"lanes: {lost.sum()} of {lost.size} stored lanes are not among the {wanted.lanes} "
@@ -168,14 +168,14 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
             yield f"{subject}: the code that JAX traces differs from the stored one"
 
 
-def _save_times(stored: Contents, wanted: Contents, kept: np.ndarray) -> Iterator[str]:
+def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:
     """A line for each output whose times to save at differ in any lane that both sweeps have."""
     old, new = stored.identity.lanes, wanted.identity.lanes
-    # `kept` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
+    # `matches` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
-        others = (new[name][kept] != old[name][stored.order])[kept >= 0].sum()
-        if others:
-            yield f"times of {name}: they differ in {others} of {kept.size} stored lanes"
+        differ = new[name][matches] != old[name][stored.order]
+        if count := differ[matches >= 0].sum():
+            yield f"times of {name}: they differ in {count} of {matches.size} stored lanes"
 
 
 if TYPE_CHECKING:
@@ -391,16 +391,16 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     """
     # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
-    kept = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
-    lines = differences(stored, wanted, kept)
+    matches = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
+    lines = differences(stored, wanted, matches)
     if lines:
         raise ValueError(
             f"The store {path} belongs to another sweep:\n  "
             + "\n  ".join(lines)
             + "\nPass another path, or delete the store to compute it again."
         )
-    # `kept` has no -1 here, since a stored lane that is not wanted is one of the differences.
-    order = np.concatenate([kept, np.setdiff1d(np.arange(len(digests)), kept)])
+    # `matches` has no -1 here, since a stored lane that is not wanted is one of the differences.
+    order = np.concatenate([matches, np.setdiff1d(np.arange(len(digests)), matches)])
     added = stored.added | (set(wanted.layout.variables) - set(stored.layout.variables))
     return wanted._replace(order=order, added=added)
 

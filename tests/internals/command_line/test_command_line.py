@@ -1,13 +1,17 @@
 """The program `clearjoint`: messages, exit codes, and results equal to those of the library."""
 
 import json
+import math
 import os
 import re
 import subprocess
 import sys
+from contextlib import contextmanager
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
+import jax
 import jsonschema
 import numpy as np
 import pandas as pd
@@ -23,9 +27,12 @@ from clearjoint._command_line.program import clearjoint
 from clearjoint._command_line.reports import lane_table
 from clearjoint._command_line.study import find_path, read_study, study_schema
 from clearjoint._command_line.sweeping import sweep_axes
-from clearjoint._export.datasets import describe, setting_notes
+from clearjoint._export.datasets import describe, setting_notes, write_netcdf
+from clearjoint._fields.objects import with_arrays
 from clearjoint._scene_files.documents import FileLocation, keys_of, written
+from clearjoint._simulation.results.impact_table import IMPACT_UNITS
 from clearjoint._simulation.run import host_run, terminal
+from clearjoint._sweeps.store.metadata import write_dataset
 from clearjoint.extend import Formulation
 from tests.support.dropped_rod import dropped_rod
 from tests.support.repetitions import repetitions
@@ -629,6 +636,123 @@ def test_tables_of_any_name_are_written_and_read(name, tmp_path):
     assert folders.file_name("x/mm") != folders.file_name("x_mm") == "x_mm"
 
 
+@pytest.fixture
+def run_folder(folder):
+    """The files of a run with two saved states and two impacts, from which `report` reads it."""
+    scene, state = dropped_rod()
+    states = jax.tree.map(lambda leaf: np.stack([leaf, leaf]), with_arrays(state))
+    first = ("pin", "V", 0.01, 0.0102, 0.0002, 0.1, 0.08, 900.0, 0.0101, 2e-6)
+    solution = cj.results.Solution(
+        time=0.1,
+        final=state,
+        result=cj.RESULTS.successful,
+        attempts=3,
+        accepted=2,
+        saved=cj.results.Trajectory(np.array([0.0, 0.1]), states),
+        saved_count=2,
+        steps=None,
+        impacts=cj.results.Impacts.of_rows([("pin", "W", *first[2:]), first]),
+        formulation=Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte()),
+        redundant_constraints=(),
+        settings=setting_notes(cj.Settings()),
+    )
+    folders.write_scene(folder, scene, state)
+    formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
+    folders.write_table(folder, folders.MOTION, solution.to_xarray().assign_attrs(formulation))
+    folders.write_table(folder, folders.IMPACTS, solution.impacts.to_xarray())
+    return folder
+
+
+def without(folder, table, name):
+    """Write the netCDF file of a table again without a variable, coordinate or attribute."""
+    stored = folders.read_table(folder, table)
+    if name in stored.attrs:
+        stored = stored.assign_attrs()
+        del stored.attrs[name]
+    write_netcdf(stored.drop_vars(name, errors="ignore"), folder / f"{table}.nc")
+
+
+@pytest.mark.parametrize("share", [0.25, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_a_run_whose_tables_lack_a_name_is_read_or_refused(share, run_folder, capsys):
+    """Tables of earlier versions lack what was added later: the others are read."""
+    rng = np.random.default_rng(3)
+    _, whole = read_run(run_folder)
+    assert whole.impacts.contact.tolist() == ["V", "W"] and not capsys.readouterr().err
+    for name in some([*IMPACT_UNITS], share, rng):
+        with restored(run_folder / "impacts.nc"):
+            without(run_folder, folders.IMPACTS, name)
+            _, read = read_run(run_folder)
+            assert repr(read.impacts) != repr(whole.impacts)
+            for field in fields(cj.results.Impacts):
+                column = getattr(whole.impacts, field.name)
+                expected = np.full(2, np.nan) if field.name == name else column
+                np.testing.assert_array_equal(getattr(read.impacts, field.name), expected)
+            note = capsys.readouterr().err
+            assert note.count(f"lacks {name};") == note.count("note: ") == 1
+    read_anyway = []
+    for table in (folders.MOTION, folders.IMPACTS):
+        stored = folders.read_table(run_folder, table)
+        names = map(str, {*stored.variables, *stored.attrs} - {*IMPACT_UNITS})
+        for name in some(sorted(names), share, rng):
+            with restored(run_folder / f"{table}.nc"):
+                without(run_folder, table, name)
+                try:
+                    read_run(run_folder)
+                    read_anyway.append(name)
+                except ValueError as error:
+                    assert re.search(rf"{table}.nc: found no .*\b{name}\b", str(error))  # noqa: PT017
+                    assert "run `clearjoint run` again" in str(error)  # noqa: PT017
+    # The file has the formulation as JSON, so the settings are only shown.
+    others = {"Conventions", "title", "source", "table", "formulation", "component", "parameter"}
+    settings = {name for name, _ in whole.settings}
+    assert set(read_anyway) <= others | settings | {"impact"}
+
+
+def test_a_run_of_another_scene_is_refused(run_folder):
+    text = (run_folder / "scene.toml").read_text()
+    (run_folder / "scene.toml").write_text(text.replace("rod", "bar"))
+    with pytest.raises(
+        ValueError, match=r"motion.nc: found no bar, expected .* the scene in scene"
+    ):
+        read_run(run_folder)
+
+
+def some(names, share, rng):
+    return rng.permutation(names)[: math.ceil(share * len(names))].tolist()
+
+
+@contextmanager
+def restored(file):
+    """A context after which a file has its content again."""
+    content = file.read_bytes()
+    yield
+    file.write_bytes(content)
+
+
+def test_a_summary_without_title_has_the_name_of_its_folder(tmp_path):
+    (tmp_path / "summary.json").write_text('{"kind": "run"}')
+    assert folders.read_summary(tmp_path)["title"] == tmp_path.name
+    (tmp_path / "summary.json").write_text('{"title": "Rod"}')
+    with pytest.raises(ValueError, match="found no summary.json with a kind of results"):
+        folders.read_summary(tmp_path)
+
+
+@pytest.mark.slow
+def test_reports_are_drawn_of_tables_that_lack_a_column(folder):
+    assert invoke("run", "study.toml").exit_code == 0
+    out = Path("results/study/run")
+    page = (out / "index.html").read_text()
+    for name in ("peak_force", *np.random.default_rng(1).choice([*IMPACT_UNITS], 2)):
+        with restored(out / "impacts.nc"):
+            without(out, folders.IMPACTS, str(name))
+            outcome = invoke("report", str(out))
+            assert outcome.exit_code == 0, (name, outcome.output)
+            assert f"lacks {name};" in outcome.output
+            assert "Hardest impacts" in (out / "index.html").read_text()
+    assert invoke("report", str(out)).exit_code == 0
+    assert (out / "index.html").read_text() == page
+
+
 @pytest.mark.slow
 def test_a_failed_or_interrupted_run_writes_its_results(folder, monkeypatch):
     outcome = invoke("run", "study.toml", "--set", "run.settings.max_steps=20", "--out", "failed")
@@ -734,6 +858,27 @@ def test_wear_is_computed_continued_and_written(rotor, monkeypatch):
         path.unlink()
     assert invoke("report", str(out)).exit_code == 0
     assert sorted((out / "figures").glob("*.png")) == pictures
+
+
+def test_wear_of_an_earlier_version_is_reported_without_what_it_lacks(tmp_path, monkeypatch):
+    """Forces and volumes were added to results of wear later."""
+    monkeypatch.chdir(tmp_path)
+    depths = ("joint", "stage", "angle"), np.full((1, 2, 8), 1e-6)
+    of_stages = ("joint", "stage"), np.ones((1, 2))
+    variables = {"bearing_depth": depths, "journal_depth": depths}
+    variables |= dict.fromkeys(reports.LATER, of_stages)
+    coordinates = {"joint": ["pin"], "angle": np.arange(8.0), "cycles": ("stage", [0.0, 1e3])}
+    whole = xr.Dataset(variables, coordinates)
+    Path("summary.json").write_text('{"kind": "wear", "title": "Pin"}')
+    assert len(reports.stage_table(whole).columns) == 8
+    for name in reports.LATER:
+        assert len(reports.stage_table(whole.drop_vars(name)).columns) == 7
+    write_dataset(Path(folders.WEAR_STORE), whole.drop_vars(reports.LATER))
+    outcome = invoke("report", ".")
+    assert outcome.exit_code == 0, outcome.output
+    lacking = "force, bearing_volume, journal_volume"
+    assert f"note: wear.zarr, of an earlier version, lacks {lacking}\n" in outcome.output
+    assert len(pd.read_csv("stages.csv").columns) == 5
 
 
 REFUSED_WEAR = {

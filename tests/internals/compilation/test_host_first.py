@@ -87,7 +87,7 @@ def test_constraints_by_numpy_equal_the_compiled_ones():
     coordinates = cj.AbsoluteCoordinates()
 
     def arrays(rows):
-        return rows.values, rows.rates, rows.jacobian, rows.left
+        return rows.values, rows.rates, rows.jacobian, rows.reduced
 
     by_numpy = arrays(
         constraint_report.start_rows_by_numpy(

@@ -18,7 +18,6 @@ from clearjoint._durability.wear_depths import (
     wear_depths,
 )
 from clearjoint._durability.wear_derivatives import MovingSpline
-from tests.durability import test_wear
 from tests.durability.test_wear import (
     CLEARANCE,
     CYCLE,
@@ -30,8 +29,6 @@ from tests.durability.test_wear import (
     rough,
     whirling,
 )
-
-found = test_wear.found
 
 
 def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
@@ -103,6 +100,20 @@ def test_the_worn_volume_is_that_of_the_reduction():
     # The contact stays at one point of the journal.
     assert np.argmax(depths[1]) == 0
     assert np.count_nonzero(depths[1] > 1e-3 * depths[1].max()) < 6
+
+
+@pytest.mark.slow
+def test_a_store_of_an_earlier_version_is_not_continued(tmp_path):
+    """Forces were added to the result later."""
+    scene, state = whirling()
+    whole = cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, **OPTIONS)
+    store = wear_module._Store(tmp_path / "wear", "same")
+    store.write(whole.drop_vars("force"))
+    first = wear_module._Stages.first(scene, state, ["pin"], [], whole.sizes["angle"])
+    with pytest.raises(
+        ValueError, match="a store of this version.*without force.: pass another folder"
+    ):
+        store.read(first)
 
 
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):

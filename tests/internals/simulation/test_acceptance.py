@@ -33,9 +33,8 @@ def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
         t1=now, finite=jnp.asarray(True), outcome=outcome, gaps={}, solver_result=success
     )
     step = SimpleNamespace(t=jnp.asarray(0.5), result=cj.RESULTS.successful)
-    found = acceptance._result(
-        system, step, trial, jnp.asarray(True), None, now + ahead, success, jnp.asarray(end)
-    )
+    decision = acceptance._Decision(jnp.asarray(True), now + ahead, False, None, success, {})
+    found = acceptance._result(system, step, trial, decision, jnp.asarray(end))
     assert bool(found == getattr(cj.RESULTS, expected))
 
 

@@ -123,6 +123,115 @@ def test_closed_form_of_an_oscillator(predict):
         np.testing.assert_allclose(jacobian[output][name], derivative, rtol=1e-7, atol=1e-8)
 
 
+REDUCTIONS = {
+    "top": cj.Peak(lambda now: -POSITION["x"](now), "m", after=0.2),
+    "late": cj.Statistics(POSITION["x"], "m", after=0.1, until=0.25),
+    "cost": cj.Integral(lambda now: POSITION["x"](now) ** 2, "m^2 s"),
+}
+
+
+def reduced(stiffness: float, start: float) -> dict[str, float]:
+    """The results of `REDUCTIONS` of x = start cos(w t), w = sqrt(stiffness / 1 kg)."""
+    w = np.sqrt(stiffness)
+    mean = start * (np.sin(0.25 * w) - np.sin(0.1 * w)) / (0.15 * w)
+    square = lambda t: start**2 * (0.5 * t + np.sin(2.0 * w * t) / (4.0 * w))  # noqa: E731
+    rms = np.sqrt((square(0.25) - square(0.1)) / 0.15)
+    top = start if w * 0.3 > np.pi else -start * np.cos(0.3 * w)
+    return {"top": top, "late_mean": mean, "late_rms": rms, "cost": square(0.3)}
+
+
+def test_closed_forms_of_reductions():
+    paths = {
+        "stiffness": lambda scene: scene.forces["spring"].stiffness,
+        "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
+    }
+    predict = cj.predictor(*oscillator(), 0.3, paths, REDUCTIONS, settings=SETTINGS)
+    values, (jacobian,) = predict(predict.values), (jax.jacrev(predict)(predict.values),)
+    plain = cj.simulate(*oscillator(), 0.3, SETTINGS, outputs=REDUCTIONS, progress=False)
+    at, step = (100.0, 0.1), (1e-3, 1e-6)
+    assert list(values) == sorted(reduced(*at))
+    for name, expected in reduced(*at).items():
+        assert float(values[name]) == pytest.approx(expected, rel=1e-8)
+        assert float(values[name]) == pytest.approx(plain.outputs[name], rel=1e-6)
+        for k, parameter in enumerate(("stiffness", "start")):
+            change = np.eye(2)[k] * step[k]
+            above, below = reduced(*(at + change))[name], reduced(*(at - change))[name]
+            derivative = (above - below) / (2.0 * step[k])
+            assert float(jacobian[name][parameter]) == pytest.approx(derivative, rel=2e-6, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_reductions_across_impacts_agree_with_differences():
+    """Of runs at a far smaller tolerance."""
+    settings = replace(SETTINGS, ledger=True)
+    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
+    force = cj.quantities.ContactForce("shoulder", "V")
+    outputs = {
+        "peak": cj.Peak(force, "N"),
+        "lost": cj.DissipatedEnergy(after=0.005),
+        "power": cj.MeanPowerLost(),
+        "impulse": cj.Integral(force, "N s", after=0.01),
+    }
+    paths = {
+        "clearance": lambda scene: scene.joints["shoulder"].clearance,
+        "restitution": lambda scene: scene.joints["shoulder"].law.restitution,
+        "mass": lambda scene: scene.bodies["arm 2"].mass,
+    }
+    predict = cj.predictor(scene, state, 0.06, paths, outputs, settings=settings)
+    jacobian = jax.jacrev(predict)(predict.values)
+    tight = cj.predictor(scene, state, 0.06, paths, outputs, settings=replace(settings, rtol=1e-12))
+    for name, value in predict.values.items():
+        step = 1e-6 * float(value)
+        above, below = (tight({**predict.values, name: value + s}) for s in (step, -step))
+        for output, derivatives in jacobian.items():
+            difference = float(above[output] - below[output]) / (2.0 * step)
+            assert float(derivatives[name]) == pytest.approx(difference, rel=3e-5), (output, name)
+
+
+def test_other_reductions_and_windows_are_refused():
+    paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
+    quantiles = {"x": cj.Quantiles(POSITION["x"], "m", [-1.0, 1.0])}
+    with pytest.raises(ValueError, match=r"outputs\['x'\].*with derivatives in reverse mode"):
+        cj.predictor(*oscillator(), 0.3, paths, quantiles)
+    with pytest.raises(ValueError, match=r"times.*\['x', 'v'\]"):
+        cj.predictor(*oscillator(), 0.3, paths, POSITION)
+    with pytest.raises(ValueError, match="ledger"):
+        cj.predictor(*oscillator(), 0.3, paths, {"lost": cj.DissipatedEnergy()})
+
+
+def test_the_transpose_of_the_tangents_at_the_end(predict):
+    """The product of a gradient and the guard's direction is the guard's derivative."""
+    assert identity_error(predict) < 1e-12
+
+
+@pytest.mark.slow
+def test_the_transpose_of_the_tangents_across_impacts():
+    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
+    chosen = parameters(scene, "arm 2")
+    outputs = {"x": cj.quantities.Position("arm 2", "x")}
+    made = cj.predictor(scene, state, 0.1, chosen, outputs, [0.1], SETTINGS)
+    assert identity_error(made) < 1e-12
+
+
+def identity_error(predict) -> float:
+    run = predict._run(predict.values)
+    end = jax.device_get(run.last.tangents)
+    random = np.random.default_rng(5)
+    # Weights that make all tangents about equally large.
+    weights = jax.tree.map(
+        lambda leaf: random.standard_normal(np.shape(leaf)) / (np.abs(leaf) + 1e-6), end
+    )
+    none = jax.tree.map(np.zeros_like, predict.values)
+    places = np.zeros(0, int)
+    flat = np.asarray(adjoint.in_one_array(weights))
+    gradient = run.pulled_back(flat, none, np.zeros((0, 1)), places)
+    direction = run._run.family.direction
+    products = jax.tree.map(lambda a, b: np.sum(a * b), gradient, direction)
+    expected = jax.tree.map(lambda a, b: np.sum(a * b), weights, end)
+    total, size = sum(jax.tree.leaves(expected)), sum(map(abs, jax.tree.leaves(expected)))
+    return abs(sum(jax.tree.leaves(products)) - total) / size
+
+
 def loss(predict, values):
     return jnp.sum(jnp.square(predict(values)["x"] - 0.1 * jnp.cos(11.0 * TIMES)))
 
@@ -268,3 +377,55 @@ def test_a_run_that_fails_raises_what_simulate_raises():
         jax.grad(lambda values: jnp.sum(short(values)["x"]))(short.values)
     with pytest.raises(RuntimeError, match="step limit was reached"):
         jax.jit(short)(short.values)
+
+
+def misfit(outputs):
+    return jnp.sum(jnp.square((outputs["x"] - 0.1 * np.cos(12.0 * TIMES)) / 1e-2))
+
+
+@pytest.mark.slow
+def test_minimise_by_integrals_in_reverse_mode():
+    """The cost of a swing from the centre, v^2 / w^2 times the integral of sin(w t)^2, plus a price
+    of slow starts."""
+    speed = cj.Parameter.initial(lambda state: state.bodies["ball"].velocity[0])
+    cost = {"cost": cj.Integral(lambda now: POSITION["x"](now) ** 2, "m^2 s")}
+    scene, state = oscillator()
+    state = cj.set_value(state, lambda s: s.bodies["ball"].position[0], 0.0)
+    state = cj.set_value(state, lambda s: s.bodies["ball"].velocity[0], 1.0)
+    a = (0.15 - np.sin(6.0) / 40.0) / 100.0
+
+    found = cj.minimise(
+        *(scene, state, lambda outputs: outputs["cost"] / a, {"v": speed}, cost),
+        settings=SETTINGS,
+        end_time=0.3,
+        iterations=3,
+    )
+    assert found.history[0] == pytest.approx(1.0, rel=1e-6)
+    # The objective is v^2, whose minimum a line search along its gradient finds at once.
+    assert found.history[-1] < 1e-3
+    assert found.estimates["v"] == pytest.approx(np.sqrt(found.objective), abs=0.03)
+
+
+@pytest.mark.slow
+def test_minimise_trains_a_network():
+    scene, state = with_network(0)
+    paths = {"network": lambda scene: scene.forces["network"].network}
+    found = cj.minimise(scene, state, misfit, paths, POSITION, TIMES, SETTINGS, iterations=20)
+    assert found.coordinates.shape == (17,)
+    assert found.objective < 0.05 * found.history[0]
+    assert found.estimates["network"].layers[0].weight.shape == (4, 2)
+
+
+def test_a_run_that_fails_is_nan_for_line_searches():
+    few = replace(SETTINGS, max_steps=5)
+    paths = {"k": lambda s: s.forces["spring"].stiffness}
+    short = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    outputs = jax.jit(short.or_nan)(short.values)
+    assert all(bool(jnp.isnan(row).all()) for row in outputs.values())
+    with pytest.raises(cj.SimulationError) as failed:
+        short(short.values)
+    # The state that it reached.
+    reached = failed.value.solution
+    assert 0.0 < reached.time < 0.3 and int(reached.attempts) == 5
+    expected = 0.1 * np.cos(10.0 * reached.time)
+    assert reached.final.bodies["ball"].position[0] == pytest.approx(expected, rel=1e-6)

@@ -54,7 +54,7 @@ def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
     np.testing.assert_allclose(here.values["height"], there.values["height"], rtol=1e-6)
 
 
-NO_IMPACT = ImpactRow(*[jnp.zeros(())] * 7)
+NO_IMPACT = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
 
 
 def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:

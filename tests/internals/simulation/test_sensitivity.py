@@ -10,6 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint._parametrisation.parameter import coordinates_of
 from clearjoint._parametrisation.parametrised_scene import parametrised
+from clearjoint._simulation.run import sampling
 from clearjoint._simulation.run.run_checks import derivative_scheme
 from clearjoint._simulation.run.sampling import sampled
 from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
@@ -243,3 +244,34 @@ def test_derivatives_past_the_horizon_are_not_to_be_had_by_more_steps():
     with pytest.raises(cj.SimulationError, match="derivatives have grown by a factor") as failed:
         cj.sensitivities(scene, state, 1.0, {"c": clearance}, x, np.linspace(0.01, 1, 100), few)
     assert "Raise `max_steps`" not in str(failed.value)
+
+
+@pytest.mark.parametrize(
+    ("bodies", "largest"), [(1, 2), pytest.param(6, 16, marks=pytest.mark.slow)]
+)
+def test_derivatives_by_many_parameters_are_those_by_some_of_them(bodies, largest, monkeypatch):
+    """By 3 and by 18 parameters, in two runs."""
+    monkeypatch.setattr(sampling, "LONGEST_PACKED", largest)
+    names = [f"mass {k}" for k in range(bodies)]
+    spring = lambda name: cj.SpringDamper("ground", name, (0, 0, 0), (0, 0, 0), 50.0)  # noqa: E731
+    scene = cj.Scene(
+        {name: cj.Body(1.0 + k, (1.0, 1.0, 1.0)) for k, name in enumerate(names)},
+        forces={name: spring(name) for name in names},
+    )
+    state = cj.State({name: cj.body_state((0.1 + k, 0.0, 0.0)) for k, name in enumerate(names)})
+    numbers = {}
+    for name in names:
+        numbers[f"{name}, m"] = cj.Parameter(lambda s, name=name: s.bodies[name].mass)
+        numbers[f"{name}, k"] = cj.Parameter(lambda s, name=name: s.forces[name].stiffness)
+        numbers[f"{name}, x"] = cj.Parameter.initial(lambda s, n=name: s.bodies[n].position[0])
+    outputs = {name: Q.Position(name, "x") for name in names}
+    times = np.array([0.0, 0.2, 0.5])
+    found = cj.sensitivities(scene, state, 0.5, numbers, outputs, times)
+    for k, name in enumerate(names):
+        m, w = 1.0 + k, np.sqrt(50.0 / (1.0 + k))
+        slope = -(0.1 + k) * times * np.sin(w * times)  # dx/dw
+        expected = np.zeros((3, 3 * bodies))
+        own = [slope * -0.5 * w / m, slope * 0.5 * w / 50.0, np.cos(w * times)]
+        expected[:, 3 * k : 3 * k + 3] = np.stack(own, axis=1)
+        np.testing.assert_allclose(found.derivatives[name], expected, rtol=0, atol=1e-7)
+    assert found.parameters == tuple(numbers)

@@ -1,0 +1,170 @@
+"""Output with the rejected steps of a run, and the reason why each was rejected."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from typing_extensions import override
+
+from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..._fields.checks import require_count, require_finite
+from ..._fields.objects import on_device
+from ..._math.vectors import Scalar
+from ..._model.scene import Scene
+from ..step.step_state import Rejection
+from .recorders import RowBuffer
+from .run_loop import AbstractRecorder, RunStart, StepOutcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+REASONS = tuple(Rejection)
+"""The reasons, in the order of the numbers that stand for them in compiled code."""
+
+
+@dataclass(frozen=True)
+class Rejections(AbstractTabular):
+    """Table of the N rejected steps of a run that a `RejectedSteps` keeps, in their order.
+
+    - `start`: (N,) s, time at which the step started. Successive rows with the same start are
+      trials of the same step.
+    - `length`: (N,) s, length of the step that was tried.
+    - `reason`: (N,), the text of a `Rejection`.
+    - `counts`: number of rejected steps by reason, also of those for which the table has no room.
+
+    >>> table = cj.results.Rejections(
+    ...     np.array([0.1]), np.array([1e-3]), np.array(["rotation"]), {"rotation": 1}
+    ... )
+    >>> print(table)
+    rejected steps: 1 rotation
+    """
+
+    start: np.ndarray
+    length: np.ndarray
+    reason: np.ndarray
+    counts: Mapping[str, int]
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @override
+    def __str__(self) -> str:
+        parts = ", ".join(f"{count} {reason}" for reason, count in self.counts.items() if count)
+        return f"rejected steps: {parts or 'none'}"
+
+    @override
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the columns as variables of an `xarray.Dataset` along "rejection", with `counts`
+        as attributes."""
+        dims = ("rejection",)
+        columns = {
+            "start": Labelled(dims, self.start, "s", "start of the step"),
+            "length": Labelled(dims, self.length, "s", "length that was tried"),
+            "reason": Labelled(dims, texts(self.reason)),
+        }
+        order = {"rejection": Labelled(dims, np.arange(len(self), dtype=np.int32))}
+        counts = tuple((f"rejected by {reason}", count) for reason, count in self.counts.items())
+        return labelled_dataset("rejected steps", columns, order, counts)
+
+
+class RejectedRow(NamedTuple):
+    """A rejected step: its start, s, on the clock of the run, the length that was tried, s, and the
+    index of the reason in `REASONS`."""
+
+    start: Scalar
+    length: Scalar
+    reason: Scalar
+
+
+class RejectionRecord(NamedTuple):
+    """The rejected steps of a run so far, and their number by reason."""
+
+    rows: RowBuffer[RejectedRow]
+    counts: dict[str, jax.Array]
+
+
+class RejectionRecorder(AbstractRecorder[RejectionRecord]):
+    """Recorder of rejected steps. Its record, unlike those of others, changes with these.
+
+    - `earliest`: s, time of the scene before which rejected steps are ignored.
+    - `capacity`: number of rows in the buffer. Further steps are only counted.
+    """
+
+    earliest: Scalar
+    capacity: int = eqx.field(static=True)
+
+    @override
+    def start(self, start: RunStart) -> RejectionRecord:
+        none = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
+        return RejectionRecord(
+            RowBuffer.like(none, self.capacity), dict.fromkeys(REASONS, jnp.zeros((), int))
+        )
+
+    @override
+    def after(self, record: RejectionRecord, step_outcome: StepOutcome) -> RejectionRecord:
+        rejected, t = step_outcome.tried.rejected, step_outcome.before.t
+        assert rejected is not None, "only in a record of accepted attempts"
+        is_late = step_outcome.system.clock(t) >= self.earliest
+        reasons = {reason: is_late & is_true for reason, is_true in rejected.reasons.items()}
+        number = sum(REASONS.index(reason) * is_true for reason, is_true in reasons.items())
+        row = RejectedRow(t, rejected.t1 - t, jnp.asarray(number, float))
+        counts = {n: count + reasons.get(n, 0) for n, count in record.counts.items()}
+        is_rejected = sum(counts.values()) > sum(record.counts.values())
+        return RejectionRecord(record.rows.with_row(row, is_rejected), counts)
+
+
+@dataclass(frozen=True)
+class RejectedSteps:
+    """Output with the steps that were tried and rejected in a run, and the reason of each: a
+    `Rejections`. It shows why a run takes many steps, or where and why it gets stuck. Sweeps do not
+    record it: pass the scene of a lane to `simulate`.
+
+    The possible reasons are the values of `results.Rejection`. Steps that end early because the
+    solver expects an event there, such as an onset or a breakpoint, are not rejected.
+
+    **Arguments:**
+
+    - `count`: largest number of rejected steps in the table; later ones are only counted.
+    - `after`: s, time of the scene before which rejected steps are ignored; by default none are.
+      For the last ones of a run that failed, pass a time shortly before its `time`.
+
+    **Raises:** `ValueError` for a `count` that is not a positive integer, and an `after` that is
+    not finite.
+
+    >>> scene, state = cj.mechanisms.double_pendulum()
+    >>> outputs = {"rejected": cj.RejectedSteps()}
+    >>> solution = cj.simulate(scene, state, 0.05, outputs=outputs, progress=False)
+    >>> table = solution.outputs["rejected"]
+    >>> print(table.reason[0], len(table) == solution.attempts - solution.accepted)
+    error estimate True
+    """
+
+    count: int = 1000
+    after: Annotated[float | None, "s"] = None
+
+    def __post_init__(self) -> None:
+        require_count("count", self.count, "pass a number of rejected steps")
+        if self.after is not None:
+            require_finite("after", self.after)
+
+    @property
+    def recorder(self) -> RejectionRecorder:
+        """The recorder of the rejected steps of a run."""
+        earliest = on_device(-math.inf if self.after is None else self.after)
+        return RejectionRecorder(earliest, self.count)
+
+    def check(self, scene: Scene) -> None:
+        """Do nothing, because all scenes have steps."""
+
+
+def rejections_of(record: RejectionRecord, origin: float = 0.0) -> Rejections:
+    """Return the table of a record of a run whose clock was zero at `origin`, s."""
+    start, length, numbers = (np.asarray(column) for column in record.rows.filled())
+    reasons = np.array([REASONS[int(k)].value for k in numbers], dtype=object)
+    counts = {reason.value: int(record.counts[reason]) for reason in REASONS}
+    return Rejections(start + origin, length, reasons, counts)
