@@ -101,7 +101,6 @@ def test_what_no_run_can_use_is_refused_at_once(given, message):
         cj.Settings(**given)
 
 
-@pytest.mark.slow
 def test_tolerances_may_be_those_of_lanes():
     scene, state = rotor()
 

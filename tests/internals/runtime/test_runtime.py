@@ -126,7 +126,6 @@ def test_configure_after_the_start_of_jax(tmp_path):
     assert result == "float64"
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:XLA compiles this program")
 def test_a_run_in_32_bit_floats_ends_at_its_end_time():
     end = 0.02  # more than the closest number in float32
