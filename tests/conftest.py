@@ -51,15 +51,18 @@ gc.set_threshold(50_000, 50, 100)
 
 LONGEST = (
     "conformance",
-    "posterior",
+    "predictor",
     "symmetries_of_elements",
-    "benchmark",
-    "identify",
-    "assembly_and_forces",
-    "drives",
     "wear",
-    "sweep_resume",
+    "slider_crank",
+    "identify",
+    "primitives",
+    "sweep_execution",
     "nonsmooth",
+    "sweep_resume",
+    "posterior",
+    "distribution",
+    "architecture",
 )
 """Files of tests that take longest: begun first, they leave no worker waiting."""
 

@@ -1,18 +1,17 @@
 """The rooms of the package: who may import whom, and what an import may do."""
 
 import ast
-import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections import Counter
 from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
-import clearjoint
-from clearjoint._simulation.step import presets as inner
 from tests.support.rooms import (
     PACKAGE,
     floors,
@@ -186,7 +185,7 @@ def test_few_types_are_any():
     assert names.count("Any") <= PLACES_OF_ANY
 
 
-IMPORT_EVERYTHING = """
+IMPORT = """
 import importlib, json, os, sys
 import jax, equinox, diffrax, tqdm.auto
 from jax._src import xla_bridge
@@ -195,6 +194,8 @@ def snapshot():
     return {name: repr(value) for name, value in jax.config.values.items()}, dict(os.environ)
 
 before = snapshot()
+import clearjoint
+print(*{name.split(".")[0] for name in sys.modules})
 for name in sys.argv[1:]:
     importlib.import_module("clearjoint." + name)
 assert snapshot() == before, "an import changed the configuration or the environment"
@@ -215,11 +216,6 @@ LOADED_WHEN_FIRST_USED = {
     "zarr",
 }
 """Packages that a run of one scene has no need of, and that take as long as all else together."""
-IMPORT_PLAINLY = """
-import sys
-import clearjoint
-print(*{name.split(".")[0] for name in sys.modules})
-"""
 
 
 def run_afresh(source: str, *arguments: str) -> str:
@@ -241,14 +237,11 @@ MODULES_WITH_EXTRA = set() if find_spec("nbconvert") else {"reference.__main__"}
 """Modules that cannot be imported here, without the extra `reference`."""
 
 
-def test_import_starts_no_backend_and_changes_no_setting():
-    run_afresh(IMPORT_EVERYTHING, *(name for name in PATHS if name not in MODULES_WITH_EXTRA))
-
-
-def test_a_plain_import_loads_only_what_every_run_needs():
-    loaded = set(run_afresh(IMPORT_PLAINLY).split())
-    assert {"jax", "diffrax"} <= loaded
-    assert loaded & LOADED_WHEN_FIRST_USED == set()
+def test_an_import_starts_no_backend_changes_no_setting_and_loads_what_every_run_needs():
+    """All modules start no backend and change no setting, and the package alone loads little."""
+    loaded = run_afresh(IMPORT, *(name for name in PATHS if name not in MODULES_WITH_EXTRA)).split()
+    assert {"jax", "diffrax"} <= set(loaded)
+    assert set(loaded) & LOADED_WHEN_FIRST_USED == set()
 
 
 ROOT = PACKAGE.parent
@@ -286,14 +279,6 @@ def test_studies_and_notebooks_import_public_names_only():
     assert {path: names for path, names in wrong.items() if names} == {}
 
 
-def test_presets_are_a_module_too():
-    found = importlib.import_module("clearjoint.presets")
-    assert found is clearjoint.presets
-    names = {name for name, value in vars(inner).items() if isinstance(value, clearjoint.Settings)}
-    assert names == {name for name in vars(found) if not name.startswith("_")}
-    assert all(getattr(found, name) is getattr(inner, name) for name in names)
-
-
 def test_an_import_from_inside_is_seen():
     hidden = (
         "from clearjoint._simulation.step.stepping import attempt\n"
@@ -303,6 +288,53 @@ def test_an_import_from_inside_is_seen():
         "clearjoint._simulation.step.stepping",
         "clearjoint._result_codes",
     }
+
+
+INTERNALS = ROOT / "tests" / "internals"
+SETTINGS_OF_THE_SUITE = {ROOT / "tests" / "conftest.py", Path(__file__)}
+"""Modules beside those in `INTERNALS` that may name private rooms: they test nothing in them."""
+
+
+def private_names(source: str) -> set[str]:
+    """Private rooms of the package, and modules in `INTERNALS`, that a source text names, also in
+    its strings, from which other processes run; and private names that it imports."""
+    found = set(re.findall(r"\b(?:clearjoint|cj)\._[a-z]\w*|\btests\.internals\b", source))
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "clearjoint":
+            names = [alias.name for alias in node.names]
+            found |= {f"{node.module}.{name}" for name in names if name.startswith("_")}
+    return found
+
+
+def test_tests_that_need_private_rooms_are_internals():
+    """The others hold for any package with the same public names."""
+    named = {
+        path: private_names(path.read_text(encoding="utf-8"))
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        if path not in SETTINGS_OF_THE_SUITE
+    }
+    outside = {path: names for path, names in named.items() if INTERNALS not in path.parents}
+    assert len(outside) > 100
+    assert {str(path): names for path, names in outside.items() if names} == {}
+    tests = [path for path in named if INTERNALS in path.parents and path.stem.startswith("test_")]
+    assert len(tests) > 100
+    assert [str(path) for path in tests if not named[path]] == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from clearjoint._dynamics.system import System",
+        "from clearjoint import _result_codes",
+        "from clearjoint.testing.contact_joints import (\n    _positions,\n)",
+        "import clearjoint._runtime",
+        "cj._runtime.configure()",
+        "def test(patch):\n    patch.setattr('clearjoint._sweeps.work.Work.run', None)",
+        "from tests.internals.support.fake_sweep import layout",
+    ],
+)
+def test_private_names_are_seen(source):
+    assert private_names(source) and not private_names("from clearjoint.extend import unpack")
 
 
 def test_every_study_runs_by_its_name_and_stands_in_the_gallery():

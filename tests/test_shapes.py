@@ -4,16 +4,9 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from clearjoint._identification.minimise import Minimum
-from clearjoint._identification.starts import Starts
-from clearjoint._information.fisher_information import covariance
-from clearjoint._result_codes import RESULTS
+from clearjoint import RESULTS, Starts
+from clearjoint.results import Minimum
 from tests.support.shapes import checking, modules_with_shapes
-
-
-def test_a_wrong_shape_of_an_argument_is_refused():
-    with pytest.raises(jaxtyping.TypeCheckError, match="rows"):
-        covariance(np.ones(3))
 
 
 def test_a_wrong_shape_for_a_method_is_refused():

@@ -13,7 +13,11 @@ import pytest
 
 from studies.mutants.mutations import Mutant
 
-GENERAL = ("tests/test_conformance.py", "tests/test_absence.py", "tests/simulation/test_symmetries")
+GENERAL = (
+    "tests/test_conformance.py",
+    "tests/internals/simulation/test_absence.py",
+    "tests/simulation/test_symmetries",
+)
 """Beginnings of the names of tests that concern all rooms."""
 
 
@@ -111,9 +115,8 @@ class Recording:
             test for line in range(first, last + 1) for test in of_file.get(str(line), [])
         }
         of_module = {test for tests in of_file.values() for test in tests}
-        of_room = {
-            test for test in self.seconds if test.startswith((f"tests/{mutant.room}/", *GENERAL))
-        }
+        folders = f"tests/{mutant.room}/", f"tests/internals/{mutant.room}/"
+        of_room = {test for test in self.seconds if test.startswith((*folders, *GENERAL))}
         groups = [of_statement, of_module - of_statement, of_room - of_module - of_statement]
         chosen: list[str] = []
         left = seconds

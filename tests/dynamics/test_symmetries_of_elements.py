@@ -240,6 +240,7 @@ def maps_of(scene: cj.Scene, turn: np.ndarray, own: np.ndarray, mirrored: np.nda
 powers = st.floats(-3.0, 3.0).map(lambda x: 10.0 ** round(x, 2))
 
 
+@pytest.mark.slow
 @settings(few, max_examples=1)
 @given(scale=st.tuples(powers, powers, powers))
 def test_in_other_units(scale):
@@ -345,7 +346,8 @@ def test_axes_reversed(choice):
     assert not differing({name: difference(sample) for name, sample in reversible.items()})
 
 
-@pytest.mark.parametrize("held", [pytest.param(FIRST, marks=pytest.mark.slow), SECOND])
+@pytest.mark.slow
+@pytest.mark.parametrize("held", [FIRST, SECOND])
 def test_ground_is_like_a_heavy_body_at_rest(held):
     def difference(case: Case) -> float:
         # The held body is where the ground is: at the origin, with parallel axes.

@@ -3,13 +3,10 @@
 import functools
 import warnings
 
-import jax
 import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.checks import recheck
-from clearjoint._sweeps.axes import lanes_of
 from clearjoint.mechanisms import bricard, double_four_bar
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -133,23 +130,3 @@ def test_usual_numbers_give_no_warning():
             cj.Body(mass, inertia)
         cj.laws.RavnStiffness(2e9, 0.4, 1e12, 0.1)
         pin(bearing_radius=0.5, clearance=1e-3, journal_length=1.0)
-
-
-def test_repeated_checks_and_traced_numbers_give_no_warning():
-    """Neither the checks of a run, nor lanes of a sweep, nor traced numbers."""
-    with pytest.warns(cj.UnusualValueWarning):
-        soft = cj.laws.RavnStiffness(207, 0.3)
-    scene, state = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(soft))
-    change = cj.Axis.change(lambda scene, state, m: (_with_mass(scene, m), state), [7e3, 8e3])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        recheck(scene)
-        lanes = lanes_of(scene, state, {"mass": change}, {"mass": np.array([7e3, 8e3])})
-        jax.jit(lambda modulus: cj.laws.RavnStiffness(modulus, 0.3).young_modulus)(207.0)
-        jax.vmap(lambda mass: cj.Body(mass, (1.0, 1.0, 1.0)).mass)(np.array([1e9, 1e10]))
-    assert not lanes.bad
-
-
-def _with_mass(scene, mass):
-    arm = cj.Body(mass, (0.0010, 0.5855, 0.5855))
-    return cj.Scene({**scene.bodies, "arm 2": arm}, scene.joints, gravity=scene.gravity)

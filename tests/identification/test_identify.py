@@ -6,21 +6,12 @@ All tests share one compiled run: two probes, three parameters, up to 64 times.
 from dataclasses import replace
 from functools import partial
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from clearjoint._identification.identify import _with_prior
-from clearjoint._identification.residuals import (
-    UNREACHED,
-    experiment,
-    run_misfit,
-    samples,
-)
-from clearjoint._parametrisation.parameter import coordinates_of
 
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]
@@ -64,12 +55,8 @@ def fit(draws):
     return fitted(draws[0], guess=CLOSE)
 
 
-@pytest.fixture(scope="session")
-def problem(draws):
-    """Runs, data and coordinates near the truth."""
-    runs = experiment(SCENE, STATE, PARAMETERS, PROBES, TIMES, 0.0, None)
-    at = coordinates_of(SCENE, STATE, PARAMETERS) + [0.02, -0.03, 0.01]
-    return runs, samples(draws[0], len(runs.times)), at
+def true_coordinates():
+    return np.array([p.coordinate_in(SCENE, STATE) for p in PARAMETERS.values()])
 
 
 def fitted(measurements, **options):
@@ -103,35 +90,14 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
     assert (np.abs(found.x - fit.coordinates) / deviations).max() < 0.02
 
 
-def test_jacobian_is_that_of_the_residuals(problem):
-    """Central differences of the residuals themselves."""
-    runs, data, at = problem
-    found = run_misfit(runs, data, END, at)
-    for k, step in enumerate(1e-4 * np.eye(3)):
-        ahead, behind = (run_misfit(runs, data, END, at + s).residuals for s in (step, -step))
-        difference = (ahead - behind) / 2e-4
-        size = np.abs(found.jacobian[:, k]).max()
-        assert np.abs(difference - found.jacobian[:, k]).max() < 1e-4 * size
-
-
-def test_runs_that_fail_leave_large_residuals_without_slope(problem, draws):
-    runs, data, at = problem
-    stopped = eqx.tree_at(lambda r: r.max_steps, runs, jnp.asarray(300, int))
-    found = run_misfit(stopped, data, END, at)
-    assert found.result == cj.RESULTS.max_steps_reached and 0.0 < found.time < END
-    late = np.tile(np.asarray(runs.times) > found.time, 2) & (data.weights.ravel() > 0.0)
-    assert late.any() and np.all(found.residuals[late] == UNREACHED)
-    assert np.all(found.jacobian[late] == 0.0) and np.all(np.isfinite(found.jacobian))
-    whole = run_misfit(runs, data, END, at)
-    np.testing.assert_allclose(found.residuals[~late], whole.residuals[~late], atol=1e-9)
-
+def test_a_fit_whose_runs_fail_says_so(draws):
     failing = fitted(
         draws[0], settings=replace(cj.presets.derivatives, max_steps=300), max_iterations=3
     )
     assert failing.ending is cj.results.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
     squares = sum(np.sum(row**2) for row in failing.residuals.values())
-    assert squares == pytest.approx(failing.chi_squared, rel=1e-9) and squares >= UNREACHED**2
+    assert squares == pytest.approx(failing.chi_squared, rel=1e-9) and squares >= 1e6**2
 
 
 def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
@@ -143,7 +109,7 @@ def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
     inside = [
         abs(one.coordinates[k] - truth) / np.sqrt(one.covariance[k, k])
         for one in many
-        for k, truth in enumerate(coordinates_of(SCENE, STATE, PARAMETERS))
+        for k, truth in enumerate(true_coordinates())
     ]
     assert max(inside) < 4.0
 
@@ -173,24 +139,13 @@ def test_starts_and_windows(fit, draws):
     found = fitted(draws[0], guess=[CLOSE, TRUTH], **options)
     assert len(found.searches) == 3
     rows = np.array([search.start for search in found.searches])
-    np.testing.assert_allclose(rows[1], coordinates_of(SCENE, STATE, PARAMETERS))
+    np.testing.assert_allclose(rows[1], true_coordinates())
     np.testing.assert_array_less(np.abs(rows[2] - rows[0]), [0.2, 1e-12, 0.02])
     assert rows[2, 0] != rows[0, 0]
     assert [window.end_time for window in found.best.windows] == [0.02, END]
     assert len(reported) == sum(search.evaluations for search in found.searches)
     assert found.chi_squared == min(search.best.chi_squared for search in found.searches)
     assert found.chi_squared == pytest.approx(fit.chi_squared, abs=1e-3)
-
-
-def test_windows_have_a_prior_at_their_start(problem):
-    """The prior is one more measurement of each coordinate, with `max_step` as noise."""
-    runs, data, at = problem
-    centre, deviations = at + [0.5, -1.0, 3.0], np.array([1.0, 2.0, np.inf])
-    plain = run_misfit(runs, data, END, at)
-    with_prior = _with_prior(partial(run_misfit, runs, data, END), centre, deviations, at)
-    np.testing.assert_allclose(with_prior.residuals[-3:], [-0.5, 0.5, 0.0])
-    np.testing.assert_array_equal(with_prior.jacobian[-3:], np.diag([1.0, 0.5, 0.0]))
-    np.testing.assert_array_equal(with_prior.residuals[:-3], plain.residuals)
 
 
 def test_minimum_of_an_objective(clean):
@@ -221,7 +176,8 @@ def test_minimum_of_an_objective(clean):
         cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, [])
 
 
-@pytest.mark.parametrize("factor", [pytest.param(0.3, marks=pytest.mark.slow), 4.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.3, 4.0])
 def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(factor):
     """An oscillator whose phase is wrong by more than a turn in the end, and little in the first
     window; data by the closed form x0 cos(sqrt(k/m) t)."""
@@ -284,16 +240,3 @@ def test_arguments_that_no_fit_can_use(clean):
     elbow = cj.Series(cj.quantities.JournalOffset("elbow", "x"), TIMES, TIMES, NOISE)
     with pytest.raises(ValueError, match="Series 'probe': .*elbow"):
         cj.identify(SCENE, STATE, cj.Measurements({"probe": elbow}), PARAMETERS)
-
-
-def test_times_of_series_may_differ_and_angles_have_a_period():
-    early, late = np.array([0.1, 0.2]), np.array([0.2, 0.35])
-    angle = cj.Series(cj.quantities.JointAngle("elbow"), early, [3.1, -3.1], 0.1)
-    probe = cj.Series(PROBES["x"], late, [1.0, 2.0], 0.5)
-    data = samples(cj.Measurements({"angle": angle, "probe": probe}), 4)
-    predicted = np.array([[-3.1, -3.2, 9.0, 9.0], [9.0, 1.5, np.nan, 9.0]])
-    found = data.residuals(predicted)
-    turn = 2.0 * np.pi - 6.2
-    np.testing.assert_allclose(found[0], [turn / 0.1, -1.0, 0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(found[1], [0.0, 1.0, UNREACHED, 0.0])
-    assert data.count == 4 and data.until([0.1, 0.2, 0.35, 0.35], 0.2).count == 3

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint._math.smoothing import norm_and_direction, positive_power, ramp
-from clearjoint._math.vectors import Vector, pack
+from clearjoint.extend import Vector, norm_and_direction, pack, positive_power, ramp
 
 POINTS = np.array([-2.0, -1e-9, 0.0, 1e-9, 0.3, 2.0])
 

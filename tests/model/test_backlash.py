@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.contact_forces import contact_wrenches
-from clearjoint._math.rotations import rotation_matrix
-from clearjoint._math.vectors import EulerParameters, Vector, unpack
-from clearjoint._model.bodies import Motion
-from clearjoint._model.contact.laws import Gap
-from clearjoint._model.joints.base import AbstractContactJoint
+from clearjoint.extend import (
+    AbstractContactJoint,
+    EulerParameters,
+    Gap,
+    Motion,
+    Vector,
+    rotation_matrix,
+    unpack,
+)
 from clearjoint.testing import check_constraint, check_contact_joint, moving
-from clearjoint.testing.contact_joints import _positions
 
 LAW = cj.laws.HuntCrossley(0.5, 1e8)
 MODULE, PLAY, ALPHA = 3e-3, 1e-4, math.radians(20.0)
@@ -73,16 +75,6 @@ def test_joints_conform_in_motion(joint):
     check_contact_joint(joint, MOTIONS)
 
 
-def test_joints_with_couples_are_checked_at_the_onset_and_deeper():
-    """At the given motions, no flank is near its onset."""
-    joint = jax.tree.map(jnp.asarray, backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)))
-    motions = jax.tree.map(jnp.asarray, MOTIONS)
-    lower, upper = np.array([depths(joint, m) for m in _positions(joint, motions, False)]).T
-    assert abs(lower[0]) > 1e-3 and abs(upper[0]) > 1e-3
-    np.testing.assert_allclose(lower[[1, 2, 6, 7]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
-    np.testing.assert_allclose(upper[[3, 4, 8, 9]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("wider", [0.0, 2e-4])
 @pytest.mark.parametrize("teeth_second", [41, -57])
@@ -113,17 +105,6 @@ def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
 
     with pytest.raises(AssertionError, match="power of the couples"):
         check_contact_joint(Doubled(backlash()), MOTIONS)
-
-
-def test_backlash_acts_by_couples_only():
-    joint = unpack(backlash())
-    turned = {"a": spinning(0.0, 0.0), "b": spinning(3e-3, 0.0)}
-    upper = joint.contacts(turned)["upper flank"]
-    assert float(upper.gap.depth) == pytest.approx(0.05 * (3e-3 - 1e-3), rel=1e-12)
-    wrenches = dict(contact_wrenches(joint, upper, 100.0, None, turned))
-    for name, moment in (("a", 5.0), ("b", -5.0)):
-        assert tuple(wrenches[name].force) == (0.0, 0.0, 0.0)
-        assert [float(part) for part in wrenches[name].moment] == pytest.approx([0, 0, moment])
 
 
 def test_a_play_length_is_the_angle_at_the_radius():

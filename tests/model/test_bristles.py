@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from clearjoint._math.vectors import Vector
+from clearjoint.extend import Vector
 from clearjoint.frictions import Dahl, ElastoPlastic, LuGre
 
 SLOW, FAST, STIFFNESS, STRIBECK_SPEED = 0.25, 0.15, 1e5, 0.01

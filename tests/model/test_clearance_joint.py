@@ -10,7 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from clearjoint import (
+    GROUND,
+    AbsoluteCoordinates,
     Body,
+    BodyState,
     ClearanceJoint,
     EndPlay,
     FixedAxially,
@@ -20,16 +23,12 @@ from clearjoint import (
     body_state,
     observe,
 )
-from clearjoint._dynamics.absolute_coordinates import AbsoluteCoordinates
-from clearjoint._dynamics.contact_forces import contact_forces
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import EulerParameters, Vector, pack, unpack
-from clearjoint._model.bodies import GROUND, GROUND_MOTION, BodyState
+from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
 from clearjoint.results import MotionMode, Trajectory
 from clearjoint.testing import moving
+from tests.support.motions import AT_REST
 
 RANDOM = np.random.default_rng(8)
 N = 30
@@ -268,21 +267,6 @@ def test_forces_push_the_bodies_apart():
     np.testing.assert_allclose(loads(found)[1][0], expected, rtol=1e-12, atol=1e-11)
 
 
-def test_bearing_on_the_ground_is_a_bearing_on_a_body_at_rest():
-    """Pruning what the ground makes zero changes nothing for the journal's body."""
-    scene = random_scene(friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
-    states = random_states()
-    zero = vector(np.zeros((N, 3)))
-    still = BodyState(zero, EulerParameters(np.ones(N), zero.x, zero.y, zero.z), zero, zero)
-    pinned = random_scene(GROUND, friction=FRICTION, axial=EndPlay(PLAY, Hertz(30.0)))
-    variables = COORDINATES.encode(pinned, states)
-    on_ground = contact_forces(pinned, COORDINATES.motions(pinned, variables), MEMORY)
-    on_body = contact_forces(scene, COORDINATES.motions(scene, {**states, "a": still}), MEMORY)
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-11), on_ground, on_body
-    )
-
-
 PIN = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}
 
 
@@ -401,7 +385,7 @@ def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
         unpack(make(GROUND, "journal", journal_axis=(0.0, 0.0, z), **numbers)) for z in (1.0, -1.0)
     )
     motion = moving((6e-4, -2e-4, 1e-3), (1.0, 0.03, 0.02, 0.3), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    motions = {GROUND: GROUND_MOTION, "journal": motion}
+    motions = {GROUND: AT_REST, "journal": motion}
 
     def numbers_of(joint, swapped):
         rows = joint.rows(motions, 0.0)

@@ -6,7 +6,6 @@ import pytest
 from scipy.optimize import brentq
 
 import clearjoint as cj
-from clearjoint._model.contact.cylinders import inverse_of_load
 
 STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
 RADIUS, CLEARANCE, LENGTH = 10e-3, 0.5e-3, 20e-3
@@ -99,16 +98,6 @@ def test_energy_is_the_force_s_integral_beyond_the_deepest_too(law):
     forces = np.asarray(contact.force(gap(depths), 1.5))
     np.testing.assert_allclose(energy(depths), forces, rtol=1e-10)
     assert np.isfinite(forces).all() and (np.diff(forces) >= 0).all()
-
-
-def test_the_inversion_and_its_derivative():
-    parts = np.array([1e-300, 1e-12, 1e-3, 0.5, 0.9, 0.99])
-    u = np.asarray(inverse_of_load(parts))
-    np.testing.assert_allclose(u * np.exp(1 - u), parts, rtol=1e-12)
-    slopes = jax.vmap(jax.grad(inverse_of_load))(parts[2:])
-    step = 1e-6 * parts[2:]
-    ahead, behind = inverse_of_load(parts[2:] + step), inverse_of_load(parts[2:] - step)
-    np.testing.assert_allclose(slopes, (ahead - behind) / (2 * step), rtol=1e-6)
 
 
 def test_persson_s_half_angles():

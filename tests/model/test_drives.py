@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.breakpoints import drivers_are_smooth
-from clearjoint._fields.objects import quantity
+from clearjoint.extend import quantity
 
 Z = (0.0, 0.0, 1.0)
 ORIGIN = (0.0, 0.0, 0.0)
 INERTIA = 0.02
-FORMULATION = cj.extend.Formulation(cj.AbsoluteCoordinates())
 SHAFT = cj.Body(1.0, (0.03, 0.03, INERTIA))
 
 
@@ -29,37 +27,6 @@ def shaft_scene(drive, **options):
     family = scene.forces if isinstance(drive, cj.extend.AbstractForce) else scene.joints
     family["motor"] = drive
     return scene
-
-
-@pytest.mark.parametrize(("jump", "smooth"), [(0.0, True), (1.0, False), (2.0 * np.pi, False)])
-def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
-    """A jump of a prescribed distance by 2 pi m is one, unlike that of an angle by 2 pi rad."""
-    driver = cj.PrescribedTranslation(
-        "ground", "shaft", ORIGIN, ORIGIN, Z, lambda t: jnp.where(t < 0.05, 0.0, jump) + 0.0 * t
-    )
-    scene = cj.Scene({"shaft": SHAFT}, {"slide": driver})
-    system = cj.extend.System(cj.extend.unpack(scene), FORMULATION)
-    variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
-    assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
-
-
-@pytest.mark.parametrize("at_middle", [pytest.param(0.0, marks=pytest.mark.slow), np.pi])
-@pytest.mark.parametrize(
-    ("turns", "smooth"),
-    [pytest.param(0.0, True, marks=pytest.mark.slow), (1.0, True), (0.5, False)],
-)
-def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle):
-    """Also where the angle passes half a revolution, so that its principal value jumps."""
-    jump = 2.0 * np.pi * turns
-    driver = cj.PrescribedAngle(
-        "ground",
-        "shaft",
-        Z,
-        lambda t: at_middle + 3.0 * (t - 0.05) + jnp.where(t < 0.05, 0.0, jump),
-    )
-    system = cj.extend.System(cj.extend.unpack(shaft_scene(driver)), FORMULATION)
-    variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
-    assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
 
 
 @pytest.mark.slow
@@ -253,6 +220,7 @@ def crank_and_arm(drive):
 RAMP = Ramp(10.0, 0.1)
 
 
+@pytest.mark.slow
 def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
     scene, state = crank_and_arm(RAMP)
     times = [0.05, 0.1, 0.3]
@@ -312,8 +280,8 @@ def test_a_table_of_angles_is_followed_however_many_there_are(points):
 @pytest.mark.parametrize(
     "drive",
     [
-        lambda size: Ramp(size, 0.1, declared=False),
-        lambda size: Step(size, 0.1),
+        pytest.param(lambda size: Ramp(size, 0.1, declared=False), marks=pytest.mark.slow),
+        pytest.param(lambda size: Step(size, 0.1), marks=pytest.mark.slow),
         lambda size: Step(size, 0.1, declared=False),
     ],
     ids=["undeclared kink", "declared step", "undeclared step"],

@@ -22,12 +22,8 @@ LAWS = {
 }
 
 
-FAST = {"Lankarani-Nikravesh"}
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in LAWS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
 def test_restitution_satisfies_the_exact_relation(name):
     law, chi = LAWS[name]
     e = free_impact(law, MASS, SPEED).restitution

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint._math.vectors import Vector, pack
-from clearjoint._model.contact.laws import slip_velocity
+from clearjoint.extend import Vector, pack, slip_velocity
 from clearjoint.frictions import Ambrosio, RegularisedCoulomb
 
 MU, LOAD = 0.3, 1500.0

@@ -10,9 +10,9 @@ from scipy.linalg import eigh
 from scipy.special import beta
 
 import clearjoint as cj
-from clearjoint._math.vectors import IDENTITY, unpack
-from clearjoint._model.bodies import GROUND_MOTION
+from clearjoint.extend import IDENTITY, unpack
 from clearjoint.testing import check_constraint, check_contact_joint, moving
+from tests.support.motions import AT_REST
 
 TIGHT = cj.Settings(rtol=1e-10, atol=1e-13)
 LAW = cj.laws.ExactRestitution(0.8, 1e9)
@@ -103,7 +103,7 @@ def test_the_law_of_the_ball_receives_both_radii():
     joint = socket("ground", "b", clearance=0.5e-3, law=cj.laws.Hertz(STEEL))
     still = cj.extend.Vector(0.0, 0.0, 0.0)
     ball = cj.extend.Motion(cj.extend.Vector(0.0, 0.3e-3, 0.4e-3 + 1e-5), IDENTITY, still, still)
-    gap = unpack(joint).contacts({"ground": GROUND_MOTION, "b": ball})["ball"].gap
+    gap = unpack(joint).contacts({"ground": AT_REST, "b": ball})["ball"].gap
     assert float(gap.depth) == pytest.approx(math.hypot(0.3e-3, 0.41e-3) - 0.5e-3, rel=1e-9)
     force = float(joint.law.elastic_force(gap))
     assert force == pytest.approx(6.610198e10 * float(gap.depth) ** 1.5, rel=1e-7)
@@ -235,11 +235,12 @@ def test_bodies_that_start_outside_are_centred_or_moved_to_rest(joint, label, pl
         IDENTITY,
         *(cj.extend.Vector(0.0, 0.0, 0.0),) * 2,
     )
-    contact = unpack(joint).contacts({"ground": GROUND_MOTION, "b": motion})[label]
+    contact = unpack(joint).contacts({"ground": AT_REST, "b": motion})[label]
     push = float(joint.law.elastic_force(contact.gap))
     assert contacts * push == pytest.approx(9.81, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_pin_deep_in_the_end_of_its_slot_is_not_assembled():
     """It is centred across the slot only."""
     joint = slot("ground", "b", travel=0.1)

@@ -94,6 +94,7 @@ def test_a_ball_keeps_its_axis_and_loses_speed_evenly():
     np.testing.assert_allclose(rotor.spin, spin * left / 7.0, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_derivative_by_the_load_is_that_of_the_closed_form():
     scene, state = hinged(COULOMB, spin=5.0)
     load = cj.Parameter(lambda scene: scene.joints["friction"].load)

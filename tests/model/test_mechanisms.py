@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.objects import quantity
+from clearjoint.extend import quantity
 from clearjoint.mechanisms import bricard, double_four_bar
 
 
@@ -31,6 +31,7 @@ class PendulumRod(cj.extend.AbstractConstraint):
         )
 
 
+@pytest.mark.slow
 def test_iftomm_simple_pendulum():
     """Benchmark A01: a point mass on a massless bar, released from the horizontal."""
     scene = cj.Scene(

@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.multipliers import row_rate
-from clearjoint._math.rotations import normalised, rotation_matrix
-from clearjoint._math.vectors import EulerParameters, Vector, pack, unpack
-from clearjoint._model.bodies import Motion
-from clearjoint._model.joints.motion_subspaces import JointState, Relative, Twist
-from clearjoint.testing import moving
+from clearjoint.extend import (
+    EulerParameters,
+    JointState,
+    Relative,
+    Twist,
+    Vector,
+    normalised,
+    pack,
+    rotation_matrix,
+    unpack,
+)
 
 POINTS, AXES = ((0.1, 0.2, -0.3), (-0.2, 0.4, 0.1)), ((1.0, 2.0, 2.0), (0.5, -1.0, 0.3))
 UNIT = np.array([0.5, -0.1, 0.7, 0.5])
@@ -77,28 +82,6 @@ def test_the_twist_is_the_rate_of_the_pose(name, parent):
     bias = subspace.bias(state)
     rates = (twists[1] - twists[0]) / (2.0 * STEP)
     np.testing.assert_allclose(numbers((bias.angular, bias.linear)), rates, atol=1e-9)
-
-
-@each
-@both
-def test_encoding_is_the_inverse_and_the_joint_is_satisfied(name, parent):
-    subspace, state = subspace_and_state(name, parent)
-    orientation = normalised(subspace.orientation(state.position))
-    apart, twist = subspace.displacement(state.position), subspace.twist(state)
-    found = subspace.encode(Relative(orientation, apart, twist))
-    np.testing.assert_allclose(numbers(found.position), numbers(state.position), atol=1e-14)
-    np.testing.assert_allclose(numbers(found.speeds), state.speeds, atol=1e-14)
-    rotation = subspace.rotation(state.position)
-    np.testing.assert_allclose(pack(rotation), pack(rotation_matrix(orientation)), atol=1e-14)
-    # The parent rests in the origin; the child's point is `apart` from the parent's.
-    here = moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-    at = subspace.point_parent + rotation @ (apart - subspace.point_child)
-    rate = twist.linear + twist.angular.cross(apart - subspace.point_child)
-    there = Motion(at, rotation, rotation @ rate, twist.angular)
-    motions = dict(zip(("a", "b") if parent == "a" else ("b", "a"), (here, there), strict=True))
-    for row in unpack(JOINTS[name]).rows(motions, 0.0).values():
-        assert float(row.value) == pytest.approx(0.0, abs=1e-14)
-        assert float(row_rate(row, motions)) == pytest.approx(0.0, abs=1e-13)
 
 
 @pytest.mark.parametrize("turns", [-3, 0, 5])

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from clearjoint._math.vectors import Vector, pack
+from clearjoint.extend import Vector, pack
 from clearjoint.frictions import (
     BengisuAkay,
     BrownMcPhee,

@@ -127,6 +127,7 @@ def gap_in_units(gap: cj.extend.Gap, scale: symmetries.Scale) -> cj.extend.Gap:
     return cj.extend.Gap(metre * gap.depth, metre / second * gap.rate, *lengths)
 
 
+@pytest.mark.slow
 @few
 @given(gap=GAPS, scale=scales)
 def test_every_law_in_other_units(gap, scale):

@@ -1,17 +1,11 @@
 """Paths of numbers: listing, replacing and tying numbers, and paths that lead to no number."""
 
-from typing import Any, ClassVar
-
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.checks import recheck, recheck_changes
-from clearjoint._fields.objects import quantity
-from clearjoint._parametrisation.paths import unit_at, value_at
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +21,6 @@ def test_listed_parameters_can_be_found_by_the_names_they_have(scene):
     assert listed["gravity"][1] == "m/s^2"
     for name, (value, _) in listed.items():
         assert eval(f"scene.{name}", {"scene": scene}) is value
-
-
-def test_units_of_numbers_in_scenes_and_states(scene):
-    state = cj.mechanisms.double_pendulum()[1]
-    assert unit_at(scene, lambda s: s.bodies["arm 2"].mass) == "kg"
-    assert unit_at(scene, lambda s: s.gravity[1]) == "m/s^2"
-    assert unit_at(scene, lambda s: s.joints["shoulder"].law.restitution) == "1"
-    assert unit_at(state, lambda s: s.bodies["arm 3"].spin[2]) == "rad/s"
 
 
 def test_set_value_replaces_one_number_and_shares_the_rest(scene):
@@ -100,58 +86,7 @@ def test_values_and_components_that_do_not_fit_are_refused(scene):
             cj.set_value(same, lambda s: s.gravity[3], 1.0)
 
 
-def test_components_of_matrices():
-    tree = {"matrix": np.arange(9.0).reshape(3, 3)}
-    assert value_at(tree, lambda t: t["matrix"][1, 2]) == 5.0
-    assert value_at(tree, lambda t: t["matrix"][1][2]) == 5.0
-    assert cj.set_value(tree, lambda t: t["matrix"][0, 1], -1.0)["matrix"][0].tolist() == [0, -1, 2]
-
-
-def test_an_index_beyond_a_tuple_is_refused():
-    with pytest.raises(ValueError, match="`path`.*beyond the end of a tuple or list: count from 0"):
-        value_at({"stiffnesses": (1.0, 2.0)}, lambda t: t["stiffnesses"][2])
-
-
-@pytest.mark.parametrize("first", [slice(0, 2), ..., (0, slice(1, 3))])
-def test_an_index_after_a_slice_is_refused(first):
-    """It would count along the slice."""
-    tree = {"matrix": np.arange(9.0).reshape(3, 3)}
-    assert np.size(value_at(tree, lambda t: t["matrix"][first])) > 1
-    with pytest.raises(ValueError, match="`path` must be indexed no further after a slice"):
-        value_at(tree, lambda t: t["matrix"][first][1])
-
-
 def test_a_parameter_without_a_value_is_refused(scene):
     made = cj.Parameter(cj.Parameter.change(lambda scene, state, x: (scene, state), 1.0).variation)
     with pytest.raises(ValueError, match=r"`value` must be.*MadeByFunction.*is None: pass"):
         made.coordinate_in(scene, None)
-
-
-class LawWithClassVariables(cj.laws.Hertz):
-    """A user-defined law with annotations that are not fields."""
-
-    uses_entry_speed: ClassVar[bool] = False
-    exponents: ClassVar[tuple[float, ...]] = (1.5, 2.0)
-    unset: ClassVar[float]
-    floor: Any = quantity("m/s", default=1e-3)
-
-
-def test_class_variables_are_no_parameters(scene):
-    joint = scene.joints["shoulder"]
-    own = eqx.tree_at(
-        lambda s: s.joints["shoulder"].law, scene, LawWithClassVariables(joint.law.stiffness)
-    )
-    listed = cj.parameters(own)
-    assert len(listed) == len(jax.tree.leaves(own))
-    assert listed["joints['shoulder'].law.floor"] == (1e-3, "m/s")
-    changed = cj.set_value(own, lambda s: s.joints["shoulder"].law.floor, 2e-3)
-    recheck(changed)
-    recheck_difference(changed, own)
-    with pytest.raises(ValueError, match="clearance"):
-        recheck_difference(cj.set_value(own, lambda s: s.joints["shoulder"].clearance, -1.0), own)
-
-
-def recheck_difference(tree, base):
-    leaves, structure = jax.tree.flatten(tree)
-    changed = zip(leaves, jax.tree.leaves(base), strict=True)
-    recheck_changes(tree, structure, tuple(a is not b for a, b in changed))

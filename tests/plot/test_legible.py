@@ -82,6 +82,7 @@ AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
 SIDEWAYS = np.cross(AXIS, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(AXIS, (0.0, 0.0, 1.0)))
 
 
+@pytest.mark.slow
 def test_a_report_draws_a_flight_between_two_steps_as_a_curve(tumbling):
     times = np.array([0.0, 0.01])
     steps = in_flight(tumbling, times)

@@ -108,3 +108,24 @@ def test_motion_takes_a_window(turning, draw):
 def test_wrong_names_are_refused(turning, call, message):
     with pytest.raises(ValueError, match=message):
         call(*turning[:2])
+
+
+def test_frames_show_the_journal_at_the_nearest_instants(turning):
+    """Base V above base W, further instants below both; the journal is as far off as it has been,
+    over the clearance, and dark while it touches."""
+    seen, _, _ = turning
+    instants = TIMES[[3, 20, 41]] + 1e-5
+    figure = plot.journal_frames(seen, "pin", CLEARANCE, instants, columns=2)
+    grid = np.array(figure.axes).reshape(4, 2)
+    titles = [axes.get_title() for axes in (*grid[0], grid[2, 0])]
+    assert titles == [f"{time * 1e3:.1f} ms" for time in TIMES[[3, 20, 41]]]
+    gap = {}
+    for base, row in (("V", 0), ("W", 1)):
+        offsets = plot.eccentricity_vectors(seen, "pin", base)[[3, 20, 41]] / CLEARANCE
+        journals = [axes.patches[-1] for axes in (*grid[row], grid[row + 2, 0])]
+        gap[base] = np.array([journal.center for journal in journals]) / offsets
+        touching = seen.contacts["pin"][base].penetration[[3, 20, 41]] > 0.0
+        light = np.array([sum(journal.get_facecolor()[:3]) for journal in journals])
+        assert touching.any() and light[touching].max() < light[~touching].min()
+    np.testing.assert_allclose(gap["V"], gap["V"][0, 0], rtol=1e-9)
+    np.testing.assert_allclose(gap["W"], gap["V"][0, 0], rtol=1e-9)

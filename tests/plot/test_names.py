@@ -11,7 +11,6 @@ from matplotlib.text import Annotation
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint._fields.drawn_text import LONGEST_NAME, shown
 from tests.support.tumbling_bearing import TIMES, solution_of
 
 JOINTS = ("_$x^$ \\frac{1 50% Größe", "$x^$ long\n" * 20)
@@ -42,14 +41,6 @@ def drawn(figure) -> list[str]:
     """The texts of a drawn figure; invalid mathematics would raise an error."""
     figure.canvas.draw()
     return [text.get_text() for text in figure.findobj(plt.Text)]
-
-
-def test_a_name_is_shown_literally_and_in_one_line():
-    assert shown("$x$") == r"\$x\$"
-    assert shown("a\nb") == "a b"
-    assert shown("_a").lstrip("\u200b") == "_a" and not shown("_a").startswith("_")
-    assert len(shown("n" * 200 + "1")) == LONGEST_NAME and shown("n" * 200 + "1").endswith("1")
-    assert shown(" ") == "(no name)"
 
 
 @pytest.mark.slow

@@ -11,10 +11,10 @@ from matplotlib.colors import to_rgba
 
 import clearjoint as cj
 from clearjoint import plot
-from clearjoint._export.datasets import setting_notes
 from clearjoint.plot.report_page import joint_rows
 from tests.support.dropped_rod import dropped_rod
 from tests.support.observations import observation_of
+from tests.support.recorded_journal import ContactObservation
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
 CODES = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}
@@ -52,7 +52,6 @@ def seen_contact(penetration, rate, force, angle=0.0) -> cj.results.Observation:
     )
 
 
-ContactObservation = cj.results.Observation.__annotations__["contacts"].__args__[1].__args__[1]
 ROUGH = np.array([-1, 1, 3, 2, -1, -1, 2, 4, 3, 2, 3, 2, -1, 1])
 """Penetration, µm: flight, a single maximum, flight, two maxima in one contact, flight, a start."""
 RISING = np.array([1, 1, 1, -1, -1, 1, 1, 1, -1, -1, 1, -1, -1, 1])
@@ -346,40 +345,6 @@ def test_a_phase_portrait_has_rates_of_the_equations_of_motion():
         plot.series(scene, solution, lambda now: now.time)
     with pytest.raises(ValueError, match="quantity: .*`body` must be one of"):
         plot.series(scene, solution, cj.quantities.Position("bell", "y"))
-
-
-def test_a_report_has_all_panels_and_tables(tumbling, tmp_path):
-    scene, solution, _ = tumbling
-    rows = [
-        ("pin", "V", 0.01 * k, 0.01 * k + 1e-3, 1e-3, 0.1, 0.09, 10.0 * k, 0.0, 1e-6)
-        for k in range(1, 11)
-    ]
-    solution = solution_of(solution.saved, cj.results.Impacts.of_rows(rows))
-    solution = replace(solution, settings=setting_notes(cj.Settings(rtol=1e-7)))
-    page = plot.report(scene, solution, tmp_path / "page.png", title="Round")
-    assert (tmp_path / "page.png").stat().st_size > 50_000
-    texts = [text.get_text().replace("\n", " ") for text in page.findobj(plt.Text)]
-    for text in (
-        "Round",
-        "500 µm",
-        "Hertz",
-        "bearing – journal",
-        "Steps: 60 steps accepted of 70 tried; 10 finished impacts, "
-        "the largest of 100 N at one contact",
-        "Equations: Tsit5, rtol 1e-07, AbsoluteCoordinates, Baumgarte, without energy ledger",
-        "Scene: 2 bodies of 2 kg, 1 joint, 0 forces, no gravity",
-        "pin: orbit",
-        "normal force, N",
-        "following",
-        "amplitude of spin of journal about its x, rad/s",
-        "100.0",
-    ):
-        assert text in texts, text
-    assert "20.0" not in texts  # of ten impacts the eight largest
-    orbit = next(axes for axes in page.findobj(plt.Axes) if axes.get_title() == "pin: orbit")
-    assert orbit.get_aspect() == 1.0
-    with pytest.raises(ValueError, match=r"`file` must be with the suffix .png or .pdf"):
-        plot.report(scene, solution, tmp_path / "page.doc")
 
 
 def test_a_report_lists_play_and_friction_of_lubricated_joints_and_of_shoulders():

@@ -12,11 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import fold_constants, unpack
+from clearjoint.extend import Formulation, Instant, System, unpack
 from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
-from clearjoint.quantities.base import Instant
 
 JOINT = Formulation(cj.JointCoordinates())
 ABSOLUTE = Formulation(cj.AbsoluteCoordinates())
@@ -25,7 +22,7 @@ ANGLE, SPIN, LENGTH, MASS, GRAVITY = 2.5, 3.0, 0.8, 1.7, 9.81
 
 def instant(scene, state):
     """The scene at a state, in joint coordinates, at time zero."""
-    scene = unpack(fold_constants(scene))
+    scene = unpack(scene)
     variables = JOINT.coordinates.encode(scene, unpack(state.bodies))
     return Instant(System(scene, JOINT), 0.0, variables, state.entry_speeds, {})
 

@@ -1,214 +1,22 @@
 """Saved scenes are restored bit for bit: every exported element, and user-defined classes."""
 
 import enum
-import inspect
 import json
 import math
-import re
 import tomllib
 import warnings
-from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 import pytest
-from jaxtyping import Float
 
 import clearjoint as cj
-from clearjoint._model.contact.laws import AbstractElasticity
-from clearjoint._scene_files.classes import REQUIRED, Expectation, arguments, is_abstract
-from clearjoint._scene_files.documents import FileLocation
-from clearjoint._scene_files.files import first_difference
 
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
 BODIES = {"a": cj.Body(1.0, (1.0, 1.1, 1.2)), "b": cj.Body(2.0, np.diag([1.0, 1.1, 1.2]))}
 STATE = cj.State({"a": cj.body_state((0.1, 0.2, 0.3)), "b": cj.body_state((1e-300, -0.0, 1 / 3))})
-FAMILIES = tuple(
-    kind
-    for name, kind in vars(cj.extend).items()
-    if name.startswith("Abstract") and kind.__module__.startswith("clearjoint._model")
-)
-PUBLIC = (cj, cj.laws, cj.frictions, cj.films, cj.profiles)
-ELEMENTS = {
-    name: kind
-    for name, kind in {k: v for names in PUBLIC for k, v in vars(names).items()}.items()
-    if isinstance(kind, type) and issubclass(kind, FAMILIES) and not is_abstract(kind)
-}
-LAW = cj.laws.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
-PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
-DRY = cj.ClearanceJoint("ground", "a", **PIN)
-BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
-SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
-EXAMPLES = {
-    "RoughCylinders": lambda: cj.laws.RoughCylinders(
-        cj.laws.GreenwoodTripp(1e-6 / 3, 1e11 / 3), 1e-2 / 3, LAW
-    ),
-    "ClearanceJoint": lambda: cj.ClearanceJoint(
-        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1), line_points=5
-    ),
-    "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
-    "GearBacklash": lambda: cj.GearBacklash(
-        *("a", "b"), (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2), 18, -57, 2e-3, 1e-4 / 3, LAW
-    ),
-    "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
-    "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
-    "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
-    "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),
-    "PiecewiseLinear": lambda: cj.PiecewiseLinear([0.1, 1 / 3], np.eye(2, 3) / 3),
-    "BallInSocket": lambda: cj.BallInSocket(
-        "ground", "a", **BALL, friction=cj.frictions.Ambrosio(0.1)
-    ),
-    "SliderInGuide": lambda: cj.SliderInGuide(
-        "ground", "a", **SLIDER, friction=cj.frictions.Ambrosio(0.1)
-    ),
-    "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
-    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.films.CaponeFilm(0.1 / 3), 1e-6 / 3),
-    "EndPlay": lambda: cj.EndPlay(
-        1e-4 / 3, cj.laws.Hertz(1e9), cj.frictions.Ambrosio(0.1), 0.01 / 3
-    ),
-    "Harmonics": lambda: cj.profiles.Harmonics([0.0, 1e-5 / 3], [1e-6 / 7, -0.0]),
-    "PeriodicSpline": lambda: cj.profiles.PeriodicSpline.through(1e-5 * np.sin(np.arange(20) / 3)),
-    "Stribeck": lambda: cj.frictions.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
-    "LuGre": lambda: cj.frictions.LuGre(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
-    "ElastoPlastic": lambda: cj.frictions.ElastoPlastic(
-        0.2, 0.1 / 3, 1e-3 / 3, elastic_deflection=1e-7 / 3
-    ),
-    "BengisuAkay": lambda: cj.frictions.BengisuAkay(kinetic=0.1 / 3, breakaway=0.2),
-    "BrownMcPhee": lambda: cj.frictions.BrownMcPhee(kinetic=0.1 / 3, breakaway=0.2),
-}
-"""Elements that need other than random arguments."""
-ANY_OF = {
-    AbstractElasticity: cj.laws.RavnStiffness(207e9, 0.3),
-    cj.extend.AbstractStiffness: cj.laws.RavnStiffness(207e9, 0.3),
-    cj.extend.AbstractContactLaw: LAW,
-    cj.extend.AbstractFriction: cj.frictions.RegularisedCoulomb(0.1),
-    cj.extend.AbstractAxialPolicy: cj.FixedAxially(),
-    cj.extend.AbstractFunctionOfTime: cj.Polynomial([0.1, 1 / 3]),
-}
-
-
-def exact(path, scene, state, **options) -> tuple[cj.Scene, cj.State]:
-    """Scene and state as they are read back, bit for bit the same."""
-    cj.save(scene, state, path)
-    read = cj.load(path, **options)
-    assert first_difference((scene, state), read, FileLocation("round trip")) is None
-    return read
-
-
-def made_at_random(kind: type, draws: Iterator[float]) -> Any:
-    """An element with values for all arguments of its constructor."""
-    bodies = iter("ab")
-    given = {}
-    for name, expected in arguments(kind).items():
-        if expected.classes:
-            given[name] = ANY_OF[expected.classes[0]]
-        elif expected.is_text and expected.default is REQUIRED:
-            given[name] = next(bodies)
-        elif not expected.is_text and (expected.shapes or expected.unit):
-            given[name] = numbers(expected, draws)
-    return kind(**given)
-
-
-def rising_numbers() -> Iterator[float]:
-    """Numbers with all their digits."""
-    return iter(sorted(np.random.default_rng(0).uniform(0.1, 0.5, 100)))
-
-
-def numbers(expected: Expectation, draws: Iterator[float]) -> Any:
-    """Numbers in (0.1, 0.5), which most quantities may be, and Euler parameters."""
-    shape = expected.shapes[0] if expected.shapes else ()
-    drawn = np.array([next(draws) for _ in range(math.prod(shape))]).reshape(shape)
-    if shape == (4,):
-        return drawn / np.linalg.norm(drawn)
-    return drawn if expected.unit else 1.0 + float(drawn)
-
-
-def example(name: str) -> Any:
-    """One of the exported elements."""
-    if name in EXAMPLES:
-        return EXAMPLES[name]()
-    try:
-        return made_at_random(ELEMENTS[name], rising_numbers())
-    except (KeyError, ValueError) as error:
-        raise AssertionError(f"give an instance of {name} in EXAMPLES") from error
-
-
-def scene_with(element: Any) -> cj.Scene:
-    """A scene that contains an element."""
-    joints: dict[str, Any] = {}
-    if isinstance(element, cj.extend.AbstractForce):
-        return cj.Scene(BODIES, forces={"element": element}, gravity=(0.0, -9.81, 1e-17))
-    if isinstance(element, cj.extend.AbstractConstraint | cj.extend.AbstractContactJoint):
-        joints["element"] = element
-    elif isinstance(element, cj.extend.AbstractFilm):
-        joints["element"] = cj.LubricatedJoint(DRY, element, 1e-6 / 3)
-    elif isinstance(element, cj.extend.AbstractContactLaw):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
-    elif isinstance(element, AbstractElasticity):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.laws.Hertz(element)}))
-    elif isinstance(element, cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
-    elif isinstance(element, cj.extend.AbstractProfile):
-        joints["pin"] = cj.ClearanceJoint(
-            "a", "b", **PIN, bearing_profile=element, journal_profile=element
-        )
-    elif isinstance(element, cj.PiecewiseConstant):
-        return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
-    elif isinstance(element, cj.extend.AbstractFunctionOfTime):
-        joints["drive"] = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
-    else:
-        assert isinstance(element, cj.extend.AbstractAxialPolicy), (
-            "say where in a scene it may stand"
-        )
-        joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, axial=element)
-    return cj.Scene(BODIES, joints)
-
-
-def test_all_families_have_elements():
-    assert {"ClearanceJoint", "Flores2011", "SpringDamper", "EndPlay"} <= set(ELEMENTS)
-
-
-@pytest.mark.parametrize("suffix", [".toml", pytest.param(".json", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", ELEMENTS)
-def test_every_element_comes_back_exactly(name, suffix, tmp_path):
-    scene, _ = exact(tmp_path / f"scene{suffix}", scene_with(example(name)), STATE)
-    assert ELEMENTS[name].__name__ in repr(scene)
-
-
-@pytest.mark.parametrize(
-    "mechanism",
-    [
-        *(
-            cj.mechanisms.double_pendulum,
-            cj.mechanisms.slider_crank,
-            cj.mechanisms.four_bar,
-            cj.mechanisms.double_four_bar,
-            cj.mechanisms.bricard,
-        ),
-        *(cj.mechanisms.andrews_squeezer, cj.mechanisms.gear_pair, cj.mechanisms.robot_arm),
-        *(
-            cj.mechanisms.guided_slider_crank,
-            cj.mechanisms.cycloid_stage,
-            cj.mechanisms.quick_return,
-            cj.mechanisms.spatial_four_bar,
-        ),
-    ],
-)
-def test_mechanisms_come_back_exactly(mechanism, tmp_path):
-    exact(tmp_path / "mechanism.toml", *mechanism())
-
-
-def test_entry_speeds_and_jax_arrays_come_back(tmp_path):
-    scene, state = cj.mechanisms.double_pendulum()
-    entry_speeds = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
-    bodies = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf), state.bodies)
-    exact(
-        tmp_path / "late.json",
-        scene,
-        cj.State(bodies, entry_speeds, {"supplied": np.array(-1 / 3)}),
-    )
 
 
 class Way(enum.Enum):
@@ -244,36 +52,6 @@ class Push(cj.extend.AbstractForce):
     def wrenches(self, motions, t):
         force = self.direction * self.over_time(t)
         return {self.body: motions[self.body].wrench(force, cj.extend.Vector(0.0, 0.0, 0.0))}
-
-
-@pytest.mark.parametrize("suffix", [".toml", ".json"])
-def test_containers_options_and_none_of_a_user_defined_class_come_back(suffix, tmp_path):
-    push = Push(
-        "a",
-        Polynomial((0.1, 2.0)),
-        (0.0, 1.0, 0.0),
-        parts=(Polynomial((1.0,)), Polynomial((1 / 3,))),
-        limits={
-            "first": {"z": 1},
-            "low = high": (1, 2),
-            "deep": {"x": ((1.0, 2.0), (3.0,))},
-            "mass": 3,
-        },
-        offset=None,
-        is_on=False,
-        way=Way.HARD,
-    )
-    path = tmp_path / f"push{suffix}"
-    scene = cj.Scene(BODIES, forces={'gust "x".y': push})
-    exact(path, scene, STATE, classes=[Push, Polynomial])
-
-
-def test_long_tables_of_numbers_come_back(tmp_path):
-    table = np.random.default_rng(0).normal(size=(40, 2))
-    push = Push("a", Polynomial((1.0,)), (0, 0, 1), limits=table)
-    path = tmp_path / "table.toml"
-    exact(path, cj.Scene(BODIES, forces={"p": push}), STATE, classes=[Push, Polynomial])
-    assert max(map(len, path.read_text().splitlines())) < 100
 
 
 def test_the_file_reads_well(tmp_path):
@@ -356,20 +134,6 @@ class Unconverted(eqx.Module):
         return t
 
 
-class Converted(eqx.Module):
-    """A class whose annotations declare arrays."""
-
-    rates: np.ndarray
-    start: Float[np.ndarray, ""]
-
-
-def test_arrays_that_are_annotated_come_back(tmp_path):
-    arrays = Converted(np.ones((2, 2)) / 3, np.array(0.1))
-    push = Push("a", Polynomial((1.0,)), (0, 0, 1), limits=arrays)
-    given = [Push, Polynomial, Converted]
-    exact(tmp_path / "a.toml", cj.Scene(BODIES, forces={"p": push}), STATE, classes=given)
-
-
 class Forgetful(Push):
     def __init__(self, size: float):
         super().__init__("a", Polynomial((size,)), (0, 0, 1))
@@ -396,20 +160,3 @@ class Forgetful(Push):
 def test_values_that_would_change_are_refused(element, message, tmp_path):
     with pytest.raises(ValueError, match=message):
         saving(element, tmp_path)
-
-
-def test_a_user_defined_law_runs_from_a_scene_file(tmp_path):
-    """The docstring of `load`: a law in Python, used by a file that names it."""
-    blocks = dict(re.findall(r"```(\w+)\n(.*?)```", inspect.getdoc(cj.load) or "", re.DOTALL))
-    path = tmp_path / "pendulum.toml"
-    path.write_text(blocks["toml"])
-    names: dict[str, Any] = {"__name__": "my_laws"}
-    exec(blocks["python"].replace("pendulum.toml", str(path)), names)
-    scene, state = names["scene"], names["state"]
-    assert scene.bodies["arm"].mass == 7.02 and scene.joints["pin"].clearance == 0.5e-3
-    assert isinstance(scene.joints["pin"].law, names["Quadratic"])
-    solution = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True))
-    assert len(solution.impacts) > 0
-    exact(tmp_path / "after.json", scene, solution.final, classes=[names["Quadratic"]])
-    written = json.loads((tmp_path / "after.json").read_text())
-    assert written["joints"]["pin"]["law"]["kind"] == "my_laws:Quadratic"

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.constraint_report import constraint_report
-from clearjoint._dynamics.journals import outside
-from clearjoint._model.contact.laws import Gap
+from clearjoint import constraint_report
+from clearjoint.extend import Gap
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">
@@ -195,16 +194,6 @@ def test_frames_of_links_are_returned(robot, tmp_path):
     assert frames["upper"].point == (-0.5, 0.0, 0.0)
     assert frames["tool"].body == "rail"
     assert np.linalg.norm(frames["tool"].orientation) == pytest.approx(1.0)
-
-
-def test_play_replaces_a_hinge(robot):
-    scene, state, _ = robot(play={"elbow": PLAY})
-    elbow, ideal = scene.joints["elbow"], robot()[0].joints["elbow"]
-    assert isinstance(elbow, cj.ClearanceJoint) and isinstance(elbow.axial, cj.FixedAxially)
-    assert (elbow.bearing_body, elbow.journal_body) == ("upper", "lower")
-    assert np.array_equal(elbow.bearing_point, ideal.point_first)
-    assert np.array_equal(elbow.journal_axis, ideal.axis_second)
-    assert outside(scene, state) == set()
 
 
 def test_one_warning_lists_omitted_contents(robot):

@@ -15,7 +15,7 @@ from tests.support.many_states import TIME, states
 CLOSE = 1e-6
 """Largest difference to the start, m, m/s, rad/s, and of rotation matrices. Impacts amplify the
 errors of the runs, whose `rtol` is 1e-10, some hundred times."""
-QUICK = ("spring", "motor")
+QUICK = ("spring",)
 """One force and one drive. An ideal joint and one with clearance are in `test_symmetries.py`."""
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 

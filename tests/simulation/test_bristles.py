@@ -2,22 +2,13 @@
 
 from dataclasses import replace
 
-import diffrax
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from clearjoint._dynamics.bristles import updated_bristles
-from clearjoint._dynamics.contact_events import ContactGap
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._dynamics.system import System
-from clearjoint._math.vectors import Vector, unpack
-from clearjoint._simulation.step.step_state import Variables
-from clearjoint._simulation.step.stepping import _initial_ledger
-from clearjoint._simulation.step.trial_step import rates_of
+from clearjoint.extend import Formulation, System, unpack
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
 Q = cj.quantities
@@ -126,7 +117,9 @@ def test_stick_slip_is_that_of_an_independent_integration():
 
 
 @pytest.mark.parametrize(
-    "friction", [LUGRE, cj.frictions.RegularisedCoulomb(0.25)], ids=["LuGre", "Coulomb"]
+    "friction",
+    [LUGRE, pytest.param(cj.frictions.RegularisedCoulomb(0.25), marks=pytest.mark.slow)],
+    ids=["LuGre", "Coulomb"],
 )
 def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
     """Half the breakaway load: tanh friction creeps at the speed that balances it."""
@@ -185,6 +178,7 @@ def test_derivatives_are_right_across_an_onset():
             assert np.abs(error).max() < 2e-5 * scale, (name, column)
 
 
+@pytest.mark.slow
 def test_deflections_are_zero_in_flight_and_at_each_onset():
     scene, state = falling()
     times = np.linspace(5e-5, 6e-3, 60)
@@ -194,20 +188,6 @@ def test_deflections_are_zero_in_flight_and_at_each_onset():
     assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()
     assert (sizes[heights < -1e-9] > 0.0).all() and (heights < -1e-9).any()
     assert np.abs(deflections(solution)[:, 2]).max() == 0.0
-
-
-def test_a_ledger_without_integrals_starts_at_the_energy_stored_in_the_bristles():
-    """Springs of the stiffness times the normal force, with half their work stored."""
-    scene, state = block(cj.frictions.Dahl(0.3, 1e4))
-    system = System(unpack(scene), Formulation(ledger=True))
-    bristles = {"floor": {"belt": Vector(3e-6, -4e-6, 0.0)}}
-    motion = system.encode(unpack(state.bodies))
-    time = jnp.zeros(())
-    term, args = diffrax.ODETerm(lambda t, y, args: rates_of(args[0], y, args[1], t)), (system, {})
-    work = _initial_ledger(term, args, time, Variables(motion, {}, bristles), False)
-    assert float(work["friction"]) == pytest.approx(0.5 * WEIGHT * 1e4 * 5e-6**2, rel=1e-9)
-    given = Variables(motion, {"friction": 0.7}, bristles)
-    assert float(_initial_ledger(term, args, time, given, False)["friction"]) == 0.7
 
 
 def test_run_without_bristles_has_none():
@@ -265,14 +245,3 @@ def test_two_joints_and_lanes_equal_single_ones():
     positions = np.asarray(lanes["saved_position"])[0, :, 0, 0]
     np.testing.assert_allclose(positions, along(alone)[0], rtol=1e-10)
     assert (np.asarray(lanes["peak"]) > 0.0).all()
-
-
-def test_bristles_are_relaxed_at_exactly_zero_penetration():
-    scene, state = block(LUGRE, BELT_SPEED)
-    system = System(unpack(scene), Formulation(cj.AbsoluteCoordinates()))
-    motions = system.motions(system.encode(unpack(state.bodies)))
-    for depth, left in ((0.0, 0.0), (1e-9, 1e-6)):
-        gaps = {"floor": {"belt": ContactGap(depth, 0.0)}}
-        bristles = {"floor": {"belt": Vector(1e-6, 0.0, 0.0)}}
-        updated = updated_bristles(system.scene, bristles, motions, gaps, gaps, False)
-        assert float(updated["floor"]["belt"].x) == left

@@ -1,6 +1,5 @@
 """Rigid contacts in Moreau-Jean's steps: closed forms, exhaustive search, and Siconos' numbers."""
 
-import itertools
 from typing import Any
 
 import equinox as eqx
@@ -10,12 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._fields.objects import quantity
-from clearjoint._math.vectors import ZERO, Vector
-from clearjoint._model.bodies import Wrench
-from clearjoint._simulation.nonsmooth import simulate as nonsmooth_simulate
-from clearjoint._simulation.nonsmooth.bounded_lcp import BoxProblem
-from clearjoint._simulation.nonsmooth.contact_problem import NEGLIGIBLE, _slip_direction
+from clearjoint.extend import ZERO, Vector, Wrench, quantity
 from tests.support.planes import Plane
 
 GRAVITY, HEIGHT, STEP = 9.81, 0.3, 1e-3
@@ -74,11 +68,13 @@ def test_a_ball_rests_after_infinitely_many_impacts(drop):
     assert contact.penetration <= contact.fastest * STEP / 10
 
 
+@pytest.mark.slow
 def test_a_run_ends_at_its_end_time_without_rounding():
     for end_time in (0.1, 0.1 + 1e-3 / 3, 0.123):
         assert cj.simulate_nonsmooth(*ball(), end_time, step=1e-3, start_time=0.01).time == end_time
 
 
+@pytest.mark.slow
 def test_an_elastic_ball_keeps_its_energy():
     scene, state = ball()
     solution = cj.simulate_nonsmooth(scene, state, 20.0, step=STEP, restitution=1.0)
@@ -176,53 +172,6 @@ def test_a_rod_slides_and_comes_to_rest_on_both_ends(angle):
         ).final.bodies["rod"]
         assert abs(final.position[2]) < 0.01
         assert np.abs(np.asarray([*final.velocity, *final.spin])).max() < 1e-6
-
-
-def test_an_unsolved_contact_problem_is_named(monkeypatch):
-    monkeypatch.setattr(nonsmooth_simulate, "SOLVED", -1.0)
-    # No other test uses these coordinates, so that a program with the changed limit is compiled.
-    coordinates = cj.AbsoluteCoordinates()
-    with pytest.raises(cj.SimulationError, match="rigid contacts in a fixed step were not found"):
-        cj.simulate_nonsmooth(*ball(), 0.01, step=1e-3, coordinates=coordinates)
-
-
-def searched(matrix: np.ndarray, start: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> Any:
-    """The solution by trying every choice of held rows."""
-    n = len(start)
-    for choice in itertools.product((-1, 0, 1), repeat=n):
-        side = np.array(choice)
-        x = np.where(side < 0, lower, np.where(side > 0, upper, 0.0))
-        free = side == 0
-        if not np.isfinite(x).all():
-            continue
-        if free.any():
-            x[free] = np.linalg.solve(matrix[np.ix_(free, free)], -(start + matrix @ x)[free])
-        y = matrix @ x + start
-        inside = (x >= lower - 1e-9).all() and (x <= upper + 1e-9).all()
-        if inside and (y[side < 0] >= -1e-9).all() and (y[side > 0] <= 1e-9).all():
-            return x
-    raise AssertionError("no solution")
-
-
-def test_box_problems_agree_with_exhaustive_search():
-    """Among them two rows that are nearly parallel, as those of a short journal's bases."""
-    random, n = np.random.default_rng(6), 4
-    solve = jax.jit(
-        lambda matrix, start, lower, upper: BoxProblem(
-            [[matrix[i, j] for j in range(i + 1)] for i in range(n)], list(lower), list(upper)
-        ).solve(list(start), NEGLIGIBLE)
-    )
-    for k in range(200):
-        factor = random.normal(size=(n, n))
-        factor[1] = factor[0] + 10.0 ** -random.integers(0, 4) * factor[1]
-        matrix = factor @ factor.T
-        start = random.normal(size=n)
-        lower, upper = (-1.0, 0.7) if k % 2 else (0.0, np.inf)
-        bounds = np.full(n, lower), np.full(n, upper)
-        found, residual = solve(matrix, start, *bounds)
-        expected = searched(matrix, start, *bounds)
-        assert residual < 1e-9
-        np.testing.assert_allclose(np.array(found), expected, rtol=1e-5, atol=1e-6)
 
 
 def siconos() -> tuple[cj.Scene, cj.State]:
@@ -345,6 +294,7 @@ def test_lanes_of_a_batch_are_single_runs(pendulum):
     assert np.abs(lanes[0][5:] - lanes[1][5:]).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_a_step_too_long_for_the_clearance_is_refused(pendulum):
     scene, state = pendulum
     with pytest.raises(cj.SimulationError, match="shorter step"):
@@ -443,28 +393,6 @@ def test_velocities_jump_with_a_driver_at_its_kink():
     assert 2.0 * np.arctan2(e3, e0) == pytest.approx(10.0 * (0.5 - 0.123), abs=1e-9)
 
 
-def test_slips_of_two_bases_that_depend_on_each_other_are_solved():
-    """Of an impact of a tilted journal: four rows in three directions, of which the velocities are
-    off by 1e-7. Impulses go along the null space as far as a bound."""
-    rows = [
-        [0.09413355134020325],
-        [0.06926778069618139, 0.3539959213075342],
-        [0.09208015731088526, 0.05637422463558141, 0.09083252567272831],
-        [0.06925863799924187, 0.35393845692654774, 0.056368673776098, 0.3538810085639335],
-    ]
-    start = [0.00015569487000782, 0.00035932763443788, 0.00016280394277092, 0.00035935992631982]
-    bound = np.array(
-        [0.007429329173331, 0.007429329173331, 0.00742881654654437, 0.00742881654654437]
-    )
-    found, residual = jax.jit(
-        lambda q: BoxProblem(rows, list(-bound), list(bound)).solve(list(q), NEGLIGIBLE)
-    )(np.array(start))
-    assert residual < 1e-9
-    matrix = np.array([[rows[max(i, j)][min(i, j)] for j in range(4)] for i in range(4)])
-    x, y = np.array(found), matrix @ np.array(found) + start
-    np.testing.assert_allclose(x, np.clip(x - y / np.diag(matrix), -bound, bound), atol=1e-10)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.01, 0.5, 0.9])
 @pytest.mark.parametrize("coefficient", [0.1, 0.2, 0.3, 0.4])
@@ -481,6 +409,7 @@ def test_impacts_of_both_bases_with_friction_are_solved(restitution, coefficient
         assert all(contact.dissipated >= 0.0 for contact in contacts)
 
 
+@pytest.mark.slow
 def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
     drive = cj.PrescribedAngle(
         "ground", "shaft", (0, 0, 1), lambda t: 1e-3 * jnp.maximum(t - 0.1, 0.0)
@@ -496,12 +425,3 @@ def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
 def test_more_steps_than_any_run_can_take_are_refused():
     with pytest.raises(ValueError, match="`step` must be at least"):
         cj.simulate_nonsmooth(*ball(), 1.0, step=1e-310)
-
-
-def test_the_direction_of_slip_is_a_unit_vector_also_at_rest():
-    along = _slip_direction(Vector(3e-9, 4e-9, 0.0), Vector(0.0, 0.0, 1.0))
-    np.testing.assert_allclose([*along], (0.6, 0.8, 0.0), rtol=1e-12)
-    normal = Vector(0.6, 0.0, 0.8)
-    at_rest = _slip_direction(ZERO, normal)
-    assert float(at_rest.dot(at_rest)) == pytest.approx(1.0, rel=1e-12)
-    assert float(at_rest.dot(normal)) == pytest.approx(0.0, abs=1e-15)

@@ -77,6 +77,7 @@ def restarts_agree(scene, state, rng, count):
         assert np.linalg.norm(change) < 1e-5 * speed, (time - onset, row_of(saved, k).entry_speeds)
 
 
+@pytest.mark.slow
 def test_a_run_continues_from_any_instant_of_an_onset():
     restarts_agree(*arm(damped()), np.random.default_rng(0), 6)
 

@@ -113,6 +113,7 @@ def test_a_table_has_the_first_impacts_of_the_run():
     assert len(found.outputs["first"]) == len(run.outputs["first"])
 
 
+@pytest.mark.slow
 def test_statistics_of_a_quantity_are_those_at_each_time():
     """Disturbed starts: the deviation of x grows as sin(10 t) / 10 times that of the velocity."""
     save, size = cj.Saving(TIMES, states=False), 1e-3

@@ -112,6 +112,7 @@ def test_state_and_constraints_fit_at_every_angle(clearance, angle):
     assert state.bodies["slider"].velocity[0] == pytest.approx(ideal.velocity[0], abs=1e-13)
 
 
+@pytest.mark.slow
 def test_crank_driven_by_a_torque():
     """One degree of freedom: the torque's work is the change of J(angle) rate^2/2, J from `Ideal`
     at unit speed."""

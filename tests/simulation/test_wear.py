@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.absolute_coordinates import AbsoluteCoordinates
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint.extend import Instant, System, unpack
+from clearjoint import AbsoluteCoordinates
+from clearjoint.extend import Formulation, Instant, System, unpack
 
 SPEED, MASS, CLEARANCE, RADIUS = 200.0, 20.0, 50e-6, 25e-3
 COEFFICIENT, HARDNESS = 1e-5, 2e9

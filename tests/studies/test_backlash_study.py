@@ -23,6 +23,7 @@ needs_mujoco = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 def test_the_exact_motion_is_that_of_small_steps():
     def rates(_, y):
         beyond, side = abs(y[0]) - 0.5 * PLAY, np.sign(y[0])
@@ -35,6 +36,7 @@ def test_the_exact_motion_is_that_of_small_steps():
     assert float(rate[0]) == pytest.approx(found.y[1, -1], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_its_derivative_is_that_of_differences():
     end, change = np.array([END]), 1e-6 * PLAY
     more, less = (float(relative(end, PLAY + s * change)[0][0]) for s in (1.0, -1.0))

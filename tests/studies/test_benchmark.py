@@ -53,6 +53,7 @@ def ratios(rows):
     return [one.ratio or 0.0 for one in rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", yardstick.WIDTHS)
 def test_yardstick_moves_as_clearjoint(plan, kind):
     plan.yardstick.agreement(kind).check()
@@ -63,6 +64,7 @@ def test_another_motion_is_no_agreement():
         yardstick.Agreement(1e-12, 1e-12, 1e-6).check()
 
 
+@pytest.mark.slow
 def test_eight_lanes_take_the_steps_of_one(plan):
     clearances = (sweeps.LEAST, sweeps.MOST, 11)
     one, eight = (plan.yardstick.run(kind, 0.03, 1e-6, clearances) for kind in yardstick.WIDTHS)
@@ -71,6 +73,7 @@ def test_eight_lanes_take_the_steps_of_one(plan):
     np.testing.assert_allclose(eight.onsets, one.onsets, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_run_has_its_impact_where_free_fall_ends(plan):
     found = plan.yardstick.run(yardstick.SCALAR, 0.02, 1e-8)
     fall = np.sqrt(2.0 * yardstick.CLEARANCE / 9.81)
@@ -86,6 +89,7 @@ def test_rows_of_runs(plan):
     assert call.seconds > 0.0 and call.ratio is None and call.aim == 1e-3
 
 
+@pytest.mark.slow
 def test_rows_without_a_compiler_have_no_ratio():
     whole, step, _ = runs.rows(Plan(True, 1, None))
     assert whole.seconds > 0.0 and whole.ratio is None and step.ratio is None
@@ -118,6 +122,7 @@ def test_rows_of_derivatives(plan):
     assert rows[-1].seconds > 0.0
 
 
+@pytest.mark.slow
 def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
     assert len(derivatives.PARAMETERS) == derivatives.COUNTS[-1]
     found = derivatives.derivatives(3, derivatives.TOLERANCES[0], derivatives.SPAN)
@@ -138,6 +143,7 @@ def test_rows_of_backlash(plan):
     assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))
 
 
+@pytest.mark.slow
 def test_chains_of_both_programs_are_alike():
     here = backlash_chain.ClearjointChain(1)
     angles, _ = here.run(1e-9)
@@ -163,6 +169,7 @@ def test_joint_and_body_of_first_calls_are_the_mechanisms(mechanism):
     assert set(state.bodies) == set(scene.bodies)
 
 
+@pytest.mark.slow
 def test_chain_falls_freely_until_it_touches():
     scene, state = chain(1)
     end = cj.simulate(scene, state, 5e-3, progress=False).final

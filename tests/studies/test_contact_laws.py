@@ -12,6 +12,7 @@ from studies.contact_laws.models import MODELS
 RIGID = MODELS[3]
 
 
+@pytest.mark.slow
 def test_quick_figures_of_the_laws_are_drawn(tmp_path):
     main(["laws", "--quick", "--output", str(tmp_path)])
     for name in ("forces", "loops", "restitution"):

@@ -125,6 +125,7 @@ def test_impossible_readings_are_left_out_and_named():
     assert len(points.speed) == 9 * 3 - 2
 
 
+@pytest.mark.slow
 def test_simulated_ball_keeps_to_the_closed_form():
     """The duration of contacts is the remaining difference."""
     terminal = BALLS[TENNIS_TABLE].terminal
@@ -149,6 +150,7 @@ def test_requested_restitution_of_a_law():
     assert requested(cj.laws.HuntCrossley, 0.66298) == pytest.approx(0.5, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_quick_study_writes_its_figures(folder, tmp_path, capsys):
     main([str(folder), "--quick", "--output", str(tmp_path)])
     assert {file.name for file in tmp_path.iterdir()} == {"restitution.png", "intervals.png"}

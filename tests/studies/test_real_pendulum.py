@@ -62,6 +62,7 @@ def pieces(recorded, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_model_and_derivatives_agree_with_scipy():
     """Angles to 1e-7 rad; derivatives as those of SciPy's angles by central differences."""
     times = np.linspace(0.0, 2.0, 401)

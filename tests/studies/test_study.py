@@ -16,6 +16,7 @@ WRITTEN = {
     "journal.gif",
     "claims.md",
 }
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

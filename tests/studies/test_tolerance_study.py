@@ -40,6 +40,7 @@ def test_the_slider_is_off_by_clearance_and_penetration():
     assert 20e-6 < furthest[0] < 1.1 * (20e-6 + 10e-6)
 
 
+@pytest.mark.slow
 def test_ideal_pin_force_drives_the_slider_alone_at_the_dead_centres():
     design = settled(1.5)
     exact = closed_form(Settings(revolutions_a_minute=design.speed))

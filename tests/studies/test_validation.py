@@ -39,6 +39,7 @@ def test_the_wheel_is_free_between_the_flanks(checks):
     assert found["speed there"] * crossing == pytest.approx(-0.25 * math.pi, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form():
     slopes = collision()
     assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
@@ -64,6 +65,7 @@ def test_its_error_is_proportional_to_the_step(linkage):
     assert ratios == pytest.approx([2.0] * len(ratios), rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_ball_of_siconos_bounces_as_published():
     height, velocity, impulse = rigid_ball(quick=True)
     # An impact is found to half a step of 8 us, in which gravity changes the velocity by 4e-5 m/s.

@@ -10,8 +10,10 @@ import clearjoint
 from tests.support.public_names import PublicName, public_names
 
 COMPILES = re.compile(
-    r"\b(simulate\w*|sweep|sensitivities|predictor|identif\w+|minimise|horizon"
-    r"|assemble|constraint_report|free_impact|carried_journal|check_\w+|animate_journal|settle|largest\w*|view|report|movie|wear|fit_horizon|posterior)\("
+    r"\b(simulate\w*|sweep|sensitivities|predictor|identif\w+|minimise|\w*horizon"
+    r"|assemble|constraint_report|free_impact|carried_journal|check_\w+|animate_journal"
+    r"|settle|largest\w*|ensemble|sobol_indices|statistics_derivatives"
+    r"|optimise_programs|view|report|movie|wear|posterior)\("
 )
 """What takes seconds: an example that calls one of these is slow."""
 BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)

@@ -6,9 +6,7 @@ import equinox as eqx
 import numpy as np
 
 import clearjoint as cj
-from clearjoint._math.vectors import Scalar, Vector
-from clearjoint._model.contact.laws import slip_velocity
-from clearjoint._model.joints.base import Contact, Motions
+from clearjoint.extend import Contact, Motions, Scalar, Vector, slip_velocity
 
 
 class Plane(cj.extend.AbstractContactJoint):

@@ -3,11 +3,11 @@
 import numpy as np
 
 import clearjoint as cj
-from clearjoint._simulation.results.observe import ContactObservation
 
 CLEARANCE, RADIUS, COUNT = 0.5e-3, 10e-3, 40
 FORCE = 200.0
 """N, while the journal touches."""
+ContactObservation = cj.results.Observation.__annotations__["contacts"].__args__[1].__args__[1]
 TIMES = np.linspace(0.0, 0.02, COUNT)
 TOUCHING = np.arange(COUNT) >= COUNT // 2
 

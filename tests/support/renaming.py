@@ -18,7 +18,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import clearjoint as cj
-from clearjoint._result_codes import RESULTS
+from clearjoint import RESULTS
 from tests.support import symmetry_transformations as symmetries
 
 PLAIN = "ground", "x", "y", "z"

@@ -11,10 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import clearjoint as cj
-from clearjoint._fields.checks import require_positive
-from clearjoint._fields.objects import quantity
-from clearjoint._math.vectors import ZERO, Vector
-from clearjoint._model.bodies import Wrench
+from clearjoint.extend import ZERO, Vector, Wrench, quantity, require_positive
 
 INERTIA, SPEED, END, AFTER = 0.1, 0.5, 1.0, 0.3
 TIMES = np.linspace(0.0, END, 401)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
+from clearjoint.extend import Formulation
 
 COUNT, CLEARANCE = 60, 0.5e-3
 TIMES = np.linspace(0.0, 0.06, COUNT)

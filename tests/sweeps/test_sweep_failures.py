@@ -1,16 +1,11 @@
 """Failed lanes have result codes and don't change the others; invalid sweeps are refused."""
 
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import clearjoint as cj
-from clearjoint._result_codes import result_numbers
-from clearjoint._sweeps.axes import lanes_of
-from clearjoint._sweeps.sweep import _warn_of_failures, checked_starts
 from tests.support.rotor import END, LARGEST, OUTPUTS, angle, rotor, stiffness_axis, swept
 
 GOOD = np.array([1.0, 5.0, 20.0, 80.0])
@@ -120,15 +115,6 @@ def distances(values) -> cj.Axis:
     return cj.Axis.change(lambda scene, state, d: (held_at_two_points(d)[0], state), values, "m")
 
 
-@pytest.mark.parametrize("lowest, redundant", [(0.0, True), (0.1, False)])
-def test_constraints_of_all_lanes_decide_whether_they_depend_on_each_other(lowest, redundant):
-    """Not those of the first alone, and not those of a lane that nothing runs."""
-    values = np.array([0.2, 1e-6, lowest, 0.3])
-    lanes = lanes_of(*held_at_two_points(0.2), {"d": distances(values)}, {"d": values})
-    lanes, found = checked_starts(lanes, 0.0, ABSOLUTE)
-    assert found == redundant and set(lanes.bad) == {1}
-
-
 def test_lanes_that_simulate_refuses():
     """For constraints that nearly depend on others, and for numbers of the initial state."""
     axes = {
@@ -169,19 +155,6 @@ def test_invalid_values_of_the_pendulum_are_reported():
     with pytest.warns(UserWarning, match=message):
         found = cj.sweep(*cj.mechanisms.double_pendulum(), 0.1, axes, zipped=True)
     assert codes(found) == ["bad_parameters"] * 2
-
-
-def test_pending_lanes_have_not_failed():
-    """Another process may discard lanes that this one has computed."""
-    lanes = SimpleNamespace(bad={})
-    limit = result_numbers()["max_steps_reached"]
-    for codes, text in (
-        ([-1, 0, -1], "^2 of 3 lanes are pending: .*same arguments"),
-        ([-1, limit, 0], "^1 of 3 lanes failed: 1 max_steps_reached.*1 of 3 lanes are pending"),
-    ):
-        with pytest.warns(UserWarning, match=text) as caught:
-            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), lanes, 0.0, None)
-        assert caught[0].filename == __file__
 
 
 def test_nothing_is_said_of_success():

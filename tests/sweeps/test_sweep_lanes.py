@@ -1,14 +1,10 @@
 """Lanes of a sweep do not see each other: order, company, threads, refills; their closed form."""
 
-import time
-
 import numpy as np
 import pytest
 import xarray as xr
 
 import clearjoint as cj
-from clearjoint._simulation.lanes import scheduler, xla_lanes
-from clearjoint._sweeps.work import Work
 from tests.support.rotor import AFTER, END, INERTIA, SPEED, TIMES, swept
 
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)
@@ -122,44 +118,6 @@ def test_end_and_saved_times_follow_the_scene():
     np.testing.assert_array_equal(found.time_reached, ends)
     np.testing.assert_allclose(found.saved_time, ends[:, None] * TIMES, rtol=1e-15)
     np.testing.assert_allclose(found.swing_angle[:, -1], SPEED / FREQUENCY, rtol=1e-6)
-
-
-SMALL_WIDTH = 4
-
-
-def test_no_lanes_begin_while_ended_ones_wait_for_long(monkeypatch):
-    """To be stored, for instance: a killed process loses few lanes that had ended."""
-    numbers = []
-
-    def slowly(work, lanes, on_ended, *, run=Work.run, **options):
-        def ended(lanes, results):
-            numbers.append(len(lanes))
-            time.sleep(0.3)
-            on_ended(lanes, results)
-
-        return run(work, lanes, ended, **options)
-
-    monkeypatch.setattr(Work, "run", slowly)
-    monkeypatch.setattr(scheduler, "LONGEST_WAIT", 0.0)
-    swept(np.linspace(1.0, 2.0, 40), outputs={})
-    assert sum(numbers) == 40 and max(numbers) <= 16  # of a thread, with eight columns
-
-
-@pytest.fixture
-def by_xla(monkeypatch):
-    """Lanes in programs of XLA of four columns, some of which are refilled."""
-    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
-    monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
-
-
-@pytest.mark.slow
-def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, by_xla):
-    found = swept(STIFFNESS)
-    for name in lanes.data_vars:
-        np.testing.assert_allclose(found[name], lanes[name], rtol=1e-7, atol=1e-9, err_msg=name)
-    same(found, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
-    same(found.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
-    same(found, swept(STIFFNESS, threads=2))
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ import re
 import shutil
 import sys
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -13,13 +12,7 @@ import trimesh
 from PIL import Image
 
 import clearjoint as cj
-from clearjoint._dynamics.formulation import Formulation
-from clearjoint._views.arrows import LONGEST
-from clearjoint._views.filming import _covered, _time_text
-from clearjoint._views.meshes import FORCE, LOAD, METAL, MODES, corners, outline
-from clearjoint._views.poses import initial_state
-from clearjoint._views.proportions import equivalent_solid
-from clearjoint._views.sketching import WALL, colours
+from clearjoint.extend import Formulation
 from tests.support import recorded_journal as recorded
 from tests.support.tumbling_bearing import solution_of
 
@@ -53,17 +46,6 @@ def test_the_eccentricity_of_a_journal_is_scaled(seen):
     assert 0.2 * bore < seen.clearance_scale * recorded.CLEARANCE <= 0.3 * bore
 
 
-def test_true_proportions_by_scales_of_one():
-    scene, state = cj.mechanisms.double_pendulum()
-    view = cj.view(scene, state, clearance_scale=1.0, bearing_scale=1.0)
-    assert spread(journal_of(view), 2) == pytest.approx(9.5e-3)
-    ground = next(part for part in view.parts if part.name == "ground")
-    ring = ground.mesh.vertices[np.abs(ground.mesh.vertices[:, 2]) > 9.9e-3]
-    radii = np.linalg.norm(ring[:, :2], axis=1)
-    assert radii.min() == pytest.approx(10e-3)
-    assert np.isclose(radii, 10e-3 * (1.0 + WALL)).any()
-
-
 def test_profiles_are_drawn_with_the_scale_of_clearances():
     """Of lobes, the drawn radii at their highest and lowest points."""
     scene, lobe = recorded.arm_in_bearing(), 0.1e-3
@@ -89,85 +71,6 @@ def test_profiles_are_drawn_with_the_scale_of_clearances():
         assert near.all(axis=1).any()
 
 
-def test_an_arrow_ends_on_a_journal_that_is_out_of_round():
-    """The first harmonic of a profile shifts the circle along the journal's x axis."""
-    scene, shift = recorded.arm_in_bearing(), 0.02e-3
-    shifted = cj.profiles.Harmonics([shift])
-    pin = dataclasses.replace(scene.joints["pin"], journal_profile=shifted)
-    scene = dataclasses.replace(scene, joints={"pin": pin})
-    view = cj.view(scene, recorded.motion(), observation=recorded.observed())
-    plain = cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=recorded.observed())
-    tips, round_tips = (
-        next(part.poses for part in one.parts if part.name == "pin V" and part.colour == FORCE)
-        for one in (view, plain)
-    )
-    moved = (tips[:, :3, 3] + tips[:, :3, 2]) - (round_tips[:, :3, 3] + round_tips[:, :3, 2])
-    expected = np.tile((view.clearance_scale * shift, 0.0, 0.0), (recorded.TOUCHING.sum(), 1))
-    np.testing.assert_allclose(moved[recorded.TOUCHING], expected, atol=1e-12)
-
-
-def test_the_outline_of_a_shifted_circle_is_that_circle():
-    """Its tangents are at the distances radius + shift . direction; its corners are on it."""
-    angles, shift = np.arange(360) * np.pi / 180.0, np.array([0.2, -0.3])
-    distances = 1.0 + shift @ [np.cos(angles), np.sin(angles)]
-    corners = outline(distances)
-    np.testing.assert_allclose(np.linalg.norm(corners - shift, axis=1), 1.0, atol=1e-4)
-    np.testing.assert_allclose(np.arctan2(*corners.T[::-1]) % (2.0 * np.pi), angles, atol=1e-12)
-
-
-def test_a_bar_reaches_from_joint_to_joint_and_moves_with_its_body():
-    scene, state = cj.mechanisms.four_bar()
-    view = cj.view(scene, state)
-    for name in ("crank", "coupler", "rocker"):
-        bar = next(part for part in view.parts if part.name == name and part.colour != METAL)
-        pose = bar.pose(0)
-        np.testing.assert_allclose(pose[:3, 3], state.bodies[name].position)
-        drawn = pose[:3, :3] @ bar.mesh.vertices.T
-        ends = [p for j in scene.joints.values() for _, b, p in j.attachments() if b == name]
-        long = np.ptp(bar.mesh.vertices[:, 0])
-        assert long == pytest.approx(np.linalg.norm(np.subtract(*ends)), rel=0.2)
-        assert np.isfinite(drawn).all()
-
-
-@pytest.mark.parametrize("sides", [(0.3, 0.1, 0.05), (0.2, 0.2, 0.2)])
-def test_the_solid_of_a_box_is_that_box(sides):
-    x, y, z = np.square(sides)
-    body = cj.Body(2.0, (2.0 * (y + z) / 12.0, 2.0 * (x + z) / 12.0, 2.0 * (x + y) / 12.0))
-    solid = equivalent_solid(body)
-    np.testing.assert_allclose(solid.sides, sides)
-    assert not solid.round
-
-
-def test_small_moments_of_inertia_are_compared_relative_to_their_size():
-    assert equivalent_solid(cj.Body(1e-5, (2e-11, 2e-11, 3e-11))).round
-
-
-def test_the_solid_of_a_turned_cylinder_is_that_cylinder():
-    radius, length, axis = 0.1, 0.3, np.array([1.0, 2.0, 2.0]) / 3.0
-    across, along = radius**2 / 4.0 + length**2 / 12.0, radius**2 / 2.0
-    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
-    solid = equivalent_solid(cj.Body(3.0, 3.0 * inertia))
-    assert solid.round
-    np.testing.assert_allclose(solid.sides, (2 * radius, 2 * radius, length))
-    np.testing.assert_allclose(abs(solid.axes[:, 2] @ axis), 1.0)
-
-
-def test_arrows_end_at_contact_points(seen):
-    pushes = [part for part in seen.parts if part.colour == FORCE]
-    assert {part.name for part in pushes} == {"pin V", "pin W"}
-    bore = recorded.RADIUS * seen.bearing_scale
-    normal = recorded.observed().contacts["pin"]["V"].normal
-    for part in pushes:
-        tips = part.poses[:, :3, 3] + part.poses[:, :3, 2]
-        lengths = np.linalg.norm(part.poses[:, :3, 2], axis=1)
-        np.testing.assert_allclose(
-            lengths[recorded.TOUCHING], recorded.FORCE * seen.force_scale, rtol=1e-9
-        )
-        assert (lengths[~recorded.TOUCHING] < 1e-6).all()
-        across = (tips * normal).sum(axis=1)[recorded.TOUCHING]
-        np.testing.assert_allclose(across, bore, rtol=1e-9)
-
-
 def test_arrows_between_the_bases_end_on_the_drawn_journal(seen):
     observed = recorded.observed()
     ends = observed.contacts["pin"]
@@ -181,65 +84,11 @@ def test_arrows_between_the_bases_end_on_the_drawn_journal(seen):
     )
 
 
-def test_long_arrows_are_cut_for_a_given_scale(seen):
-    long = cj.view(
-        recorded.arm_in_bearing(),
-        recorded.motion(),
-        observation=recorded.observed(),
-        force_scale=1.0,
-    )
-    (part, _) = [part for part in long.parts if part.colour == FORCE]
-    longest = np.linalg.norm(part.poses[:, :3, 2], axis=1).max()
-    assert longest == pytest.approx(LONGEST * 0.4, rel=0.1)
-    assert "cut at" in long.legend.notes[-1]
-
-
-def pressed(peak: float) -> cj.results.Observation:
-    """The observation with a far larger force, N, at one instant."""
-    force = recorded.observed().contacts["pin"]["V"].normal_force.copy()
-    force[-1] = peak
-    return eqx.tree_at(
-        lambda seen: seen.contacts["pin"]["V"].normal_force, recorded.observed(), force
-    )
-
-
-@pytest.mark.parametrize(("peak", "exponent"), [(800.0, 1.0), (80.0 * recorded.FORCE, 0.5)])
-def test_the_largest_force_has_the_longest_arrow_and_others_are_visible(peak, exponent):
-    scene, motion = recorded.arm_in_bearing(), recorded.motion()
-    view = cj.view(scene, motion, observation=pressed(peak))
-    (part,) = [part for part in view.parts if part.name == "pin V" and part.colour == FORCE]
-    lengths = np.linalg.norm(part.poses[:, :3, 2], axis=1)[recorded.TOUCHING]
-    assert lengths[-1] == pytest.approx(LONGEST * 0.4, rel=0.1)
-    assert lengths[0] / lengths[-1] == pytest.approx((recorded.FORCE / peak) ** exponent)
-    note = view.legend.notes[-1]
-    assert "cut" not in note and ("square root" in note) == (exponent == 0.5)
-    assert view.force_scale * peak == pytest.approx(lengths[-1])
-
-
 def test_impacts_between_the_frames_are_noted():
     saved, rows = recorded.motion(), [("pin", "V", 0.01, 0.011, 1e-3, 0.1, 0.1, 9e3, 0.01, 1e-6)]
     solution = solution_of(saved, cj.results.Impacts.of_rows(rows))
     view = cj.view(recorded.arm_in_bearing(), solution, observation=recorded.observed())
     assert view.legend.notes[-1] == "largest contact force, between frames: 9 kN"
-
-
-def test_the_motion_is_in_the_middle_of_the_picture(seen):
-    for view in (
-        seen,
-        cj.view(*cj.mechanisms.slider_crank()[:2]),
-        cj.view(*cj.mechanisms.robot_arm()[:2]),
-    ):
-        camera = view._camera
-        bodies = [part for part in view.parts if part.colour not in (FORCE, LOAD)]
-        count = 1 if view.times is None else len(view.times)
-        places = (corners(bodies, range(count)) - camera.target) @ camera.axes().T
-        distance = np.linalg.norm(camera.eye - camera.target)
-        # As a camera sees it: the farther away, the smaller.
-        across = places[:, :2] / (distance - places[:, 2:]) / np.tan(np.radians(15.0))
-        low, high = across.min(axis=0), across.max(axis=0)
-        np.testing.assert_allclose(low, -high, atol=0.03)
-        assert high[1] < 1.0 and high[0] < 1.25
-        assert max(high[1], high[0] / 1.25) > 0.6
 
 
 def test_a_run_with_steps_only_is_shown_at_equal_intervals():
@@ -259,25 +108,10 @@ def test_a_page_reports_missing_webgl(seen):
     assert "WebGL" in tail and "K3DInstance" not in tail
 
 
-def test_modes_colour_the_journal_and_are_in_the_legend(seen):
-    journal = journal_of(seen)
-    assert journal.colour_at(0) == MODES[0]
-    assert journal.colour_at(recorded.COUNT - 1) == MODES[2]
-    told = dict(seen.legend.entries)
-    assert told[MODES[0]] == "journal: free flight"
-    assert told[MODES[2]] == "journal: contact along a line"
-    assert told[FORCE] == "contact force"
-
-
 def test_the_legend_has_the_scales(seen):
     assert f"clearances enlarged {seen.clearance_scale:g} " in seen.legend.notes[0]
     assert seen.legend.notes[-1].startswith("arrows: ")
     assert all(note.split("×")[0] in seen.html for note in seen.legend.notes)
-
-
-def test_forces_can_be_omitted():
-    view = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
-    assert all(part.colour != FORCE and part.modes is None for part in view.parts)
 
 
 def test_ten_thousand_states_make_a_small_page(tmp_path):
@@ -390,22 +224,6 @@ def test_teeth_mesh_in_the_gaps_of_the_other_gear():
         assert (size[np.argmin(away)] > radius) == (name == "wheel")
 
 
-def test_bodies_without_a_state_follow_the_joints():
-    scene, _ = cj.mechanisms.double_pendulum()
-    state, fits = initial_state(scene)
-    assert fits
-    assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-12
-    assert "state found from the joints" in cj.view(scene).legend.notes[0]
-
-
-@pytest.mark.slow
-def test_loops_are_closed_without_a_state():
-    scene, _ = cj.mechanisms.four_bar()
-    state, fits = initial_state(scene)
-    assert fits
-    assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-9
-
-
 def test_a_given_mesh_replaces_the_bar(tmp_path):
     scene, state = cj.mechanisms.double_pendulum()
     box = trimesh.creation.box((1.0, 0.1, 0.1))
@@ -474,47 +292,6 @@ def test_a_run_with_rigid_contacts_and_no_saved_states_is_refused():
         cj.view(recorded.arm_in_bearing(), rigid_run(None))
 
 
-def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
-    def push(t):
-        return 100.0 * t, 0.0, 1.0
-
-    steps = cj.PiecewiseConstant([0.0, 0.01], [0.0, 20.0])
-    loads = {"push": cj.AppliedLoad("arm", push), "kick": cj.AppliedLoad("arm", (0.0, steps, 0.0))}
-    scene = dataclasses.replace(recorded.arm_in_bearing(), forces=loads)
-    view = cj.view(scene, recorded.motion(), force_scale=1e-3)
-    pushed, kicked = (next(p for p in view.parts if p.name == n).poses[:, :3, 2] for n in loads)
-    expected = np.stack([100.0 * recorded.TIMES, 0.0 * recorded.TIMES, np.ones(recorded.COUNT)], 1)
-    np.testing.assert_allclose(pushed, 1e-3 * expected, atol=1e-12)
-    np.testing.assert_allclose(kicked[:, 1], 0.02 * (recorded.TIMES >= 0.01), atol=1e-8)
-    standing = cj.view(scene, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}), force_scale=1e-3)
-    (part,) = [part for part in standing.parts if part.colour == LOAD]
-    np.testing.assert_allclose(part.poses[:, :3, 2], [[0.0, 0.0, 1e-3]], atol=1e-12)
-
-
-class Couple(Mystery):
-    """Two opposite loads."""
-
-    def draw(self, pen):
-        for sign in (-1.0, 1.0):
-            pen.load(cj.extend.Marker(self.body, (0.1 * sign, 0.0, 0.0)), (0.0, 5.0 * sign, 0.0))
-
-
-def test_all_loads_of_an_element_have_arrows():
-    scene = cj.Scene({"ball": BALL}, forces={"couple": Couple("ball")})
-    view = cj.view(scene, cj.State({"ball": cj.body_state(ORIGIN)}), force_scale=0.01)
-    arrows = [part.poses[0, :3] for part in view.parts if part.colour == LOAD]
-    np.testing.assert_allclose([arrow[0, 3] for arrow in arrows], [-0.1, 0.1])
-    np.testing.assert_allclose([arrow[1, 2] for arrow in arrows], [-0.05, 0.05])
-
-
-def test_rigid_contacts_have_no_arrows_of_forces():
-    """But the journal has the colours of its motion modes."""
-    scene, solution = recorded.arm_in_bearing(), rigid_run(recorded.motion())
-    view = cj.view(scene, solution, observation=recorded.observed())
-    assert all(part.colour != FORCE for part in view.parts)
-    assert journal_of(view).colour_at(recorded.COUNT - 1) == MODES[2]
-
-
 def test_an_observation_at_other_times_is_refused():
     later = dataclasses.replace(recorded.observed(), times=recorded.observed().times + 0.1)
     with pytest.raises(ValueError, match="`observation` must be of the motion's"):
@@ -526,20 +303,6 @@ def test_a_state_has_no_observation():
     for motion in (state, None):
         with pytest.raises(ValueError, match="`observation` must be None for a single state"):
             cj.view(scene, motion, observation=recorded.observed())
-
-
-@pytest.mark.parametrize(
-    ("time", "whole", "text"),
-    [
-        (5.0, 0.0, "t = 5.00 s"),
-        (2e-4, 0.0, "t = 200 µs"),
-        (0.0, 0.0, "t = 0.00 s"),
-        (5.0, 0.02, "t = 5000.0 ms"),
-    ],
-)
-def test_the_time_of_a_frame_has_the_unit_of_the_run(time, whole, text):
-    """If the run has a single frame, the unit is that of the time itself."""
-    assert _time_text(time, whole) == text
 
 
 def test_pictures_and_animations_are_written(seen, tmp_path):
@@ -565,41 +328,3 @@ def test_missing_packages_are_named_with_their_extra(seen, monkeypatch):
     again = cj.view(recorded.arm_in_bearing(), recorded.motion(), forces=False)
     with pytest.raises(ImportError, match=r"clearjoint\[view\]"):
         again._repr_html_()
-
-
-@pytest.mark.slow
-def test_a_solution_is_observed_and_shown():
-    scene, state = cj.mechanisms.double_pendulum()
-    times = np.linspace(0.0, 0.2, 41)
-    solution = cj.simulate(scene, state, 0.2, cj.presets.preview, save=cj.Saving(times))
-    view = cj.view(scene, solution, frames=21)
-    assert len(view.times) == 21
-    assert {part.name for part in view.parts if part.colour == FORCE} <= {"pin V", "pin W"} | {
-        f"{name} {base}" for name in scene.joints for base in "VW"
-    }
-    without = cj.simulate(scene, state, 0.01, cj.presets.preview)
-    with pytest.raises(ValueError, match="save=Saving"):
-        cj.view(scene, without)
-
-
-def test_sixty_bodies_have_different_colours():
-    given = colours([f"body {k}" for k in range(60)])
-    assert len(set(given.values())) == 61  # with the ground
-
-
-def test_the_nearest_of_crossing_triangles_is_seen_at_each_point():
-    """Random triangles, against the depths of all of them at all points."""
-    random = np.random.default_rng(7)
-    corners, closeness = random.uniform(-5.0, 45.0, (30, 3, 2)), random.uniform(0.1, 1.0, (30, 3))
-    seen = np.zeros(40 * 40)
-    for point, _, near in _covered(corners, closeness, 40, 40):
-        np.maximum.at(seen, point, near)
-    y, x = np.divmod(np.arange(1600), 40)
-    exact = np.zeros(1600)
-    for (a, b, c), values in zip(corners, closeness, strict=True):
-        weights = np.linalg.solve(
-            np.array([[*a, 1.0], [*b, 1.0], [*c, 1.0]]).T, np.array([x + 0.5, y + 0.5, 1.0 + 0 * x])
-        )
-        inside = (weights >= 0.0).all(axis=0)
-        exact[inside] = np.maximum(exact, values @ weights)[inside]
-    np.testing.assert_allclose(seen, exact, atol=1e-9)

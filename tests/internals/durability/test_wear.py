@@ -1,0 +1,159 @@
+"""Depths from forces and speeds, profiles that a parameter moves, stages and their store."""
+
+from types import SimpleNamespace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+
+import clearjoint as cj
+from clearjoint._durability import wear as wear_module
+from clearjoint._durability.wear_depths import (
+    SIGNALS,
+    depths_from_signals,
+    quadrature_times,
+    wear_depths,
+)
+from clearjoint._durability.wear_derivatives import MovingSpline
+from tests.durability.test_wear import (
+    CLEARANCE,
+    CYCLE,
+    LENGTH,
+    OF_PIN,
+    OPTIONS,
+    RADIUS,
+    RATE,
+    rough,
+    whirling,
+)
+
+
+def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
+    monkeypatch.setattr(wear_module, "wear_depths", lambda *_: (np.zeros((1, 16)), 0.0))
+    scene, state = whirling()
+    with pytest.raises(ValueError, match=r"`cycles` must be finite \(no part wears"):
+        cj.wear(scene, state, CYCLE, OF_PIN, np.inf, depth=1e-6, **OPTIONS)
+
+
+def test_derivatives_of_depths_are_those_of_differences():
+    """By the signals of a run and by the numbers of the joint."""
+    angles = np.linspace(0.0, 0.3, 41)
+    size = CLEARANCE + 5e-6
+    signals = dict.fromkeys(SIGNALS, np.ones(41)) | {
+        "V x": size * np.cos(angles),
+        "V y": size * np.sin(angles),
+        "W x": 0.9 * size * np.cos(angles),
+        "W y": 0.9 * size * np.sin(angles),
+        "x_along_y": np.zeros(41),
+        "y_along_x": np.zeros(41),
+    }
+    pin = whirling()[0].joints["pin"]
+
+    def depths(change):
+        joint = eqx.tree_at(lambda j: j.clearance, pin, CLEARANCE * (1.0 + change))
+        moved = signals | {"V x": signals["V x"] * (1.0 + 0.5 * change)}
+        rates = jnp.asarray([RATE * (1.0 + change), RATE])
+        return depths_from_signals(joint, rates, np.linspace(0.0, 1.0, 41), moved, 16)
+
+    _, slopes = jax.jvp(depths, (0.0,), (1.0,))
+    differences = (depths(1e-5) - depths(-1e-5)) / 2e-5
+    assert float(jnp.abs(slopes).max()) > 1e-12
+    np.testing.assert_allclose(slopes, differences, atol=1e-4 * float(jnp.abs(slopes).max()))
+
+
+def test_asperities_wear_before_the_surfaces_touch():
+    """The worn volume is rate times power times time, where the contact is open by 3 um."""
+    signals = dict.fromkeys(SIGNALS, np.ones(3)) | {
+        **dict.fromkeys(("V x", "W x"), np.full(3, CLEARANCE - 3e-6)),
+        **dict.fromkeys(("V y", "W y", "x_along_y", "y_along_x"), np.zeros(3)),
+    }
+    pin, times = rough()[0].joints["pin"], np.array([0.0, 1.0, 2.0])
+    wall, _ = depths_from_signals(pin, np.array([RATE, RATE]), times, signals, 96)
+    volume = wall.mean() * 2.0 * np.pi * RADIUS * LENGTH
+    np.testing.assert_allclose(volume, RATE * 2.0 * 2.0, rtol=1e-12)
+
+
+def test_a_parameter_moves_a_worn_profile():
+    coefficients = 1e-6 * np.cos(np.arange(8))
+    directions = np.concatenate([np.ones(8), np.sin(np.arange(8))])
+    still = MovingSpline(coefficients, directions, [0.0, 0.0])
+    moved = MovingSpline(coefficients, directions, [0.0, 2e-7])
+    angle = 1.3
+    assert still.at(angle).value == cj.profiles.PeriodicSpline(coefficients).at(angle).value
+    along = cj.profiles.PeriodicSpline(directions[8:]).at(angle).value
+    assert moved.at(angle).value - still.at(angle).value == pytest.approx(2e-7 * along)
+
+
+@pytest.mark.slow
+def test_the_worn_volume_is_that_of_the_reduction():
+    scene, state = whirling()
+    outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}
+    save = cj.Saving(steps=True)
+    solution = cj.simulate(scene, state, CYCLE, save=save, outputs=outputs, progress=False)
+    times = quadrature_times(solution, 0.0, CYCLE, CYCLE)
+    depths, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), times, 24)
+    volumes = depths.sum(axis=1) * 2.0 * np.pi / 24 * LENGTH * [RADIUS, RADIUS - CLEARANCE]
+    np.testing.assert_allclose(volumes, solution.outputs["wear"] * np.array([1, 2]), rtol=1e-6)
+    # The contact stays at one point of the journal.
+    assert np.argmax(depths[1]) == 0
+    assert np.count_nonzero(depths[1] > 1e-3 * depths[1].max()) < 6
+
+
+@pytest.mark.slow
+def test_a_store_of_an_earlier_version_is_not_continued(tmp_path):
+    """Forces were added to the result later."""
+    scene, state = whirling()
+    whole = cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, **OPTIONS)
+    store = wear_module._Store(tmp_path / "wear", "same")
+    store.write(whole.drop_vars("force"))
+    first = wear_module._Stages.first(scene, state, ["pin"], [], whole.sizes["angle"])
+    with pytest.raises(
+        ValueError, match="a store of this version.*without force.: pass another folder"
+    ):
+        store.read(first)
+
+
+def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
+    store, opened, reads = wear_module._Store(tmp_path / "wear", ""), xr.open_zarr, []
+
+    def write(stages):
+        depths = ("joint", "stage", "angle"), np.full((1, stages, 8), 1e-6 * stages)
+        store.write(xr.Dataset({"bearing_depth": depths}))
+
+    def replaced(*arguments, **options):
+        found = opened(*arguments, **options)
+        if not reads:
+            write(3)
+        reads.append(found)
+        return found
+
+    write(2)
+    monkeypatch.setattr(xr, "open_zarr", replaced)
+    np.testing.assert_array_equal(
+        cj.open_wear(store.path)["bearing_depth"], np.full((1, 3, 8), 3e-6)
+    )
+    assert len(reads) == 2
+
+
+def test_the_last_stage_ends_at_the_goal_without_rounding():
+    goal, begun = 961.1, 177.8
+    assert begun + (goal - begun) < goal
+    depths, of_run = np.zeros((1, 0, 2, 8)), np.zeros((2, 1, 0, 2, 8))
+    stages = wear_module._Stages(
+        [], [], np.zeros((0, 2)), [0.0, begun], [depths] * 2, [depths], [np.zeros((0, 2))], None
+    )
+    found = SimpleNamespace(failure="", halves=of_run, extremes=np.zeros((0, 2)), state=None)
+    run = SimpleNamespace(
+        measure=lambda scene, state: found,
+        difference=lambda found: 0.0,
+        tolerance=0.1,
+        cycles=np.array(goal),
+        largest_change=None,
+        stages=9,
+        depth=None,
+    )
+    stages.add(run, whirling()[0])
+    assert stages.cycles == [0.0, begun, goal] and stages.has_ended(run)

@@ -1,0 +1,79 @@
+"""Traced numbers are refused like known ones."""
+
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint._fields.cautions import quiet
+from clearjoint._fields.checks import conditions_of, recheck
+from clearjoint._simulation.run.run_checks import check_numbers
+from tests.internals.scene_files.test_round_trips import ELEMENTS, example
+from tests.scene_files.test_round_trips import BODIES, STATE
+
+VALUES = (np.nan, np.inf, -np.inf, -1.0, 0.0, 0.5, 1e6)
+"""Values that replace each number of each element."""
+
+
+def variants(tree: Any) -> tuple[list[Any], list[tuple[str, float]]]:
+    """Yield the tree with one number replaced by one of the values, and a name of the variant."""
+    leaves, structure = jax.tree.flatten(tree)
+    trees, labels = [], []
+    for k, (path, leaf) in enumerate(jax.tree_util.tree_leaves_with_path(tree)):
+        for value in VALUES:
+            changed = np.array(leaf, dtype=float)
+            changed.flat[0] = value
+            trees.append(jax.tree.unflatten(structure, [*leaves[:k], changed, *leaves[k + 1 :]]))
+            labels.append((jax.tree_util.keystr(path), value))
+    return trees, labels
+
+
+def is_refused(tree: Any) -> bool:
+    try:
+        check(tree)
+    except ValueError:
+        return True
+    return False
+
+
+def check(tree: Any) -> None:
+    if isinstance(tree, tuple):
+        return check_numbers(*tree)
+    return recheck(tree)
+
+
+@pytest.fixture(scope="module")
+def everything() -> dict[str, tuple[list[Any], list[tuple[str, float]]]]:
+    """Variants of each exported element, and of a scene with its state, by name."""
+    with quiet():
+        subjects = {name: example(name) for name in ELEMENTS}
+        subjects["Scene and State"] = cj.Scene(BODIES, gravity=(0.0, -9.81, 1.0)), STATE
+    return {name: variants(one) for name, one in subjects.items() if jax.tree.leaves(one)}
+
+
+@pytest.fixture(scope="module")
+def admissible(everything) -> dict[str, np.ndarray]:
+    """Return for each variant whether the conditions on traced numbers hold."""
+    stacked = {
+        name: jax.tree.map(lambda *leaves: np.stack([np.asarray(x, float) for x in leaves]), *trees)
+        for name, (trees, _) in everything.items()
+    }
+
+    def holds(tree: Any) -> list[jax.Array]:
+        return conditions_of(lambda: check(tree))
+
+    found = jax.jit(lambda trees: {name: jax.vmap(holds)(one) for name, one in trees.items()})
+    return {name: np.all(held, axis=0) for name, held in found(stacked).items()}
+
+
+@pytest.mark.parametrize("name", [*ELEMENTS, "Scene and State"])
+def test_traced_numbers_are_refused_like_known_ones(name, everything, admissible):
+    if name not in everything:
+        pytest.skip("has no numbers")
+    trees, labels = everything[name]
+    refused = [is_refused(tree) for tree in trees]
+    assert [*zip(labels, ~admissible[name], strict=True)] == [*zip(labels, refused, strict=True)]
+    accepted = [label for label, no in zip(labels, refused, strict=True) if not no]
+    assert all(np.isfinite(value) for _, value in accepted)

@@ -1,0 +1,98 @@
+"""Structural zeros and ones of a scene, and their effect on programs and results."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint._math.vectors import fold_constants
+from clearjoint.extend import EulerParameters, Formulation, Matrix, System, Vector, pack, unpack
+
+
+def test_exact_zeros_and_ones_of_vectors_are_structural():
+    tree = {"axis": np.array([0.0, 1.0, 1e-300]), "number": np.zeros(()), "other": np.zeros(5)}
+    folded_scene = fold_constants(tree)
+    assert folded_scene.patterns == ((0.0, 1.0, None), None, None)
+    axis = unpack(folded_scene)["axis"]
+    assert isinstance(axis, Vector) and type(axis.x) is type(axis.y) is float
+    assert axis.z == 1e-300 and type(axis.z) is not float
+    np.testing.assert_array_equal(pack(axis), tree["axis"])
+
+
+def test_components_of_matrices_keep_their_order():
+    matrix = np.array([[2.0, 0.0, 3.0], [0.0, 1.0, 0.0], [4.0, 0.0, 5.0]])
+    found = unpack(fold_constants(matrix))
+    assert isinstance(found, Matrix)
+    assert (found.row_x.y, found.row_y.y, found.row_z.y) == (0.0, 1.0, 0.0)
+    np.testing.assert_array_equal(pack(found), matrix)
+
+
+class Tables(eqx.Module):
+    table: Any = eqx.field(metadata={"table": True})
+    point: Any
+
+
+@pytest.mark.parametrize("shape", [(3,), (4,), (3, 3)])
+def test_fields_declared_as_tables_stay_arrays(shape):
+    ones = np.ones(shape)
+    tree = {"inner": [Tables((ones, ones), ones), Tables(ones, Tables(ones, ones))]}
+    for folded_scene in (tree, fold_constants(tree)):
+        first, second = unpack(folded_scene)["inner"]
+        for table in (*first.table, second.table, second.point.table):
+            assert table is ones
+        for point in (first.point, second.point.point):
+            assert isinstance(point, Vector | EulerParameters | Matrix)
+    patterns = fold_constants(tree).patterns
+    assert [patterns[k] for k in (0, 1, 3, 4)] == [None] * 4
+
+
+def test_varied_and_traced_numbers_are_not_structural():
+    assert fold_constants(np.zeros(3), varied=True).patterns == (None,)
+    patterns = []
+
+    def trace(x):
+        patterns.extend(fold_constants(x).patterns)
+        return x
+
+    jax.jit(trace)(jnp.zeros(3))
+    assert patterns == [None]
+
+
+def test_scenes_share_a_program_for_other_numbers_but_not_for_other_zeros():
+    def folded_scene(gravity):
+        return jax.tree.structure(fold_constants({"gravity": np.array(gravity)}))
+
+    assert folded_scene([0.0, 9.81, 0.0]) == folded_scene([0.0, 1.62, 0.0])
+    assert folded_scene([0.0, 9.81, 0.0]) != folded_scene([0.1, 9.81, 0.0])
+    assert folded_scene([0.0, 9.81, 0.0]) != folded_scene([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize("clearance", [pytest.param(None, marks=pytest.mark.slow), 5e-4])
+def test_constant_folding_does_not_change_rates(clearance):
+    """Accelerations of a moving double pendulum agree to rounding."""
+    scene, state = cj.mechanisms.double_pendulum(clearance)
+    spins = {"arm 2": (0.3, -0.2, 0.5), "arm 3": (1.0, -0.2, 0.5)}
+    bodies = {
+        name: cj.body_state(state.bodies[name].position, spin=spin) for name, spin in spins.items()
+    }
+    formulation = Formulation(cj.JointCoordinates())
+    coordinates = formulation.coordinates
+
+    @jax.jit
+    def rates(folded_scene):
+        scene = unpack(folded_scene)
+        variables = coordinates.encode(scene, unpack(bodies))
+        entry_speeds = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
+        found, _ = System(scene, formulation).rates(variables, entry_speeds, 0.0)
+        return jax.tree.map(jnp.asarray, found)
+
+    plain, pruned = (
+        jax.tree.leaves(rates(folded_scene)) for folded_scene in (scene, fold_constants(scene))
+    )
+    assert max(np.abs(leaf).max() for leaf in plain) > 1.0
+    for one, other in zip(plain, pruned, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-15)

@@ -1,0 +1,181 @@
+"""Matrices of blocks, linear solvers, and operations that leave out zeros."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from clearjoint._math.block_matrices import BlockMatrix
+from clearjoint._math.linear_solvers import (
+    Exact,
+    LeastNorm,
+    OrderedFactorisation,
+    ScalarMatrix,
+    UnrolledFactorisation,
+    inner,
+)
+from clearjoint._math.rotations import euler_parameter_rates, transverse_axes
+from clearjoint._math.vectors import add, multiply, subtract
+from clearjoint.extend import (
+    UNIT_X,
+    UNIT_Y,
+    UNIT_Z,
+    normalised,
+    pack,
+    rotation_matrix,
+)
+from tests.math.test_vectors import RANDOM, A, Q, equations, parameters, rotation, vector
+
+
+def test_structural_zeros_and_ones_need_no_operations():
+    x = jnp.asarray(2.0)
+    assert add(x, 0.0) is x and add(0.0, x) is x and subtract(x, 0.0) is x
+    assert multiply(x, 1.0) is x and multiply(1.0, x) is x and multiply(x, 0.0) == 0.0
+    assert float(subtract(0.0, x)) == -2.0
+
+
+def test_euler_parameter_rates_are_those_of_the_rotation():
+    """Compare with central differences of the orientation at constant angular velocity."""
+    h = 1e-5
+    p = pack(normalised(parameters(Q)))
+    rate = pack(euler_parameter_rates(parameters(p), vector(A)))
+
+    def later(t):
+        return (rotation(p) * Rotation.from_rotvec(t * A)).as_matrix()
+
+    measured = (later(h) - later(-h)) / (2 * h)
+    ahead, behind = (pack(rotation_matrix(parameters(p + s * h * rate))) for s in (1, -1))
+    np.testing.assert_allclose((ahead - behind) / (2 * h), measured, atol=1e-8)
+    np.testing.assert_allclose(np.einsum("ni,ni->n", p, rate), 0.0, atol=1e-14)
+
+
+AXES = np.concatenate(
+    [
+        np.eye(3),
+        -np.eye(3),
+        A,
+        [[1e-9, 0, -1], [0, -1e-9, -1], [1e-9, 1e-9, 1], [1, 0, 1e-300], [1, 0, -1e-300]],
+    ]
+)
+
+
+def test_transverse_axes_complete_a_right_handed_frame():
+    axes = AXES / np.linalg.norm(AXES, axis=1, keepdims=True)
+    first, second = transverse_axes(vector(axes))
+    frames = np.stack([pack(first), pack(second), axes], axis=-1)
+    gram = frames.transpose(0, 2, 1) @ frames
+    np.testing.assert_allclose(gram, np.broadcast_to(np.eye(3), gram.shape), atol=1e-14)
+    np.testing.assert_allclose(np.linalg.det(frames), 1.0, rtol=1e-14)
+
+
+def test_transverse_axes_of_z_are_x_and_y():
+    first, second = transverse_axes(UNIT_Z)
+    np.testing.assert_array_equal([pack(first), pack(second)], [pack(UNIT_X), pack(UNIT_Y)])
+
+
+def positive_definite(n, pattern):
+    """A random symmetric positive definite matrix; entries off the pattern are zero."""
+    dense = RANDOM.normal(size=(n, n))
+    return np.where(pattern(n), dense + dense.T, 0.0) + 3 * n * np.eye(n)
+
+
+def full(n):
+    return np.ones((n, n), dtype=bool)
+
+
+def arrow(n):
+    i, j = np.indices((n, n))
+    return (i == j) | (i == 0) | (j == 0)
+
+
+def tridiagonal(n):
+    i, j = np.indices((n, n))
+    return np.abs(i - j) <= 1
+
+
+def lower_triangle(matrix):
+    """As nested lists, zeros structural."""
+    return [[float(matrix[i, j]) for j in range(i + 1)] for i in range(len(matrix))]
+
+
+def unrolled(solver, s, b):
+    return np.array(solver.solving(ScalarMatrix(lower_triangle(s)))(list(b)))
+
+
+def in_blocks(solver, s, b):
+    rows = [[float(x) for x in row] for row in s]
+    return np.array(solver.solving(BlockMatrix(rows, np.eye(len(s)).tolist()))(list(b)))
+
+
+both_forms = pytest.mark.parametrize("solved", [unrolled, in_blocks])
+
+
+@both_forms
+@pytest.mark.parametrize("pattern", [full, arrow, tridiagonal, np.eye])
+@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow), 6])
+def test_exact_solution_of_a_regular_system(n, pattern, solved):
+    s = positive_definite(n, lambda n: np.asarray(pattern(n), dtype=bool))
+    b = RANDOM.normal(size=n)
+    np.testing.assert_allclose(solved(Exact(), s, b), np.linalg.solve(s, b), rtol=1e-12)
+
+
+def test_factorisation_of_a_sparse_matrix_is_sparse():
+    def cost(pattern, n=6):
+        def solve(x):
+            rows = [[x if pattern(n)[i, j] else 0.0 for j in range(i + 1)] for i in range(n)]
+            return UnrolledFactorisation(rows).solve([x] * n)
+
+        return equations(solve, 1.0)
+
+    assert cost(np.eye) == 2 * 6
+    assert cost(np.eye) < cost(tridiagonal) < cost(full) / 2
+
+
+def singular_system(rank, n):
+    """A matrix J J^T whose rows repeat each other, and a right side in its range."""
+    j = RANDOM.normal(size=(n, rank)) @ RANDOM.normal(size=(rank, rank + 2))
+    s = j @ j.T
+    return s, s @ RANDOM.normal(size=n)
+
+
+@both_forms
+@pytest.mark.parametrize(("rank", "n"), [(1, 2), (3, 5), (4, 6), (5, 5)])
+def test_least_norm_solution_of_a_singular_system(rank, n, solved):
+    s, b = singular_system(rank, n)
+    assert np.linalg.matrix_rank(s) == rank
+    x = solved(LeastNorm(), s, b)
+    expected = np.linalg.lstsq(s, b, rcond=1e-10)[0]
+    np.testing.assert_allclose(s @ x, b, atol=1e-10 * np.abs(b).max())
+    np.testing.assert_allclose(x, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@both_forms
+def test_least_norm_solution_where_the_system_is_nearly_singular_as_well(solved):
+    basis = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
+    s = basis @ np.diag([1.0, 1e-6, 0.0]) @ basis.T
+    expected = basis @ [1.0, 1.0, 0.0]
+    np.testing.assert_allclose(solved(LeastNorm(), s, s @ expected), expected, atol=1e-5)
+
+
+def test_ordered_factorisation_of_an_arrow_matrix_has_no_fill_in():
+    """Coupled to the first unknown only, n unknowns cost a few operations each; in the given order
+    the factors are full, and the cost is cubic."""
+    n = 6
+    full = np.eye(n) * 5.0
+    full[0] = full[:, 0] = RANDOM.normal(size=n)
+    full[0, 0] = 20.0
+    right = RANDOM.normal(size=n)
+
+    def solution(kind, entries, right):
+        numbers = iter(entries)
+        rows = [[next(numbers) if full[i, j] else 0.0 for j in range(i + 1)] for i in range(n)]
+        return inner(kind(rows).solve(right), [1.0] * n)
+
+    entries = [jnp.asarray(x) for x in full[np.tril_indices(n)] if x]
+    found = solution(OrderedFactorisation, entries, right)
+    np.testing.assert_allclose(found, np.linalg.solve(full, right).sum(), rtol=1e-13)
+    ordered, given = (
+        equations(lambda e, r, kind=kind: solution(kind, e, list(r)), entries, tuple(right))
+        for kind in (OrderedFactorisation, UnrolledFactorisation)
+    )
+    assert ordered < 12 * n and given > 2 * ordered

@@ -1,0 +1,46 @@
+"""Which jumps of a driver are seen between two times."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint._dynamics.breakpoints import drivers_are_smooth
+from tests.model.test_drives import ORIGIN, SHAFT, Z, shaft_scene
+
+FORMULATION = cj.extend.Formulation(cj.AbsoluteCoordinates())
+
+
+@pytest.mark.parametrize(("jump", "smooth"), [(0.0, True), (1.0, False), (2.0 * np.pi, False)])
+def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
+    """A jump of a prescribed distance by 2 pi m is one, unlike that of an angle by 2 pi rad."""
+    driver = cj.PrescribedTranslation(
+        "ground", "shaft", ORIGIN, ORIGIN, Z, lambda t: jnp.where(t < 0.05, 0.0, jump) + 0.0 * t
+    )
+    scene = cj.Scene({"shaft": SHAFT}, {"slide": driver})
+    system = cj.extend.System(cj.extend.unpack(scene), FORMULATION)
+    variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
+    assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth
+
+
+@pytest.mark.parametrize("at_middle", [pytest.param(0.0, marks=pytest.mark.slow), np.pi])
+@pytest.mark.parametrize(
+    ("turns", "smooth"),
+    [
+        pytest.param(0.0, True, marks=pytest.mark.slow),
+        (1.0, True),
+        pytest.param(0.5, False, marks=pytest.mark.slow),
+    ],
+)
+def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle):
+    """Also where the angle passes half a revolution, so that its principal value jumps."""
+    jump = 2.0 * np.pi * turns
+    driver = cj.PrescribedAngle(
+        "ground",
+        "shaft",
+        Z,
+        lambda t: at_middle + 3.0 * (t - 0.05) + jnp.where(t < 0.05, 0.0, jump),
+    )
+    system = cj.extend.System(cj.extend.unpack(shaft_scene(driver)), FORMULATION)
+    variables = system.encode(cj.extend.unpack(cj.State({"shaft": cj.body_state(ORIGIN)})).bodies)
+    assert bool(drivers_are_smooth(system, variables, 0.04, 0.06, 1e-6)) == smooth

@@ -1,0 +1,375 @@
+"""Constraint rows of ideal joints: value, Jacobian and bias against independent derivatives.
+
+The reference is numpy: bodies on the paths r + v t and A (1 + ~w t + ~w~w t^2/2), which have the
+given pose and twist and no accelerations at t = 0. Every residual is then a polynomial in t of
+degree four, of which five-point differences give the derivatives exactly.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from clearjoint import (
+    AbsoluteCoordinates,
+    Body,
+    CylindricalJoint,
+    FixedJoint,
+    InlineJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+    Scene,
+    SphericalJoint,
+    body_state,
+)
+from clearjoint._math import block_matrices
+from clearjoint._math.rotations import transverse_axes
+from clearjoint._model.joints import ideal
+from clearjoint._model.joints.constraint_rows import row_following
+from clearjoint.extend import (
+    Formulation,
+    Matrix,
+    Motion,
+    Row,
+    System,
+    Vector,
+    pack,
+    perpendicular,
+    point_in_plane,
+    rows_from_residual,
+    unpack,
+)
+from tests.support.motions import AT_REST
+
+RANDOM = np.random.default_rng(6)
+N = 12
+P1, P2, A1, A2 = RANDOM.normal(size=(4, 3))
+TURN = Rotation.from_rotvec([0.3, -1.2, 0.8])
+compare = functools.partial(np.testing.assert_allclose, rtol=1e-11, atol=1e-12)
+
+
+class Bodies:
+    """Two bodies in `n` poses with `n` twists, random unless set."""
+
+    def __init__(self, n=N):
+        self.position, self.velocity, self.spin = RANDOM.normal(size=(3, 2, n, 3))
+        self.rotation = Rotation.random(2 * n, rng=RANDOM).as_matrix().reshape(2, n, 3, 3)
+
+    def motion(self, body):
+        return Motion(
+            vector(self.position[body]),
+            matrix(self.rotation[body]),
+            vector(self.velocity[body]),
+            vector(self.spin[body]),
+        )
+
+    def motions(self):
+        return {"a": self.motion(0), "b": self.motion(1)}
+
+    def poses(self, t):
+        """Positions and rotations of both bodies at a time."""
+        turn = cross_matrix(self.spin)
+        growth = np.eye(3) + t * turn + t**2 / 2 * turn @ turn
+        return self.position + t * self.velocity, self.rotation @ growth
+
+    def derivatives(self, residual):
+        """Residuals at t = 0, and their first and second derivatives."""
+        f = [np.asarray(residual(*self.poses(t))) for t in (-2.0, -1.0, 0.0, 1.0, 2.0)]
+        first = (f[0] - 8 * f[1] + 8 * f[3] - f[4]) / 12
+        second = (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / 12
+        return f[2], first, second
+
+
+def vector(rows):
+    return Vector(*np.moveaxis(rows, -1, 0))
+
+
+def matrix(batch):
+    return Matrix(*(vector(batch[..., i, :]) for i in range(3)))
+
+
+def cross_matrix(w):
+    return np.cross(w[..., None, :], np.eye(3)).swapaxes(-1, -2)
+
+
+def row_rate(row, motions):
+    pairs = [(row.jacobian[name], motion) for name, motion in motions.items()]
+    return sum(pair.force.dot(m.velocity) + pair.moment.dot(m.spin) for pair, m in pairs)
+
+
+def spherical(r, a):
+    return np.moveaxis(r[0] + a[0] @ P1 - r[1] - a[1] @ P2, -1, 0)
+
+
+def right_angles(a, pairs):
+    return [np.sum((a[0] @ u) * (a[1] @ v), axis=-1) for u, v in pairs]
+
+
+def across(axis):
+    return [pack(v) for v in transverse_axes(Vector(*axis / np.linalg.norm(axis)))]
+
+
+def tilts(a):
+    """For eq. (26): the first axis at right angles to two directions across the second."""
+    axis = A1 / np.linalg.norm(A1)
+    return right_angles(a, [(axis, v) for v in across(A2)])
+
+
+def rotations(a):
+    x, y, z = np.eye(3)
+    to_second = TURN.inv().apply
+    return right_angles(a, [(y, to_second(z)), (z, to_second(x)), (x, to_second(y))])
+
+
+def inline(r, a):
+    gap = r[1] + a[1] @ P2 - r[0] - a[0] @ P1
+    return [np.sum((a[0] @ v) * gap, axis=-1) for v in across(A1)]
+
+
+def revolute(r, a):
+    return [*spherical(r, a), *tilts(a)]
+
+
+def cylindrical(r, a):
+    return [*inline(r, a), *tilts(a)]
+
+
+def fixed(r, a):
+    return [*spherical(r, a), *rotations(a)]
+
+
+def prismatic(r, a):
+    return [*inline(r, a), *rotations(a)]
+
+
+def plane(r, a):
+    return [np.sum((a[0] @ A1) * (r[1] + a[1] @ P2 - r[0]), axis=-1) - A1 @ P1]
+
+
+REVOLUTE = RevoluteJoint("a", "b", P1, P2, A1, A2)
+CASES = {
+    "spherical": (SphericalJoint("a", "b", P1, P2), spherical),
+    "revolute": (REVOLUTE, revolute),
+    "fixed": (FixedJoint("a", "b", P1, P2, TURN.as_quat(scalar_first=True)), fixed),
+    "inline": (InlineJoint("a", "b", P1, P2, A1), inline),
+    "cylindrical": (CylindricalJoint("a", "b", P1, P2, A1, A2), cylindrical),
+    "prismatic": (PrismaticJoint("a", "b", P1, P2, A1, TURN.as_quat(scalar_first=True)), prismatic),
+}
+PRIMITIVES = {
+    "right angle": (perpendicular, (A1, A2), lambda r, a: right_angles(a, [(A1, A2)])),
+    "point in plane": (point_in_plane, (P1, A1, P2), plane),
+}
+
+
+def check_rows(rows, residual, bodies, motions):
+    expected = bodies.derivatives(residual)
+    assert len(rows) == len(expected[0])
+    for k, row in enumerate(rows):
+        found = (row.value, row_rate(row, motions), row.bias)
+        for ours, numpys in zip(found, expected, strict=True):
+            compare(ours, numpys[k])
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_rows_of_a_joint_are_the_derivatives_of_its_residual(case):
+    joint, residual = CASES[case]
+    bodies = Bodies()
+    motions = bodies.motions()
+    check_rows(list(unpack(joint).rows(motions, 0.0).values()), residual, bodies, motions)
+
+
+@pytest.mark.parametrize("case", PRIMITIVES)
+def test_primitive_row_is_the_derivatives_of_its_residual(case):
+    primitive, parameters, residual = PRIMITIVES[case]
+    bodies = Bodies()
+    motions = bodies.motions()
+    row = primitive(("a", "b"), *motions.values(), *(Vector(*p) for p in parameters))
+    check_rows([row], residual, bodies, motions)
+
+
+def test_rows_from_a_residual_are_those_by_hand():
+    """A residual as in a user-defined constraint."""
+    joint = unpack(REVOLUTE)
+    axis, across = A1 / np.linalg.norm(A1), transverse_axes(Vector(*A2 / np.linalg.norm(A2)))
+
+    def residual(first, second):
+        (r1, a1), (r2, a2) = first, second
+        gap = r1 + a1 @ joint.point_first - r2 - a2 @ joint.point_second
+        return gap.x, gap.y, gap.z, *((a1 @ Vector(*axis)).dot(a2 @ v) for v in across)
+
+    motions = Bodies(1).motions()
+    motions = jax.tree.map(lambda leaf: leaf[0] if np.ndim(leaf) else leaf, motions)
+    by_hand = joint.rows(motions, 0.0)
+    by_jax = rows_from_residual(("a", "b"), list(by_hand), residual, *motions.values())
+    jax.tree.map(compare, by_jax, by_hand)
+    with pytest.raises(ValueError, match="`labels` must be 5, as many as the residual has values"):
+        rows_from_residual(("a", "b"), list(by_hand)[:4], residual, *motions.values())
+
+
+def test_a_row_follows_two_functions_of_time():
+    row = Row(jnp.asarray(2.0), {}, jnp.asarray(0.5))
+    twice = row_following(row_following(row, jnp.sin, 0.3), lambda t: t**3, 0.3)
+    once = row_following(row, lambda t: jnp.sin(t) + t**3, 0.3)
+    jax.tree.map(compare, twice, once)
+
+
+def test_ground_is_a_body_at_rest_in_the_origin():
+    """Pruning what the ground makes zero changes nothing else."""
+    joint, bodies = unpack(REVOLUTE), Bodies()
+    bodies.position[0] = bodies.velocity[0] = bodies.spin[0] = 0.0
+    bodies.rotation[0] = np.eye(3)
+    full = joint.rows(bodies.motions(), 0.0)
+    pruned = joint.rows({"a": AT_REST, "b": bodies.motion(1)}, 0.0)
+    assert pruned.keys() == full.keys()
+    for label, row in full.items():
+        compare(pruned[label].value, row.value)
+        compare(pruned[label].bias, row.bias)
+        jax.tree.map(compare, spread(pruned[label].jacobian["b"]), spread(row.jacobian["b"]))
+
+
+def spread(wrench):
+    """Force and moment as arrays of shape (n, 3)."""
+    return [np.broadcast_to(pack(v), (N, 3)) for v in (wrench.force, wrench.moment)]
+
+
+AXES = [
+    *np.eye(3),
+    *-np.eye(3),
+    *RANDOM.normal(size=(6, 3)),
+    np.array([1e-9, 0.0, -1.0]),
+    np.array([0.0, 1e-5, -1.0]),
+    np.array([0.0, -1e-12, 1.0]),
+]
+
+
+def jacobian(joint, bodies):
+    """Of the rows at the first pose, with respect to (velocity, spin) of both bodies."""
+    rows = unpack(joint).rows(bodies.motions(), 0.0).values()
+    np.testing.assert_allclose([np.ravel(row.value)[0] for row in rows], 0.0, atol=1e-14)
+    parts = [spread(row.jacobian["a"]) + spread(row.jacobian["b"]) for row in rows]
+    return np.array([np.concatenate([part[0] for part in four]) for four in parts])
+
+
+def joined(joint, turn):
+    """Bodies with coincident points, whose second is turned against the first."""
+    bodies = Bodies()
+    bodies.rotation[1] = bodies.rotation[0] @ turn
+    first = bodies.position[0] + bodies.rotation[0] @ joint.point_first
+    bodies.position[1] = first - bodies.rotation[1] @ joint.point_second
+    return bodies
+
+
+def free_rank(matrix):
+    """Rank with a gap: no singular value is small."""
+    return np.linalg.matrix_rank(matrix, tol=0.1)
+
+
+@pytest.mark.parametrize("antiparallel", [False, True])
+def test_revolute_joint_has_five_independent_rows_for_every_axis(antiparallel):
+    """And leaves the second body free to turn about the axis, frames antiparallel or not."""
+    for axis in AXES:
+        axis = axis / np.linalg.norm(axis)
+        turn = Rotation.from_rotvec(0.7 * axis).as_matrix()
+        if antiparallel:
+            across = np.cross(axis, [0.6, 0.0, 0.8] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
+            flip = Rotation.from_rotvec(np.pi * across / np.linalg.norm(across)).as_matrix()
+            turn = turn @ flip
+        axis_second = turn.T @ axis
+        joint = RevoluteJoint("a", "b", P1, P2, 3.0 * axis, 0.2 * axis_second)
+        bodies = joined(joint, turn)
+        j = jacobian(joint, bodies)
+        spin = np.concatenate([-bodies.rotation[1][0] @ np.cross(axis_second, P2), axis_second])
+        assert j.shape == (5, 12) and free_rank(j) == 5
+        np.testing.assert_allclose(j @ np.concatenate([np.zeros(6), spin]), 0.0, atol=1e-13)
+
+
+def test_revolute_joint_accepts_opposite_axes():
+    """Axes that point against each other are parallel too."""
+    joint = RevoluteJoint("a", "b", P1, P2, A1, -A1)
+    assert free_rank(jacobian(joint, joined(joint, np.eye(3)))) == 5
+
+
+def test_spherical_joint_has_three_independent_rows():
+    joint = CASES["spherical"][0]
+    j = jacobian(joint, joined(joint, Rotation.random(rng=RANDOM).as_matrix()))
+    assert j.shape == (3, 12) and free_rank(j) == 3
+
+
+def test_fixed_joint_has_six_independent_rows():
+    joint = CASES["fixed"][0]
+    j = jacobian(joint, joined(joint, TURN.as_matrix()))
+    assert j.shape == (6, 12) and free_rank(j) == 6
+
+
+def test_sliding_joints_have_independent_rows_and_leave_the_slide_free():
+    """Along every axis, at every offset along it: turned by TURN, and about the axis or not."""
+    quaternion = TURN.as_quat(scalar_first=True)
+    for axis in AXES:
+        axis = axis / np.linalg.norm(axis)
+        cases = (
+            (PrismaticJoint("a", "b", P1, P2, 3.0 * axis, quaternion), TURN.as_matrix(), 5),
+            (CylindricalJoint("a", "b", P1, P2, axis, TURN.inv().apply(axis)),
+             (Rotation.from_rotvec(0.7 * axis) * TURN).as_matrix(), 4),
+            (InlineJoint("a", "b", P1, P2, axis), Rotation.random(rng=RANDOM).as_matrix(), 2),
+        )  # fmt: skip
+        for joint, turn, count in cases:
+            bodies = joined(joint, turn)
+            bodies.position[1] += 2.5 * bodies.rotation[0] @ axis
+            j = jacobian(joint, bodies)
+            slide = np.concatenate([np.zeros(6), bodies.rotation[0][0] @ axis, np.zeros(3)])
+            assert j.shape == (count, 12) and free_rank(j) == count
+            np.testing.assert_allclose(j @ slide, 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("case", ["revolute", "fixed", "cylindrical", "prismatic"])
+def test_a_tilted_joint_violates_its_rows(case):
+    """A turn by 1e-3 about each axis that the joint holds shows as 1e-3 in its rows."""
+    joint = CASES[case][0]
+    turned = case in ("fixed", "prismatic")
+    start = TURN if turned else Rotation.align_vectors(A1, A2)[0]
+    held = np.eye(3) if turned else np.cross(A1, np.eye(3)[:2])
+    for axis in held:
+        tilt = Rotation.from_rotvec(1e-3 * axis / np.linalg.norm(axis))
+        rows = unpack(joint).rows(joined(joint, (tilt * start).as_matrix()).motions(), 0.0)
+        size = np.linalg.norm([np.ravel(row.value)[0] for row in rows.values()])
+        assert size == pytest.approx(1e-3, rel=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("redundant", [False, True])
+def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
+    """Large systems are solved in blocks; here a small one is as well.
+
+    The revolute joint is there twice where redundant multipliers of least norm are sought.
+    """
+    joints = {"hinge": REVOLUTE, "ball": SphericalJoint("ground", "b", P1, A1)}
+    joints |= {"again": REVOLUTE} if redundant else {}
+    scene = unpack(Scene({"a": Body(2.0, (1.0, 1.2, 1.4)), "b": Body(0.5, np.eye(3))}, joints))
+    variables = {
+        name: unpack(body_state(p, TURN.as_quat(scalar_first=True), A1, A2))
+        for name, p in (("a", P1), ("b", P2))
+    }
+
+    def found(most_multiplications):
+        monkeypatch.setattr(block_matrices, "MOST_MULTIPLICATIONS", most_multiplications)
+        formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
+        return System(scene, formulation).dynamics(variables, {}, 0.0)
+
+    unrolled, blocks = found(1e9), found(0)
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)
+    jax.tree.map(close if redundant else compare, unrolled.multipliers, blocks.multipliers)
+    jax.tree.map(compare, unrolled.accelerations, blocks.accelerations)
+    if redundant:
+        jax.tree.map(close, blocks.multipliers["hinge"], blocks.multipliers["again"])
+
+
+def test_assembly_knows_every_joint_that_holds_an_orientation():
+    """Rows of such a joint also vanish half a revolution off, which assembly must refuse."""
+    values = [value for value in vars(ideal).values() if isinstance(value, type)]
+    classes = [value for value in values if issubclass(value, ideal.AbstractPairJoint)]
+    oriented = [c for c in classes if "orientation" in getattr(c, "__dataclass_fields__", {})]
+    assert len(oriented) >= 2
+    assert all(issubclass(c, ideal.AbstractOrientedJoint) for c in oriented)

@@ -1,0 +1,204 @@
+"""Long programs that are divided into pieces, and functions that exchange arrays in memory."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import lax
+
+from clearjoint._compilation.xla import elementwise
+from clearjoint._math.stacked import FEWEST, Stacked, stacked, unstacked
+from clearjoint._native import UnsupportedPrimitiveError, llvm_text, lowering, pieces
+from clearjoint._native.functions import NativeProgram
+from tests.internals.native.test_repeated_calls import START, derivatives, run
+from tests.support.random_programs import RandomProgram
+
+
+@pytest.fixture
+def short_pieces(monkeypatch):
+    monkeypatch.setattr(llvm_text, "FEWEST", 0)
+    monkeypatch.setattr(pieces, "LONGEST", 3)
+    monkeypatch.setattr(pieces, "LENGTH", 2)
+
+
+@pytest.mark.parametrize(("function", "tangents"), [(run, 0), (derivatives, 3)])
+@pytest.mark.parametrize("smallest", [1, 10**9])
+def test_divided_programs_have_the_same_bits(function, tangents, smallest, monkeypatch, request):
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", smallest)
+    monkeypatch.setattr(lowering, "SMALLEST_SHARED", smallest)
+    closed = jax.make_jaxpr(function)(*START)
+    whole = NativeProgram(closed, tangents)
+    request.getfixturevalue("short_pieces")
+    divided = NativeProgram(closed, tangents)
+    assert divided.code.text.count("define") > whole.code.text.count("define") + 20
+    for one, other in zip(divided(START), whole(START), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "size"),
+    [(range(4000, 4012), 5), pytest.param(range(5000, 5300), 14, marks=pytest.mark.slow)],
+    ids=["few", "many"],
+)
+def test_divided_random_programs_have_the_same_bits(seeds, size, monkeypatch, request):
+    programs = {}
+    for part in ("whole", "divided"):
+        if part == "divided":
+            request.getfixturevalue("short_pieces")
+        for seed in seeds:
+            program = RandomProgram(seed, size)
+            closed = jax.make_jaxpr(program)(*program.arguments(0))
+            try:
+                native = NativeProgram(closed, tangents=4 if seed % 4 == 3 else 0)
+            except UnsupportedPrimitiveError:
+                continue
+            programs[part, seed] = native(program.arguments(1))
+    assert len(programs) > len(seeds)
+    for (part, seed), results in programs.items():
+        for one, other in zip(results, programs["whole", seed], strict=True):
+            np.testing.assert_array_equal(one, other, err_msg=f"{part}, seed {seed}")
+
+
+def test_functions_get_and_return_large_arrays(monkeypatch):
+    """Each call has arrays of its own, also those that are read after later calls."""
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", 1)
+
+    @jax.jit
+    def rates(y, k, table):
+        return jnp.sin(y) * k + table, y[0]
+
+    def stages(y, k, table):
+        first, a = rates(y, k, table)
+        second, b = rates(y + 0.5 * first, k, table)
+        third, c = rates(first - second, 2.0 * k, table)
+        written = first.at[3].set(c)
+        again, d = rates(written, k, table)
+        return first, second, third, again, written, a + b + c + d
+
+    arguments = (
+        jnp.linspace(0.0, 2.0, 60),
+        jnp.asarray(1.7),
+        jnp.asarray(np.random.default_rng(3).normal(size=60)),
+    )
+    native = NativeProgram(jax.make_jaxpr(stages)(*arguments))
+    assert native.code.text.count("call void @f") == 4
+    for mine, expected in zip(native(arguments), jax.jit(stages)(*arguments), strict=True):
+        np.testing.assert_allclose(mine, expected, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("size", [FEWEST - 1, FEWEST, pytest.param(200, marks=pytest.mark.slow)])
+def test_stacked_trees_have_the_results_of_their_leaves(size):
+    rng = np.random.default_rng(size)
+    tree = {f"x{k}": jnp.asarray(v) for k, v in enumerate(rng.normal(size=size))}
+
+    def formula(h, x):
+        return x + h * (0.3 * jnp.exp(x) - 0.1 * x)
+
+    def by_leaf(h, tree):
+        return jax.tree.map(partial(formula, h), tree)
+
+    def by_array(h, tree):
+        form = stacked(tree)
+        assert isinstance(form, Stacked) == (size >= FEWEST)
+        return unstacked(jax.tree.map(partial(elementwise, formula, h), form))
+
+    natives = [NativeProgram(jax.make_jaxpr(f)(0.5, tree)) for f in (by_leaf, by_array)]
+    leaves = [0.5, *jax.tree.leaves(tree)]
+    written_out, array = (np.ravel(native(leaves)) for native in natives)
+    np.testing.assert_array_equal(array, written_out)
+    np.testing.assert_allclose(array, jax.tree.leaves(by_array(0.5, tree)), rtol=1e-15)
+    if size == 200:
+        assert len(natives[1].code.text) < 0.8 * len(natives[0].code.text)
+
+
+@pytest.mark.parametrize("is_linear", [True, False])
+@pytest.mark.parametrize("count", [1, 3, pytest.param(8, marks=pytest.mark.slow)])
+def test_stacked_trees_have_the_derivatives_of_their_leaves(count, is_linear):
+    rng = np.random.default_rng(count)
+    names = [f"x{k:03}" for k in range(FEWEST + 1)]
+    tree = dict(zip(names, jnp.asarray(rng.normal(size=len(names))), strict=True))
+    along = {name: jnp.asarray(rng.normal(size=count)) for name in names}
+
+    def formula(h, x):
+        return x + h * (0.3 * (x if is_linear else jnp.exp(x)) - 0.1 * x)
+
+    def by_leaf(h, tree):
+        return jax.tree.map(partial(formula, h), tree)
+
+    def by_array(h, tree):
+        return unstacked(jax.tree.map(partial(elementwise, formula, h), stacked(tree)))
+
+    def differentiated(h, tree, along, by):
+        # Twice, so that tangents of a result are those of an argument.
+        def twice(tree):
+            return by(h, by(2.0 * h, tree))
+
+        derivative = jax.vmap(lambda along: jax.jvp(twice, (tree,), (along,)), out_axes=(None, 0))
+        return derivative(along)
+
+    arguments = 0.5, tree, along
+    # As in runs with derivatives, tangents are vectors of the processor.
+    tangents = count if count > 1 else 0
+    programs = [
+        NativeProgram(jax.make_jaxpr(partial(differentiated, by=by))(*arguments), tangents)
+        for by in (by_leaf, by_array)
+    ]
+    leaves = jax.tree.leaves(arguments)
+    written_out, array = (np.concatenate(program(leaves), axis=None) for program in programs)
+    # A nonlinear function has a loop for its values and others for its derivatives, so that other
+    # products are fused with sums.
+    if is_linear:
+        np.testing.assert_array_equal(array, written_out)
+    values = np.array([*tree.values()]), np.array([*along.values()]).T
+    value, derivatives = differentiated(0.5, *values, by=formula)
+    expected = np.concatenate([value, derivatives.T], axis=None)
+    np.testing.assert_allclose(array, expected, rtol=1e-13, atol=1e-15)
+
+
+def test_stacked_trees_are_in_memory():
+    assert FEWEST == lowering.LARGEST_UNROLLED + 1
+
+
+def test_elementwise_functions_without_rules_for_elements_are_computed():
+    def function(h, x):
+        return elementwise(lambda h, x: jnp.cumsum(jnp.broadcast_to(h, x.shape) * x), h, x)
+
+    arguments = jnp.asarray(0.5), jnp.linspace(0.0, 1.0, 60)
+    native = NativeProgram(jax.make_jaxpr(function)(*arguments))
+    np.testing.assert_allclose(native(arguments)[0], function(*arguments), rtol=1e-14)
+
+
+def test_other_trees_are_not_stacked():
+    mixed = [jnp.asarray(1.0)] * 60 + [jnp.zeros(2)]
+    assert stacked(mixed) is mixed
+    numbers = [1.0] * 60
+    assert stacked(numbers) is numbers
+    assert unstacked(numbers) is numbers
+
+
+def test_loops_read_what_pieces_compute(short_pieces):
+    def function(x):
+        y, z = jnp.sin(x), jnp.exp(-x)
+        total = lax.fori_loop(0, 5, lambda k, s: s * y + z * jnp.cos(s + y) - z, x)
+        return lax.cond(total > 0.0, lambda: total * y - z, lambda: total + y * z), y + z
+
+    native = NativeProgram(jax.make_jaxpr(function)(0.3))
+    np.testing.assert_allclose(native([0.3]), jax.jit(function)(0.3), rtol=1e-14)
+
+
+def test_pieces_keep_what_was_read_before_cells_are_overwritten(short_pieces):
+    def function(x):
+        first, second = x[0], x[1]
+        x = lax.dynamic_update_index_in_dim(x, jnp.sin(first), 0, 0)
+        x = lax.fori_loop(0, 4, lambda k, x: x.at[k].set(2.0 * x[k + 1]), x)
+        total = first
+        for k in range(8):
+            total = jnp.cos(total * second) + (k + 1.0) * first
+        return total, x
+
+    x = jnp.linspace(1.0, 2.0, 60)
+    native = NativeProgram(jax.make_jaxpr(function)(x))
+    for mine, expected in zip(native([x]), jax.jit(function)(x), strict=True):
+        np.testing.assert_allclose(mine, expected, rtol=1e-14)

@@ -1,0 +1,201 @@
+"""Runs in native code against the same runs compiled by XLA."""
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint import _native as native
+from clearjoint import extend
+from clearjoint._compilation import Compiled
+from clearjoint._native import NativeFallbackWarning
+from clearjoint._native.compiled import SWITCH, _reported
+
+SPRING = cj.SpringDamper("ground", "mass", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+SPEED = cj.quantities.Velocity("mass", "x")
+STATE = cj.State({"mass": cj.body_state((0.1, 0.0, 0.0))})
+
+
+def mass_on(*forces: cj.extend.AbstractForce) -> cj.Scene:
+    named = {f"force {k}": force for k, force in enumerate(forces)}
+    return cj.Scene({"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, forces=named)
+
+
+def both(monkeypatch, call):
+    """Return results in native code, without fallback, and by XLA."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", NativeFallbackWarning)
+        native = call()
+    monkeypatch.setenv(SWITCH, "0")
+    return native, call()
+
+
+def assert_close(one, other, tolerance):
+    np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance)
+
+
+@pytest.mark.slow
+def test_a_spring_moves_as_with_xla(monkeypatch):
+    save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
+    native, xla = both(
+        monkeypatch, lambda: cj.simulate(mass_on(SPRING), STATE, 1.0, save=save, progress=False)
+    )
+    assert native.attempts == xla.attempts
+    for ours, theirs in ((native.saved, xla.saved), (native.steps, xla.steps)):
+        for one, other in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
+            assert_close(one, other, 1e-10)
+
+
+def runs(*settings: cj.Settings, save: cj.Saving | None = None, outputs: Any = None):
+    """Return a call that simulates the spring with each of the settings."""
+
+    def call():
+        for own in settings:
+            cj.simulate(mass_on(SPRING), STATE, 0.01, own, save, outputs=outputs, progress=False)
+
+    return call
+
+
+def observe():
+    scene = mass_on(SPRING)
+    times = cj.Saving(np.linspace(0.0, 0.01, 3))
+    run = cj.simulate(scene, STATE, 0.01, save=times, progress=False)
+    return lambda: cj.observe(scene, run)
+
+
+def swept():
+    axis = cj.Axis(lambda scene: scene.forces["force 0"].stiffness, [100.0, 200.0])
+    cj.sweep(mass_on(SPRING), STATE, 0.01, {"stiffness": axis}, progress=False)
+
+
+def differentiated():
+    stiffness = {"k": cj.Parameter(lambda scene: scene.forces["force 0"].stiffness, cj.Log())}
+    x = {"x": cj.quantities.Position("mass", "x")}
+    cj.sensitivities(mass_on(SPRING), STATE, 0.01, stiffness, x, [0.01], progress=False)
+
+
+def inside_of_jit():
+    def end(stiffness):
+        scene = cj.set_value(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
+        run = cj.simulate(scene, STATE, 0.01, throw=False, progress=False)
+        return run.final.bodies["mass"].position
+
+    return jax.jit(end)(100.0)
+
+
+EXPLICIT = [diffrax.Heun(), diffrax.Bosh3(), diffrax.Dopri5(), diffrax.Dopri8()]
+CALLS = {
+    "`simulate` with joint or absolute coordinates, any stabilisation, the energy ledger": runs(
+        cj.Settings(),
+        cj.Settings(coordinates=cj.AbsoluteCoordinates(), stabilisation=cj.Projection()),
+        cj.Settings(stabilisation=cj.Unstabilised(), ledger=True),
+    ),
+    "`simulate` with states, steps, impacts and outputs saved": runs(
+        cj.Settings(),
+        save=cj.Saving([0.0, 0.005], steps=True, impacts=True),
+        outputs={
+            "speed": SPEED,
+            "zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2),
+        },
+    ),
+    "`simulate` with an explicit solver, or a controller of diffrax": runs(
+        *(cj.Settings(solver=solver) for solver in EXPLICIT),
+        cj.Settings(controller=diffrax.PIDController(1e-6, 1e-9)),
+        cj.Settings(controller=diffrax.ConstantStepSize(), first_step=1e-3),
+    ),
+    "`simulate` with an implicit solver": runs(cj.Settings(solver=diffrax.Kvaerno5(), atol=1e-9)),
+    "`sweep`": swept,
+    "`sensitivities`": differentiated,
+    "`simulate_nonsmooth`": lambda: cj.simulate_nonsmooth(
+        *cj.mechanisms.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
+    ),
+    "`observe`": lambda: observe()(),
+    "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
+    "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
+}
+SLOW = {
+    "`simulate` with an explicit solver, or a controller of diffrax",
+    "`simulate` with an implicit solver",
+    "`free_impact`",
+    "`simulate_nonsmooth`",
+    "`simulate` with states, steps, impacts and outputs saved",
+    "`observe`",
+    "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`",
+}
+"""Calls that compile for seconds."""
+README = Path(native.__file__).with_name("README.md").read_text(encoding="utf-8")
+TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", README, re.MULTILINE))
+
+
+def test_the_table_of_native_calls_is_complete():
+    assert list(TABLE) == list(CALLS)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in CALLS]
+)
+def test_the_table_is_correct(name, monkeypatch):
+    by_xla = []
+
+    def recorded(self, *arguments, called=Compiled.__call__, **options):
+        by_xla.append(self.__wrapped__.__qualname__)
+        return called(self, *arguments, **options)
+
+    _reported.clear()
+    monkeypatch.setattr(Compiled, "__call__", recorded)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NativeFallbackWarning)
+        CALLS[name]()
+    assert bool(by_xla) == (TABLE[name] == "XLA"), by_xla
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "settings",
+    [
+        cj.Settings(coordinates=cj.AbsoluteCoordinates()),
+        cj.Settings(solver=diffrax.Dopri8(), rtol=1e-9),
+        cj.Settings(solver=diffrax.Heun()),
+        cj.Settings(ledger=True),
+    ],
+    ids=["absolute", "Dopri8", "Heun", "ledger"],
+)
+def test_settings_give_the_same_motion_as_with_xla(settings, monkeypatch):
+    scene, state = cj.mechanisms.double_pendulum()
+    native, xla = both(
+        monkeypatch, lambda: cj.simulate(scene, state, 0.02, settings, progress=False)
+    )
+    for name, body in native.final.bodies.items():
+        assert_close(body.position, xla.final.bodies[name].position, 1e-9)
+
+
+class Eigenforce(cj.extend.AbstractForce):
+    """A force with a matrix decomposition, for which native code has no rule."""
+
+    body: str
+
+    def body_names(self):
+        return (self.body,)
+
+    def wrenches(self, motions, t):
+        least = jnp.linalg.eigvalsh(jnp.array([[2.0, t], [t, 2.0]]))[0]
+        return {
+            self.body: motions[self.body].wrench(cj.extend.Vector(least, 0.0, 0.0), extend.ZERO)
+        }
+
+
+def test_xla_compiles_a_primitive_without_a_rule_with_one_warning():
+    """The exact motion is 2 - t."""
+    _reported.clear()
+    with pytest.warns(NativeFallbackWarning, match=r"no native code for .*test_scenes.py") as seen:
+        solution = cj.simulate(mass_on(Eigenforce("mass")), STATE, 0.5, progress=False)
+    assert len([w for w in seen if w.category is NativeFallbackWarning]) == 1
+    x = solution.final.bodies["mass"].position[0]
+    assert x == pytest.approx(0.1 + 0.5**2 - 0.5**3 / 6, abs=1e-9)

@@ -1,0 +1,149 @@
+"""Programs of runs, checks and records: how many are compiled."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint._fields.objects import on_device, with_arrays
+from clearjoint._simulation.run import run_checks
+from clearjoint._simulation.run.host_run import segment_compiled
+from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
+from clearjoint._simulation.run.sampling import sampled_compiled
+from clearjoint._simulation.run.simulate import begin_compiled
+from tests.simulation import test_compilations
+from tests.simulation.test_compilations import END, PLACE, SHORT, STIFFNESS, along
+
+compiled = test_compilations.compiled
+damped = test_compilations.damped
+rod = test_compilations.rod
+
+
+@pytest.mark.parametrize("value", [0.125, 3, np.float64(2.0), np.zeros(13), np.zeros((2, 7))])
+def test_numbers_of_the_host_come_to_the_device_without_a_program(value, compiled):
+    before = compiled()
+    array = on_device(value)
+    assert compiled() == before
+    assert array.dtype == float and not array.weak_type
+    np.testing.assert_array_equal(array, value)
+
+
+@pytest.mark.slow
+def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
+    scene, state = damped
+    channel = PLACE["x"]
+
+    def fit(count, end=END, **options):
+        times = np.linspace(0.0, end, count)
+        saved = cj.simulate(scene, state, end, save=cj.Saving(times)).saved
+        values = saved.states.bodies["mass"].position[:, 0]
+        data = cj.Measurements({"x": cj.Series(channel, times, values, 1e-4, "m")})
+        guess = {"k": 45.0}
+        return cj.identify(scene, state, data, STIFFNESS, guess=guess, progress=False, **options)
+
+    along(damped, 3)
+    along(damped, 70)
+    programs = sampled_compiled.programs()
+    fit(5)
+    fit(70)
+    looked_at = {"x": cj.Sensor(channel, np.linspace(0.0, END, 70), 1e-4)}
+    cj.identifiability(scene, state, STIFFNESS, looked_at)
+    assert sampled_compiled.programs() == programs
+    before, counts = compiled(), {}
+    changes = {
+        "length": (63, {}),
+        "longer": (100, {}),
+        "end": (5, {"end": 0.2}),
+        "windows": (60, {"grow": (0.1, 0.2)}),
+        "starts": (5, {"starts": cj.Starts(2)}),
+    }
+    for name, (count, options) in changes.items():
+        fit(count, **options)
+        counts[name] = compiled() - before
+        before = compiled()
+    assert {name: count for name, count in counts.items() if count} == {}
+
+
+NUMBERS = (1.1e-3, np.float64(1.2e-3), np.float32(1.3e-3), np.asarray(1.4e-3), jnp.asarray(1.5e-3))
+
+
+def native_programs() -> int:
+    """How many programs runs, and checks of their starts, have compiled."""
+    return sum(one.programs() for one in (begin_compiled, segment_compiled)) + starts.count()
+
+
+def test_a_number_is_a_number_whatever_its_type(rod):
+    """`equinox.tree_at` puts it into a scene as it is, where it would be part of the program."""
+    scene, state = rod
+    scene = eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, 1)
+    cj.simulate(scene, state, SHORT, progress=False)
+    before = native_programs()
+    finals = []
+    for number in NUMBERS:
+        wider = eqx.tree_at(lambda s: s.joints["pin"].clearance, scene, number)
+        same = cj.set_value(scene, lambda s: s.joints["pin"].clearance, float(number))
+        runs = [cj.simulate(one, state, SHORT, progress=False) for one in (wider, same)]
+        finals.append([run.final.bodies["rod"].position for run in runs])
+    assert native_programs() - before <= 1  # Of the checks, once they are many.
+    np.testing.assert_array_equal(*zip(*finals, strict=True))
+
+
+def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
+    scene, state = rod
+    before = starts.count()
+    for clearance in np.linspace(1e-3, 1.5e-3, 2 * BY_NUMPY):
+        wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, clearance)
+        cj.simulate(wider, state, SHORT, progress=False)
+    assert starts.count() - before <= 1
+
+
+def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
+    """Other numbers are, and so is a start that leads to a warning."""
+    scene, state = rod
+    checked, own = [], type(starts)()
+    monkeypatch.setattr(run_checks, "starts", own)
+
+    def check(scene, state):
+        return run_checks.check_start(*with_arrays((scene, state)), 0.0, cj.JointCoordinates())
+
+    wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1.9e-3)
+    with monkeypatch.context() as patch:
+        patch.setattr(run_checks, "_recheck", checked.append)
+        for _ in range(3):
+            for each in (scene, wider):
+                check(each, state)
+    assert len(checked) == 2
+    deep = cj.set_value(state, lambda s: s.bodies["rod"].position, (2e-3, -0.2, 0.0))
+    for _ in range(2):
+        with pytest.warns(cj.UnusualValueWarning, match="deep in the wall"):
+            check(scene, deep)
+    for mass in np.linspace(1.0, 2.0, BY_NUMPY + 2):
+        check(cj.set_value(scene, lambda s: s.bodies["rod"].mass, mass), state)
+        for number in (np.nan, -1.0):
+            with pytest.raises(ValueError, match="`mass` must be (finite|positive)"):
+                wrong = eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, np.asarray(number))
+                check(wrong, state)
+    assert own.count() == 1
+
+
+def test_the_first_starts_of_a_structure_are_checked_without_a_program():
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    state, own = cj.State({"ball": cj.body_state((0.1, 0, 0))}), type(starts)()
+    found = []
+    for _ in range(BY_NUMPY + 2):
+        redundant = own.redundant(flat_start(scene, state, 0.0, cj.AbsoluteCoordinates()))
+        found.append((redundant, own.count()))
+    assert found == [(None, 0)] * BY_NUMPY + [((), 1)] * 2
+
+
+def test_a_number_of_a_class_that_converts_none_stays_part_of_the_program():
+    repeated = with_arrays({"own": Repeated(3, True), "state": cj.State({}, work={"air": 2})})
+    assert repeated["own"].times == 3 and repeated["own"].flag is True
+    assert repeated["state"].work["air"].dtype == float
+
+
+class Repeated(eqx.Module):
+    times: int
+    flag: bool

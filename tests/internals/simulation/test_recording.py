@@ -1,0 +1,185 @@
+"""States and impacts that are recorded with derivatives: those of a run without derivatives."""
+
+from dataclasses import fields
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import clearjoint as cj
+from clearjoint._simulation.run import host_run
+from clearjoint._simulation.run import sampling as module
+from clearjoint._simulation.run.impact_recorder import (
+    ContactInstant,
+    ContactRecord,
+    ContactSoFar,
+    ImpactRow,
+    end_in_step,
+    impact_rows_of,
+    most,
+    peak_in_step,
+)
+from clearjoint._simulation.run.recorders import RowBuffer
+from tests.support.dropped_rod import dropped_rod
+from tests.support.recorded_rod import EIGHTHS, END, deepest, everything, recorded_rod
+
+
+@pytest.mark.slow
+def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
+    found = recorded_rod()
+    options = {"save": everything(), "outputs": deepest()}
+    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, **options)
+    assert found.saved is not None and found.impacts is not None and run.saved is not None
+    np.testing.assert_array_equal(found.saved.times, EIGHTHS)
+    np.testing.assert_array_equal(
+        found.saved.states.bodies["rod"].position[::4, 1], found.outputs["height"]
+    )
+    jax.tree.map(
+        lambda here, there: np.testing.assert_allclose(here, there, rtol=1e-6, atol=1e-7),
+        found.saved.states,
+        run.saved.states,
+    )
+    assert len(found.impacts) == len(run.impacts) >= 2
+    for field in fields(cj.results.Impacts):
+        here, there = (getattr(table, field.name) for table in (found.impacts, run.impacts))
+        if field.name in ("joint", "contact"):
+            assert (here == there).all()
+        else:
+            np.testing.assert_allclose(here, there, rtol=1e-6, err_msg=field.name)
+    here, there = found.outputs["deepest"], run.outputs["deepest"]
+    assert len(here) == len(there) >= 1
+    np.testing.assert_allclose(here.times, there.times, rtol=1e-6)
+    np.testing.assert_allclose(here.values["height"], there.values["height"], rtol=1e-6)
+
+
+NO_IMPACT = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
+
+
+def _record(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
+    """A contact that ends `count` times, at intervals of one second."""
+    table = RowBuffer.like(NO_IMPACT, room)
+    for k in range(count):
+        row = jax.tree.map(lambda leaf, k=k: leaf + k, NO_IMPACT)
+        table = table.with_row(row, jnp.asarray(True)).with_row(row, jnp.asarray(False))
+    here = ContactInstant(cj.extend.Gap(0.0, 0.0), jnp.zeros(()), None)
+    contact = ContactSoFar(here, jnp.asarray(False), NO_IMPACT)
+    return {"pin": {"V": ContactRecord(contact, table)}}
+
+
+def _counted(count: int, room: int) -> dict[str, dict[str, ContactRecord]]:
+    """A record of `count` impacts whose rows are zeros."""
+    record = _record(0, room)["pin"]["V"]
+    rows = RowBuffer(record.rows.rows, jnp.asarray(count))
+    return {"pin": {"V": ContactRecord(record.contact, rows)}}
+
+
+def test_a_full_table_holds_its_rows_and_its_count_exceeds_the_capacity_if_it_is_too_short():
+    assert [row[2] for row in impact_rows_of(_record(3, 3), 10.0)] == [10.0, 11.0, 12.0]
+    assert most(_record(3, 3)) == 3 and most(_record(5, 3)) == 5
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
+    def kept() -> tuple:
+        run = cj.simulate(*dropped_rod(), END, save=cj.Saving(steps=True, impacts=True))
+        return run.steps, [getattr(run.impacts, field.name) for field in fields(run.impacts)]
+
+    expected = kept()
+    monkeypatch.setattr(host_run, "STEP_ROWS", 7)
+    monkeypatch.setattr(host_run, "IMPACT_ROWS", 1)
+    jax.tree.map(np.testing.assert_array_equal, kept(), expected)
+
+
+def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
+    rooms: list[int] = []
+
+    def run(recorders, has_states: bool) -> module.Sampled:
+        rooms.append(recorders["impacts"].capacity)
+        end, record = cj.RESULTS.successful, _counted(20, rooms[-1])
+        return module.Sampled({}, {}, 0, 0, end, 0, 0, 0, None, {"impacts": record})
+
+    monkeypatch.setattr(module, "sampled", run)
+    monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
+    found = module.recorded_run((), {}, False, True)
+    assert rooms == [2, 16, 128] and most(found.records["impacts"]) == 20
+
+
+def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
+    """The depth is a parabola; steps without landing end anywhere."""
+    law, length = cj.laws.Hertz(1e9), 0.3e-3
+
+    def at(t: float) -> ContactInstant:
+        depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+        return ContactInstant(gap, jnp.asarray(-200.0), None)
+
+    start, end = at(0.11e-3), at(0.11e-3 + length)
+    force, depth = peak_in_step(law, start, end, length)
+    assert float(depth) == pytest.approx(1e-6, rel=1e-9)
+    assert float(force.value) == pytest.approx(1e9 * 1e-6**1.5, rel=1e-5)
+    assert float(force.x) == pytest.approx(0.3, abs=2e-3)
+    over = float(end_in_step(law, start, end, length))
+    assert 0.11e-3 + over * length == pytest.approx(0.3e-3, rel=1e-3)
+
+
+def test_onset_and_peak_of_a_contact_that_begins_inside_a_step_are_those_in_the_step():
+    """Steps without landing: the contact recedes when its first step ends, and has had its peak."""
+    law, t0, t1, onset = cj.laws.Hertz(1e9), 0.05e-3, 0.28e-3, 0.1e-3
+
+    def at(t: float) -> ContactInstant:
+        depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+        return ContactInstant(gap, jnp.asarray(-200.0), None)
+
+    contact = ContactSoFar(at(t0), jnp.asarray(False), NO_IMPACT)
+    contact, _, _ = contact.after(law, t0, t1, at(t1), lands=False)
+    contact, over, row = contact.after(law, t1, 0.35e-3, at(0.35e-3), lands=False)
+    assert bool(contact.begun) is False and bool(over)
+    assert float(row.onset) == pytest.approx(onset, rel=1e-4)
+    assert float(row.separation) == pytest.approx(0.3e-3, rel=1e-4)
+    assert float(row.entry_speed) == pytest.approx(0.02, rel=1e-3)
+    assert float(row.exit_speed) == pytest.approx(0.02, rel=1e-3)
+    assert float(row.peak_force) == pytest.approx(1.0, rel=1e-5)
+    assert float(row.peak_time) == pytest.approx(0.2e-3, rel=1e-2)
+    assert float(row.largest_penetration) == pytest.approx(1e-6, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_impacts_of_steps_across_onsets_are_those_of_steps_that_end_there():
+    scene, state = dropped_rod()
+    scene = eqx.tree_at(lambda scene: scene.joints["pin"].law, scene, cj.laws.Hertz(1e9))
+
+    def impacts(settings: cj.Settings) -> cj.results.Impacts:
+        run = cj.simulate(scene, state, 0.1, settings, cj.Saving(impacts=True), progress=False)
+        assert run.impacts is not None
+        return run.impacts
+
+    here = impacts(cj.Settings(rtol=1e-5, landing_tolerance=None))
+    there = impacts(cj.Settings())
+    assert len(here) == len(there) >= 8
+    for name in ("onset", "entry_speed", "exit_speed", "peak_force", "peak_time"):
+        np.testing.assert_allclose(getattr(here, name), getattr(there, name), rtol=0.01)
+
+
+def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed():
+    law = cj.laws.Hertz(1e9, exponent=1.0, smoothing=1e-6)
+    for depth, touches in ((-0.5e-6, True), (-2e-6, False), (0.5e-6, True)):
+        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(0.1))
+        assert bool(ContactInstant(gap, jnp.zeros(()), None).touches(law)) == touches
+        for speed in (0.0, 0.1):
+            instant = ContactInstant(gap, jnp.zeros(()), jnp.asarray(speed))
+            assert bool(instant.touches(law)) == (speed > 0.0)
+
+
+@pytest.mark.slow
+def test_states_saved_at_the_end_of_a_step_are_those_of_the_step():
+    scene, state = cj.mechanisms.double_pendulum()
+    steps = cj.simulate(scene, state, 0.1, save=cj.Saving(steps=True), progress=False).steps
+    times = np.asarray(steps.times)[1:-1]
+    saved = cj.simulate(scene, state, 0.1, save=cj.Saving(times), progress=False).saved
+    of_steps = jax.tree.map(lambda leaf: np.asarray(leaf)[1:-1], steps.states)
+    assert max(leaf.max() for leaf in jax.tree.leaves(of_steps.entry_speeds)) > 0.0
+    for one, other in zip(jax.tree.leaves(saved.states), jax.tree.leaves(of_steps), strict=True):
+        np.testing.assert_array_equal(one, other)

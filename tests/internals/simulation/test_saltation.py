@@ -1,0 +1,96 @@
+"""The mean force of a step with an event, and comparisons with time."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+
+import clearjoint as cj
+from clearjoint._simulation.step.discontinuities import compares_time
+from clearjoint._simulation.step.saltation import _mean_force
+from clearjoint.extend import ZERO, Contact, Vector, Wrench
+from tests.support.planes import Plane
+
+
+@pytest.mark.slow
+class Step(cj.extend.AbstractContactLaw):
+    """A force that begins at 60 N with the slope 1e5 N/m; what jumps there is declared."""
+
+    force_jumps: bool = True
+    slopes_jump: bool = True
+    uses_entry_speed = False
+
+    def slope_jumps(self):
+        return self.slopes_jump
+
+    def force(self, gap, entry_speed):
+        return self.elastic_force(gap)
+
+    def elastic_force(self, gap):
+        return jnp.where(gap.depth > 0.0, 60.0 + 1e5 * gap.depth, 0.0)
+
+    def stored_energy(self, gap):
+        return 60.0 * gap.depth + 0.5e5 * gap.depth**2
+
+
+@pytest.mark.parametrize(
+    ("jumps", "inside", "past"),
+    [
+        # Where the force jumps, its value; where its slope does, the mean with that at the wall.
+        ((True, False), 160.0, 60.0),
+        ((False, True), 80.0, None),
+        ((True, True), 0.5 * (160.0 + 60.0), None),
+    ],
+)
+def test_the_mean_force_from_an_event_to_the_end_of_the_step(jumps, inside, past):
+    law = Step(*jumps)
+    plane = Plane("ball", ((0.0, 0.0, 0.0),), (1.0, 0.0, 0.0), 0.0, law)
+
+    def mean(depth):
+        gap = cj.extend.Gap(depth, 0.1)
+        contact = Contact(gap, Vector(1.0, 0.0, 0.0), ZERO, ZERO, None)
+        return float(_mean_force(plane, "point 0", contact, None, {}, {}).normal_force)
+
+    assert mean(1e-3) == pytest.approx(inside, rel=1e-12)
+    if past is not None:
+        assert mean(-1e-3) == pytest.approx(past, rel=1e-12)
+
+
+class Varying(cj.extend.AbstractForce):
+    """A force that is a function of time."""
+
+    function: Any = eqx.field(static=True)
+
+    def body_names(self):
+        return ("ball",)
+
+    def wrenches(self, motions, t):
+        force = self.function(t) * motions["ball"].position.x
+        return {"ball": Wrench(Vector(force, 0.0, 0.0), ZERO)}
+
+
+def late_comparison(t):
+    """A loop that compares a carried value, which depends on time from the second iteration on."""
+    return jax.lax.fori_loop(0, 3, lambda k, x: (t, x[1] + (x[0] > 0.3)), (0.0, 0.0))[1]
+
+
+@pytest.mark.parametrize(
+    ("function", "compares"),
+    [
+        (lambda t: jnp.exp(-t) * jax.jit(jnp.cos)(t) + jnp.tanh(t), False),
+        (lambda t: 3.0, False),
+        (lambda t: jnp.where(t > 0.3, 1.0, 0.0), True),
+        (lambda t: jnp.maximum(t - 0.3, 0.0), True),
+        (lambda t: jnp.max(jnp.stack([t - 0.3, 0.0 * t])), True),
+        (lambda t: jax.lax.cummin(jnp.stack([t, 0.3 + 0.0 * t]))[1], True),
+        (lambda t: jnp.sin(t % 0.3), True),
+        (lambda t: jnp.interp(t, jnp.arange(3.0), jnp.arange(3.0)), True),
+        (lambda t: jax.lax.cond(t < 0.3, lambda: 1.0, lambda: 0.0), True),
+        (lambda t: 1.0 * t.astype(int), True),
+        (late_comparison, True),
+    ],
+)
+def test_comparisons_with_time_are_detected(function, compares):
+    assert compares_time(Varying(function)) is compares

@@ -1,0 +1,173 @@
+"""Fingerprints of programs: digests of the traced operations, equal for equal programs."""
+
+import os
+import subprocess
+import sys
+from fractions import Fraction
+from functools import partial
+from operator import itemgetter
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from clearjoint._sweeps.store.program import fingerprints
+
+X = jnp.linspace(0.0, 1.0, 3)
+
+
+def digest(function):
+    return fingerprints(lambda x: {"y": function(x)}, X)[0]["y"]
+
+
+def made(code: str, **names):
+    """What a piece of code calls `f`; its source can't be found."""
+    exec(code, names)
+    return names["f"]
+
+
+def keyword(gain):
+    def f(x, *, gain=gain):
+        return gain * x
+
+    return f
+
+
+def captured(numbers):
+    return lambda x: float(sum(sorted(numbers))) * x
+
+
+class Slotted:
+    __slots__ = ("gain",)
+
+    def __init__(self, gain):
+        self.gain = gain
+
+    def __call__(self, x):
+        return self.gain * x
+
+
+def tabled(values):
+    spline = CubicSpline(np.arange(4.0), values)
+    return lambda x: jnp.polyval(jnp.asarray(spline.c[:, 0]), x)
+
+
+HELPER = "def helper(x): return {} * x\ndef f(x): return helper(x)"
+BASE = "class B:\n  gain = {}\n  def g(self, x): return self.gain * x\nclass C(B): pass\nf = C().g"
+PROPERTY = (
+    "class C:\n  @property\n  def gain(self): return {}\n  def g(self, x): return self.gain * x\n"
+    "f = C().g"
+)
+SWITCH = "class C:\n  memory = {}\ndef f(x): return 2.0 * x if C.memory else x"
+TEXT = "def f(x): return GAIN * x"
+
+
+@pytest.mark.parametrize(
+    ("one", "same", "other"),
+    [
+        (made(TEXT, GAIN=2.0), made(TEXT, GAIN=2.0), made(TEXT, GAIN=3.0)),
+        (made(HELPER.format(2.0)), lambda other: 2.0 * other, made(HELPER.format(3.0))),
+        (made(BASE.format(2.0)), made(BASE.format(2.0)), made(BASE.format(3.0))),
+        (made(PROPERTY.format(2.0)), made(BASE.format(2.0)), made(PROPERTY.format(3.0))),
+        (made(SWITCH.format(True)), made(SWITCH.format(1)), made(SWITCH.format(False))),
+        (keyword(2.0), keyword(2.0), keyword(3.0)),
+        (captured({1.0, 2.0}), captured({2.0, 1.0}), captured({1.0, 3.0})),
+        (captured([Fraction(1, 2)]), captured([Fraction(2, 4)]), captured([Fraction(1, 3)])),
+        (Slotted(2.0), Slotted(2.0), Slotted(3.0)),
+        (tabled([0, 1, 4, 9]), tabled([0, 1, 4, 9]), tabled([0, 1, 4, 8])),
+        (partial(jnp.power, 2.0), lambda x: jnp.power(2.0, x), partial(jnp.power, 3.0)),
+        (
+            lambda x: itemgetter("a")({"a": x, "b": 2 * x}),
+            lambda x: itemgetter("a")({"b": x, "a": x}),
+            lambda x: itemgetter("b")({"a": x, "b": 2 * x}),
+        ),
+        (lambda x: jnp.sin(x), jax.jit(jnp.sin), jax.jit(jnp.cos)),
+        (
+            lambda x: x * np.arange(3.0),
+            lambda y: y * jnp.array([0.0, 1, 2]),
+            lambda x: x * np.ones(3),
+        ),
+        (
+            lambda x: (jnp.sin(x), jnp.exp(x))[0],
+            lambda x: (jnp.exp(x), jnp.sin(x))[1],
+            lambda x: (jnp.sin(x), jnp.exp(x))[1],
+        ),
+        (
+            lambda x: jax.lax.cond(x[0] > 0, jnp.sin, jnp.cos, x),
+            lambda y: jax.lax.cond(y[0] > 0, lambda z: jnp.sin(z), lambda z: jnp.cos(z), y),
+            lambda x: jax.lax.cond(x[0] > 0, jnp.cos, jnp.sin, x),
+        ),
+        (
+            lambda x: jax.lax.fori_loop(0, 3, lambda k, y: y * x, x),
+            lambda u: jax.lax.fori_loop(0, 3, lambda i, v: v * u, u),
+            lambda x: jax.lax.fori_loop(0, 4, lambda k, y: y * x, x),
+        ),
+        (lambda x: jax.nn.relu(x), lambda y: jnp.maximum(y, 0), lambda x: jnp.minimum(x, 0)),
+    ],
+)
+def test_digests_are_equal_where_the_numbers_are(one, same, other):
+    assert digest(one) == digest(same) != digest(other)
+
+
+def test_what_is_printed_on_the_way_does_not_count():
+    def talks(x):
+        jax.debug.print("{}", x)
+        return jnp.sin(x)
+
+    assert digest(talks) == digest(jnp.sin)
+
+
+def test_each_result_has_a_digest_of_its_own():
+    both, shapes = fingerprints(lambda x: {"a": x + 1.0, "b": 2.0 * x}, X)
+    other, _ = fingerprints(lambda x: {"b": 2.0 * x, "a": x + 2.0}, X)
+    assert both["b"] == other["b"] and both["a"] != other["a"]
+    assert shapes["a"].shape == X.shape
+
+
+def test_types_and_names_of_arguments_count():
+    def found(tree):
+        return fingerprints(lambda tree: {"y": tree["a"] - tree["b"]}, tree)[0]
+
+    assert found({"a": X, "b": 0 * X}) == found({"b": X, "a": 2 * X})
+    assert found({"a": X, "b": X}) != found({"a": X, "b": 1.0})
+    assert digest(lambda x: x[0] - x[1]) != digest(lambda x: x[1] - x[0])
+
+
+class Doubles:
+    def __call__(self, x):
+        return 2 * x
+
+
+@pytest.mark.parametrize("function", [lambda x: 2 * x, Doubles()])
+def test_callbacks_which_nothing_can_be_traced_of_are_refused(function):
+    with pytest.raises(ValueError, match=r"`path` must be None .*\(pure_callback"):
+        digest(lambda x: jax.pure_callback(function, x, x))
+
+
+IN_ANOTHER = """
+import sys
+sys.path[:0] = ["."]
+import tests.conftest
+from tests.support import rotor
+from tests.internals.sweeps.test_sweep_program import of
+print(sorted(of(*rotor.rotor(), rotor.OUTPUTS).items()))
+"""
+
+
+@pytest.mark.slow
+def test_digests_are_equal_in_another_process():
+    from tests.internals.sweeps.test_sweep_program import of
+    from tests.support.rotor import OUTPUTS, rotor
+
+    there = subprocess.run(
+        [sys.executable, "-c", IN_ANOTHER],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).parents[3],
+        env={**os.environ, "PYTHONHASHSEED": "7"},
+    )
+    assert there.stdout.strip() == str(sorted(of(*rotor(), OUTPUTS).items()))
