@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -55,7 +55,7 @@ class Minimum:
     (3,)
     """
 
-    estimates: dict[str, Any]
+    estimates: dict[str, PyTree]
     coordinates: Float[np.ndarray, " p"]
     objective: float
     history: Float[np.ndarray, " iterations"]
@@ -143,6 +143,16 @@ def _descended(
     optimiser = optax.with_extra_args_support(optimiser)
     at = search.start()
     optimiser_state = optimiser.init(at)
+
+    # Compiled once: a line search contains a loop.
+    @jax.jit
+    def moved(
+        at: Coordinates, optimiser_state: PyTree, value: float, gradient: Coordinates
+    ) -> tuple[Coordinates, PyTree]:
+        line = {"value": value, "grad": gradient, "value_fn": search.value}
+        step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **line)
+        return optax.apply_updates(at, step), optimiser_state
+
     history: list[float] = []
     best, result = at, RESULTS.successful
     for _ in range(iterations):
@@ -156,12 +166,10 @@ def _descended(
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        further = {"value": value, "grad": gradient, "value_fn": search.value}
-        step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
-        moved = optax.apply_updates(at, step)
-        if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
+        before = ravel_pytree(at)[0]
+        at, optimiser_state = moved(at, optimiser_state, value, gradient)
+        if np.array_equal(ravel_pytree(at)[0], before):
             break
-        at = moved
     remedy = "start from parameters with which the scene runs to the last of the times"
     expected = "parameters for which the first run succeeds"
     require(bool(history), "parameters", RESULTS[result], expected, remedy)

@@ -125,17 +125,18 @@ def measure(quick: bool) -> Fit:
 
     values, misfits = predictors[0].values, []
     optimiser = optax.lbfgs(linesearch=optax.scale_by_backtracking_linesearch(12))
-    memory, gradient = optimiser.init(values), jax.jit(jax.value_and_grad(misfit))
+
+    @jax.jit
+    def improved(values: dict, memory: optax.OptState) -> tuple[dict, optax.OptState, jax.Array]:
+        value, slopes = jax.value_and_grad(misfit)(values)
+        line = {"value": value, "grad": slopes, "value_fn": partial(misfit, trial=True)}
+        change, memory = optimiser.update(slopes, memory, values, **line)
+        return optax.apply_updates(values, change), memory, value
+
+    memory = optimiser.init(values)
     for _ in range(iterations):
-        value, slopes = gradient(values)
+        values, memory, value = improved(values, memory)
         misfits.append(float(value))
-        change, memory = optimiser.update(
-            *(slopes, memory, values),
-            value=value,
-            grad=slopes,
-            value_fn=partial(misfit, trial=True),
-        )
-        values = optax.apply_updates(values, change)
     trained = eqx.combine(values["network"], network)
     expected = record(HELD_OUT, end, None)
     errors = []

@@ -12,11 +12,11 @@ import pytest
 import clearjoint as cj
 from clearjoint._parametrisation.parts import parts_of
 from clearjoint._simulation.run import adjoint
+from tests.internals.simulation.test_sensitivity import POSITION as REFERENCE
+from tests.internals.simulation.test_sensitivity import TIMES as REFERENCE_TIMES
 from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
 
 SCENES = catalogue_scenes()
-REPRESENTATIVE = ("mechanism double_pendulum",)
-"""Others take half a minute each; among them are bristles, closed loops and breakpoints."""
 SETTINGS = replace(cj.presets.derivatives, rtol=1e-9)
 
 
@@ -72,15 +72,53 @@ def differences(scene: CatalogueScene) -> float:
     return worst
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name in REPRESENTATIVE else pytest.param(name, marks=pytest.mark.slow)
-        for name in SCENES
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 def test_gradients_are_those_of_forward_mode(name):
+    """Half a minute each; among them are bristles, closed loops and breakpoints."""
     assert differences(SCENES[name]) < 1e-6
+
+
+def test_gradients_are_those_of_the_event_exact_solver():
+    """The table of derivatives in quadruple precision (see `test_sensitivity`)."""
+    joint = "shoulder"
+    paths = {
+        "clearance": cj.Parameter(lambda s: s.joints[joint].clearance, cj.Log()),
+        "stiffness": cj.Parameter(lambda s: s.joints[joint].law.stiffness.young_modulus, cj.Log()),
+        "restitution": lambda s: s.joints[joint].law.restitution,
+    }
+    outputs = {"y": cj.quantities.Position("arm 2", "y")}
+    scene, state = cj.mechanisms.double_pendulum()
+    predict = cj.predictor(scene, state, 0.1, paths, outputs, REFERENCE_TIMES, SETTINGS)
+    by = jax.jacrev(predict)(predict.values)["y"]
+    values = predict.values
+    found = [by["clearance"] * values["clearance"], by["stiffness"] * values["stiffness"]]
+    found = np.stack([*found, by["restitution"]], axis=1)
+    np.testing.assert_allclose(found, REFERENCE, rtol=3e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [0.0102, 0.02])
+def test_gradients_of_a_run_that_continues(end):
+    """From within the first impact, with entry speeds, and from the flight after it."""
+    scene, state = cj.mechanisms.double_pendulum()
+    first = cj.simulate(scene, state, end, SETTINGS, progress=False)
+    assert any(v > 0 for v in first.final.entry_speeds["shoulder"].values()) == (end < 0.011)
+    chosen = parameters(scene, "arm 2")
+    outputs = {"x": cj.quantities.Position("arm 2", "x"), "y": cj.quantities.Position("arm 2", "y")}
+    times = [0.03, 0.06]
+    start = {"start_time": float(first.time)}
+    arguments = scene, first.final, 0.06, chosen, outputs, times, SETTINGS
+    forward = cj.sensitivities(*arguments, **start, progress=False)
+    predict = cj.predictor(*arguments, **start)
+    jacobian = jax.jacrev(predict)(predict.values)
+    for output, expected in forward.derivatives.items():
+        for k, (name, parameter) in enumerate(chosen.items()):
+            value = predict.values[name]
+            slope = float(parameter.scale.slope(parameter.scale.coordinate(value)))
+            found = np.asarray(jacobian[output][name]) * slope
+            scale = np.abs(expected).max()
+            np.testing.assert_allclose(found / scale, expected[:, k] / scale, rtol=0, atol=1e-6)
 
 
 TIMES = np.array([0.0, 0.1, 0.1, 0.25, 0.3])
@@ -140,6 +178,7 @@ def reduced(stiffness: float, start: float) -> dict[str, float]:
     return {"top": top, "late_mean": mean, "late_rms": rms, "cost": square(0.3)}
 
 
+@pytest.mark.slow
 def test_closed_forms_of_reductions():
     paths = {
         "stiffness": lambda scene: scene.forces["spring"].stiffness,

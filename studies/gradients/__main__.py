@@ -1,0 +1,40 @@
+"""Gradients in reverse mode across impacts: accuracy, cost, and fits of many numbers.
+
+python -m studies.gradients [accuracy | memory | friction | wall | torque] [--quick]
+"""
+
+from collections.abc import Sequence
+
+from studies.common.output import Output, run_parts
+from studies.common.report import markdown
+from studies.gradients import accuracy, friction, memory
+
+
+def accuracy_part(output: Output) -> list[str]:
+    """Return the table of errors and costs by the number of parameters."""
+    return [f"\n{markdown(accuracy.table(accuracy.measure(output.quick)))}"]
+
+
+def memory_part(output: Output) -> list[str]:
+    """Return the tables of long runs and of first gradients."""
+    tables = memory.long_run(output.quick), memory.firsts(output.quick)
+    return [f"\n{markdown(table)}" for table in tables]
+
+
+def friction_part(output: Output) -> list[str]:
+    """Fit a friction law, draw it, and return the table."""
+    fit = friction.measure(output.quick)
+    output.save(friction.figure(fit), "friction")
+    return [f"\n{markdown([('friction law', ''), *friction.table(fit)])}"]
+
+
+PARTS = {"accuracy": accuracy_part, "memory": memory_part, "friction": friction_part}
+
+
+def main(arguments: Sequence[str] | None = None) -> list[str]:
+    """Run the parts that the command line names."""
+    return run_parts(__file__, __doc__, PARTS, "one row of each table", arguments)
+
+
+if __name__ == "__main__":
+    main()
