@@ -151,7 +151,7 @@ def _descended(
     ) -> tuple[Coordinates, PyTree]:
         line = {"value": value, "grad": gradient, "value_fn": search.value}
         step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **line)
-        return optax.apply_updates(at, step), optimiser_state
+        return optax.apply_updates(at, step), optimiser_state  # pyright: ignore
 
     history: list[float] = []
     best, result = at, RESULTS.successful

@@ -156,7 +156,7 @@ class ParametrisedScene(AbstractSceneFamily):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
-        def along(seed: jax.Array, tangents: tuple[PyTree, ...]) -> PyTree:
+        def along(seed: Coordinates, tangents: tuple[PyTree, ...]) -> PyTree:
             return jax.jvp(
                 lambda values, *rest: function(self.scene(values), *rest),
                 (self.values, *primals),

@@ -137,7 +137,9 @@ def row(width: int, end: float) -> Row:
     of_steps = derivative_of_steps(scene, state, end, paths, predict.values, direction)
 
     places, found, expected, forward = forward_mode(scene, state, end, predict.values, len(flat))
-    impacts = cj.simulate(scene, state, end, SETTINGS, cj.Saving(impacts=True), progress=False)
+    saved = cj.Saving(impacts=True)
+    run = cj.simulate(scene, state, end, SETTINGS, saved, progress=False)
+    assert run.impacts is not None
     rounds = count(1)
 
     def value_and_gradient() -> None:
@@ -148,8 +150,8 @@ def row(width: int, end: float) -> Row:
     plain = seconds(partial(cj.simulate, scene, state, end, SETTINGS, progress=False))
     return Row(
         parameters=len(flat),
-        impacts=len(impacts.impacts),
-        steps=int(impacts.accepted),
+        impacts=len(run.impacts),
+        steps=int(run.accepted),
         plain=plain,
         reverse=seconds(value_and_gradient) / plain,
         forward=None if forward is None else forward / plain,

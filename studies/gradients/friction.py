@@ -112,7 +112,7 @@ class Fit(NamedTuple):
 def measure(quick: bool) -> Fit:
     """Fit the network to the records."""
     begun, random = time.process_time(), np.random.default_rng(1)
-    speeds, end, iterations = (SPEEDS[:1], 0.1, 3) if quick else (SPEEDS, 0.6, 60)
+    speeds, end, iterations = (SPEEDS[:1], 0.1, 3) if quick else (SPEEDS, 0.5, 30)
     network = eqx.nn.MLP(1, "scalar", 16, 2, jax.nn.tanh, key=jax.random.key(0))
     records = [record(speed, end, random) for speed in speeds]
     predictors = [predictor_of(network, measured) for measured in records]
@@ -124,14 +124,16 @@ def measure(quick: bool) -> Fit:
         return jnp.mean(jnp.concatenate([residuals(*pair) ** 2 for pair in pairs]))
 
     values, misfits = predictors[0].values, []
-    optimiser = optax.lbfgs(linesearch=optax.scale_by_backtracking_linesearch(12))
+    optimiser = optax.lbfgs(
+        linesearch=optax.scale_by_backtracking_linesearch(8, decrease_factor=0.4)
+    )
 
     @jax.jit
     def improved(values: dict, memory: optax.OptState) -> tuple[dict, optax.OptState, jax.Array]:
         value, slopes = jax.value_and_grad(misfit)(values)
         line = {"value": value, "grad": slopes, "value_fn": partial(misfit, trial=True)}
         change, memory = optimiser.update(slopes, memory, values, **line)
-        return optax.apply_updates(values, change), memory, value
+        return optax.apply_updates(values, change), memory, value  # pyright: ignore
 
     memory = optimiser.init(values)
     for _ in range(iterations):
@@ -199,9 +201,9 @@ def table(fit: Fit) -> list[tuple[str, ...]]:
 def figure(fit: Fit) -> Figure:
     """Draw the curve of friction and the misfit."""
     drawn, (curve, history) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
-    speeds = np.linspace(0.0, 0.45, 200)
+    speeds = jnp.linspace(0.0, 0.45, 200)
     learned = jax.vmap(NeuralFriction(fit.network).ratio)(speeds)
-    curve.plot(speeds, Stribeck().ratio(speeds), "k--", label="true")
+    curve.plot(speeds, jax.vmap(Stribeck().ratio)(speeds), "k--", label="true")
     curve.plot(speeds, learned, label="network")
     curve.set(xlabel="slip speed, m/s", ylabel="friction / normal force", ylim=(0, 0.25))
     curve.legend()

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, TypeAlias
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, PyTree
+from jaxtyping import Array, Float, PyTree
 from typing_extensions import override
 
 from ..._fields.checks import as_number, require
@@ -82,14 +82,14 @@ class AbstractReduction(AbstractConverting):
         return ()
 
     def instants(
-        self, results: Mapping[str, float], span: tuple[float, float]
+        self, results: Mapping[str, Scalar], span: tuple[float, float]
     ) -> tuple[float, ...]:
         """Return the instants, s, in a run over the time `span`, s. There are `results` if the
         reduction `finds_instants`."""
         raise NotImplementedError
 
     def combined(
-        self, values: Float[np.ndarray, "instants values"], instants: tuple[float, ...]
+        self, values: Float[Array, "instants values"], instants: tuple[float, ...]
     ) -> dict[str, Scalar]:
         """Return the `differentiated` results from the values of the `observed` quantities and of
         the integrals of the `integrands` at the instants. JAX differentiates this function."""
@@ -240,7 +240,7 @@ class AbstractWindowedReduction(AbstractReduction):
 
     @override
     def instants(
-        self, results: Mapping[str, float], span: tuple[float, float]
+        self, results: Mapping[str, Scalar], span: tuple[float, float]
     ) -> tuple[float, ...]:
         """Return the start and the end of that part of the window that the run covers."""
         for name in ("after", "until"):

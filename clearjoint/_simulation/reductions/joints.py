@@ -6,7 +6,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from typing_extensions import override
 
 from ..._fields.checks import require_count, require_positive
@@ -154,7 +153,7 @@ class DissipatedEnergy(AbstractLossReduction):
     """
 
     @override
-    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+    def combined(self, values: jax.Array, instants: tuple[float, ...]) -> dict[str, Scalar]:
         return {"": values[1, 0] - values[0, 0]}
 
     @override
@@ -180,7 +179,7 @@ class MeanPowerLost(AbstractLossReduction):
     """
 
     @override
-    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+    def combined(self, values: jax.Array, instants: tuple[float, ...]) -> dict[str, Scalar]:
         return {"": (values[1, 0] - values[0, 0]) / (instants[1] - instants[0])}
 
     @override

@@ -87,14 +87,14 @@ class Peak(AbstractQuantityReduction):
 
     @override
     def instants(
-        self, results: Mapping[str, float], span: tuple[float, float]
+        self, results: Mapping[str, Scalar], span: tuple[float, float]
     ) -> tuple[float, ...]:
         # A shift of the instant of the peak does not change its value to first order.
         super().instants(results, span)
-        return (results["time"],)
+        return (float(results["time"]),)
 
     @override
-    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+    def combined(self, values: jax.Array, instants: tuple[float, ...]) -> dict[str, Scalar]:
         return {"": values[0, 0]}
 
     @override
@@ -223,7 +223,7 @@ class Integral(AbstractIntegralReduction):
         return (self.quantity,)
 
     @override
-    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+    def combined(self, values: jax.Array, instants: tuple[float, ...]) -> dict[str, Scalar]:
         return {"": values[1, 0] - values[0, 0]}
 
     @override
@@ -279,7 +279,7 @@ class Statistics(AbstractIntegralReduction):
         return self.quantity, _Square(self.quantity)
 
     @override
-    def combined(self, values: np.ndarray, instants: tuple[float, ...]) -> dict[str, Scalar]:
+    def combined(self, values: jax.Array, instants: tuple[float, ...]) -> dict[str, Scalar]:
         mean, square = (values[1] - values[0]) / (instants[1] - instants[0])
         # The root mean square of a quantity that vanishes has no derivative: zero is taken.
         positive = jnp.where(square > 0.0, square, 1.0)

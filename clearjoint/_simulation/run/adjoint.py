@@ -522,7 +522,7 @@ class RecordedRun:
         at_times = samples.quantities, samples.rows, samples.times, seeds
         pulled, total = _pulled_outputs(self._run, self._example, *at_times)
         end = np.zeros(sum(map(np.size, jax.tree.leaves(self._example.tangents))))
-        return self.pulled_back(end, total, pulled, samples.places)
+        return self.pulled_back(end, total, np.asarray(pulled), samples.places)
 
     def pulled_back(
         self, end: np.ndarray, total: PyTree, pulled: np.ndarray, places: np.ndarray
