@@ -20,7 +20,7 @@ from .._parametrisation.parts import Part
 from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.results.solution import SimulationError
-from .._simulation.run.predictor import Predictor, predictor
+from .._simulation.run.predictor import Predictor, on_host, predictor
 from .._simulation.step.settings import Settings
 from ..quantities.base import Quantity
 from .residuals import Experiment, experiment
@@ -130,9 +130,21 @@ def minimise(
         arguments = parameters, outputs, times, settings
         made = predictor(scene, state, end, *arguments, start_time=start_time)
         search = _Reverse(made, objective, dict(parameters))
-        halving = optax.scale_by_backtracking_linesearch(HALVINGS, decrease_factor=0.5)
-        default = optax.lbfgs(linesearch=halving)
+        default = quasi_newton()
     return _descended(search, default if optimiser is None else optimiser, iterations)
+
+
+def quasi_newton() -> "optax.GradientTransformationExtraArgs":
+    """Return L-BFGS with a line search of at most `HALVINGS` runs in an iteration."""
+    import optax
+
+    # Each line search begins with the whole step, which has the length that the curvature suggests.
+    # By default it begins with 1.5 times the fraction that the search before has taken, so that a
+    # first step that was 1000 times too long shortened the next 17 steps.
+    halving = optax.scale_by_backtracking_linesearch(
+        HALVINGS, decrease_factor=0.5, increase_factor=2.0**HALVINGS
+    )
+    return optax.lbfgs(linesearch=halving)
 
 
 def _descended(
@@ -141,6 +153,15 @@ def _descended(
     import optax
 
     optimiser = optax.with_extra_args_support(optimiser)
+
+    def advance(value: float, gradient: Coordinates, optimiser_state: PyTree, at: Coordinates):
+        further = {"value": value, "grad": gradient, "value_fn": search.value}
+        # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
+        # for each core, a run that needs XLA too would wait for ever on a machine with one core.
+        with jax.disable_jit():
+            step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
+            return optax.apply_updates(at, step), optimiser_state
+
     at = search.start()
     optimiser_state = optimiser.init(at)
     history: list[float] = []
@@ -156,9 +177,7 @@ def _descended(
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        further = {"value": value, "grad": gradient, "value_fn": search.value}
-        step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
-        moved = optax.apply_updates(at, step)
+        moved, optimiser_state = advance(value, gradient, optimiser_state, at)
         if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
             break
         at = moved
@@ -201,11 +220,12 @@ class _Forward:
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
 
-        def on_host(at: Coordinates) -> np.ndarray:
+        def of_run(at: Coordinates) -> np.ndarray:
             value, _, result = self.evaluated(at)
             return np.asarray(value if result == RESULTS.successful else np.nan, float)
 
-        return jax.pure_callback(on_host, jax.ShapeDtypeStruct((), float), at)
+        with jax.disable_jit(False):
+            return on_host(of_run, jax.ShapeDtypeStruct((), float), at)
 
     def values(self, at: Coordinates) -> Coordinates:
         return _values(self.parameters, at)
@@ -239,7 +259,8 @@ class _Reverse:
 
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
-        return self.objective(self.predictor.or_nan(self.values(at)))
+        with jax.disable_jit(False):
+            return self.objective(self.predictor.or_nan(self.values(at)))
 
 
 def _values(parameters: Mapping[str, Part], at: Coordinates) -> Coordinates:
