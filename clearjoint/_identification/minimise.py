@@ -154,7 +154,9 @@ def _descended(
 
     optimiser = optax.with_extra_args_support(optimiser)
 
-    def advance(value: float, gradient: Coordinates, optimiser_state: PyTree, at: Coordinates):
+    def advance(
+        value: float, gradient: Coordinates, optimiser_state: PyTree, at: Coordinates
+    ) -> tuple[PyTree, PyTree]:
         further = {"value": value, "grad": gradient, "value_fn": search.value}
         # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
         # for each core, a run that needs XLA too would wait for ever on a machine with one core.
