@@ -20,7 +20,7 @@ from .._parametrisation.parts import Part
 from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.results.solution import SimulationError
-from .._simulation.run.predictor import Predictor, predictor
+from .._simulation.run.predictor import Predictor, on_host, predictor
 from .._simulation.step.settings import Settings
 from ..quantities.base import Quantity
 from .residuals import Experiment, experiment
@@ -96,7 +96,7 @@ def minimise(
       `optax.adam(0.05)` in forward mode, which changes each coordinate by about 0.05 in a step, and
       in reverse mode `optax.lbfgs` with a line search of at most 12 runs in an iteration.
     - `iterations`: largest number of iterations. The search ends earlier if a run fails, if its
-      objective is not finite, or if a line search finds no lower value.
+      objective is not finite, or if an iteration leaves all parameters as they were.
     - `end_time`: s, by default the last of the times.
 
     **Raises:** `ValueError` for unsupported arguments, and if the first run fails or its objective
@@ -130,9 +130,21 @@ def minimise(
         arguments = parameters, outputs, times, settings
         made = predictor(scene, state, end, *arguments, start_time=start_time)
         search = _Reverse(made, objective, dict(parameters))
-        halving = optax.scale_by_backtracking_linesearch(HALVINGS, decrease_factor=0.5)
-        default = optax.lbfgs(linesearch=halving)
+        default = quasi_newton()
     return _descended(search, default if optimiser is None else optimiser, iterations)
+
+
+def quasi_newton() -> "optax.GradientTransformationExtraArgs":
+    """Return L-BFGS with a line search of at most `HALVINGS` runs in an iteration."""
+    import optax
+
+    # Each line search begins with the whole step, which has the length that the curvature suggests.
+    # By default it begins with 1.5 times the fraction that the search before has taken, so that a
+    # first step that was 1000 times too long shortened the next 17 steps.
+    halving = optax.scale_by_backtracking_linesearch(
+        HALVINGS, decrease_factor=0.5, increase_factor=2.0**HALVINGS
+    )
+    return optax.lbfgs(linesearch=halving)
 
 
 def _descended(
@@ -141,18 +153,19 @@ def _descended(
     import optax
 
     optimiser = optax.with_extra_args_support(optimiser)
+
+    def advance(
+        value: float, gradient: Coordinates, optimiser_state: PyTree, at: Coordinates
+    ) -> tuple[PyTree, PyTree]:
+        further = {"value": value, "grad": gradient, "value_fn": search.value}
+        # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
+        # for each core, a run that needs XLA too would wait for ever on a machine with one core.
+        with jax.disable_jit():
+            step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
+            return optax.apply_updates(at, step), optimiser_state
+
     at = search.start()
     optimiser_state = optimiser.init(at)
-
-    # Compiled once: a line search contains a loop.
-    @jax.jit
-    def moved(
-        at: Coordinates, optimiser_state: PyTree, value: float, gradient: Coordinates
-    ) -> tuple[Coordinates, PyTree]:
-        line = {"value": value, "grad": gradient, "value_fn": search.value}
-        step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **line)
-        return optax.apply_updates(at, step), optimiser_state  # pyright: ignore
-
     history: list[float] = []
     best, result = at, RESULTS.successful
     for _ in range(iterations):
@@ -166,10 +179,10 @@ def _descended(
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        before = ravel_pytree(at)[0]
-        at, optimiser_state = moved(at, optimiser_state, value, gradient)
-        if np.array_equal(ravel_pytree(at)[0], before):
+        moved, optimiser_state = advance(value, gradient, optimiser_state, at)
+        if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
             break
+        at = moved
     remedy = "start from parameters with which the scene runs to the last of the times"
     expected = "parameters for which the first run succeeds"
     require(bool(history), "parameters", RESULTS[result], expected, remedy)
@@ -209,11 +222,12 @@ class _Forward:
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
 
-        def on_host(at: Coordinates) -> np.ndarray:
+        def of_run(at: Coordinates) -> np.ndarray:
             value, _, result = self.evaluated(at)
             return np.asarray(value if result == RESULTS.successful else np.nan, float)
 
-        return jax.pure_callback(on_host, jax.ShapeDtypeStruct((), float), at)
+        with jax.disable_jit(False):
+            return on_host(of_run, jax.ShapeDtypeStruct((), float), at)
 
     def values(self, at: Coordinates) -> Coordinates:
         return _values(self.parameters, at)
@@ -247,7 +261,8 @@ class _Reverse:
 
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
-        return self.objective(self.predictor.or_nan(self.values(at)))
+        with jax.disable_jit(False):
+            return self.objective(self.predictor.or_nan(self.values(at)))
 
 
 def _values(parameters: Mapping[str, Part], at: Coordinates) -> Coordinates:

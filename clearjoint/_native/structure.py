@@ -125,8 +125,6 @@ def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> l
     """Return the array with the scalar `padding` before, after and between its elements. The first
     two numbers may be negative, which removes elements."""
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
-    if out.size > LARGEST_UNROLLED:
-        raise UnsupportedPrimitiveError("pad of large arrays")
     # For each place of the result, whether it has an element of the array, and which one.
     inside, indices = np.ones(out.shape, bool), np.zeros(out.shape, int)
     rows = zip(equation.params["padding_config"], np.indices(out.shape), aval.shape, strict=True)
@@ -135,8 +133,13 @@ def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> l
         inside &= (rest == 0) & (index >= 0) & (index < length)
         indices = indices * length + index
     # The padding is numbered as the element after the last one of the array.
-    values = [*lower.values(array), *lower.values(padding)]
     indices = np.where(inside, indices, aval.size)
+    if out.size > LARGEST_UNROLLED:
+        source = lower.new_array((aval.size + 1,), kind_of(out))
+        lower.write(array, source.start)
+        lower.write(padding, source.start + aval.size)
+        return [lower.take(source, indices)]
+    values = [*lower.values(array), *lower.values(padding)]
     return [lower.array([values[k] for k in indices.ravel()], tuple(out.shape))]
 
 

@@ -1,1 +1,1 @@
-"""Gradients in reverse mode across impacts: accuracy, cost, and fits of many numbers."""
+"""Gradients in reverse mode: what they cost, and what they are good for."""

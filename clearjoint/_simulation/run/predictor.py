@@ -75,11 +75,11 @@ class Predictor:
 
         @jax.custom_vjp
         def predict(values: dict[str, PyTree]) -> dict[str, jax.Array]:
-            return _on_host(self._values, self._shapes, values)
+            return on_host(self._values, self._shapes, values)
 
         def backward(values: PyTree, cotangents: PyTree) -> tuple[PyTree]:
             shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, float), values)
-            return (_on_host(self._gradient, shapes, values, cotangents),)
+            return (on_host(self._gradient, shapes, values, cotangents),)
 
         predict.defvjp(lambda values: (predict(values), values), backward)
         self._predict = predict
@@ -111,7 +111,7 @@ class Predictor:
                 return {name: np.full(of.shape, np.nan) for name, of in self._shapes.items()}
 
         numbers = {name: self._numbers(name, values[name]) for name in self.values}
-        return _on_host(computed, self._shapes, numbers)
+        return on_host(computed, self._shapes, numbers)
 
     def _numbers(self, name: str, value: PyTree) -> PyTree:
         leaves, structure = jax.tree.flatten(self.values[name])
@@ -166,7 +166,7 @@ def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
     return np.asarray(leaf, float)
 
 
-def _on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
+def on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
     """Return the result of a function of arrays that Python computes, of known `shapes`."""
     if is_traced(arguments):
         return jax.pure_callback(function, shapes, *arguments, vmap_method="sequential")

@@ -10,7 +10,9 @@ import optax
 import pytest
 
 import clearjoint as cj
+from clearjoint._identification import minimise
 from clearjoint._parametrisation.parts import parts_of
+from clearjoint._result_codes import RESULTS
 from clearjoint._simulation.run import adjoint
 from tests.internals.simulation.test_sensitivity import POSITION as REFERENCE
 from tests.internals.simulation.test_sensitivity import TIMES as REFERENCE_TIMES
@@ -420,6 +422,30 @@ def test_a_run_that_fails_raises_what_simulate_raises():
 
 def misfit(outputs):
     return jnp.sum(jnp.square((outputs["x"] - 0.1 * np.cos(12.0 * TIMES)) / 1e-2))
+
+
+class Paraboloid:
+    """An objective whose first step is 200 times too long, and which JAX can't trace: a run inside
+    of a program of XLA waits for ever on a machine with one core."""
+
+    curvature = 1e3 * np.linspace(1.0, 4.0, 20)
+
+    def start(self):
+        return {"x": jnp.full(20, 1e-3)}
+
+    def value(self, at):
+        return jnp.asarray(0.5 * np.sum(self.curvature * np.asarray(at["x"]) ** 2))
+
+    def values(self, at):
+        return at
+
+    def evaluated(self, at):
+        return self.value(at), {"x": self.curvature * at["x"]}, RESULTS.successful
+
+
+def test_a_short_first_step_does_not_shorten_those_after_it():
+    history = minimise._descended(Paraboloid(), minimise.quasi_newton(), 10).history
+    assert history[-1] < 1e-7 * history[0]
 
 
 @pytest.mark.slow
