@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from studies.common.output import Output, run_parts
 from studies.common.report import markdown
-from studies.gradients import accuracy, friction, memory
+from studies.gradients import accuracy, friction, memory, torque, wall
+from studies.gradients.searches import search_table
 
 
 def accuracy_part(output: Output) -> list[str]:
@@ -28,7 +29,29 @@ def friction_part(output: Output) -> list[str]:
     return [f"\n{markdown([('friction law', ''), *friction.table(fit)])}"]
 
 
-PARTS = {"accuracy": accuracy_part, "memory": memory_part, "friction": friction_part}
+def wall_part(output: Output) -> list[str]:
+    """Fit the wall of a worn bearing, draw it, and return the tables."""
+    fitted = wall.measure(output.quick)
+    output.save(wall.figure(fitted), "wall")
+    tables = wall.table(fitted), search_table({"wall": fitted.search})
+    return [f"\n{markdown(table)}" for table in tables]
+
+
+def torque_part(output: Output) -> list[str]:
+    """Search a torque, draw it, and return the tables."""
+    improved = torque.measure(output.quick)
+    output.save(torque.figure(improved), "torque")
+    tables = torque.table(improved), search_table({"torque": improved.search})
+    return [f"\n{markdown(table)}" for table in tables]
+
+
+PARTS = {
+    "accuracy": accuracy_part,
+    "memory": memory_part,
+    "friction": friction_part,
+    "wall": wall_part,
+    "torque": torque_part,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> list[str]:

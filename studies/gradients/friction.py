@@ -124,21 +124,24 @@ def measure(quick: bool) -> Fit:
         return jnp.mean(jnp.concatenate([residuals(*pair) ** 2 for pair in pairs]))
 
     values, misfits = predictors[0].values, []
-    optimiser = optax.lbfgs(
-        linesearch=optax.scale_by_backtracking_linesearch(8, decrease_factor=0.4)
+    line_search = optax.scale_by_backtracking_linesearch(
+        8, decrease_factor=0.4, increase_factor=1e3
     )
+    optimiser = optax.lbfgs(linesearch=line_search)
+    memory, gradient = optimiser.init(values), jax.value_and_grad(misfit)
 
-    @jax.jit
-    def improved(values: dict, memory: optax.OptState) -> tuple[dict, optax.OptState, jax.Array]:
-        value, slopes = jax.value_and_grad(misfit)(values)
-        line = {"value": value, "grad": slopes, "value_fn": partial(misfit, trial=True)}
-        change, memory = optimiser.update(slopes, memory, values, **line)
-        return optax.apply_updates(values, change), memory, value  # pyright: ignore
+    def tried(values: dict) -> jax.Array:
+        with jax.disable_jit(False):
+            return misfit(values, trial=True)
 
-    memory = optimiser.init(values)
     for _ in range(iterations):
-        values, memory, value = improved(values, memory)
+        value, slopes = gradient(values)
         misfits.append(float(value))
+        # Python repeats the loop of the line search, whose runs need XLA themselves.
+        with jax.disable_jit():
+            line = {"value": value, "grad": slopes, "value_fn": tried}
+            change, memory = optimiser.update(slopes, memory, values, **line)
+        values = optax.apply_updates(values, change)
     trained = eqx.combine(values["network"], network)
     expected = record(HELD_OUT, end, None)
     errors = []

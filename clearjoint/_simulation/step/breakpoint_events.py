@@ -130,7 +130,16 @@ def _with_shares(
         else force
         for name, force in system.scene.forces.items()
     }
-    return system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
+    # A quantity does not recognise a `SwitchedForce` as the element that it names. Integrands are
+    # continuous, so that their changes at a breakpoint are zero.
+    integrands = dict.fromkeys(system.formulation.integrands, _zero)
+    switched = system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
+    return replace(switched, formulation=replace(system.formulation, integrands=integrands))
+
+
+def _zero(*arguments: object) -> Scalar:
+    del arguments
+    return 0.0
 
 
 def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:

@@ -494,3 +494,29 @@ def test_a_run_that_fails_is_nan_for_line_searches():
     assert 0.0 < reached.time < 0.3 and int(reached.attempts) == 5
     expected = 0.1 * np.cos(10.0 * reached.time)
     assert reached.final.bodies["ball"].position[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_integral_of_a_quantity_of_a_switched_drive():
+    """The integral of a motor's speed is the angle by which it has turned, also in derivatives."""
+    scene, state, end = switched_torque()
+    turned = {"turned": cj.Integral(cj.quantities.JointAngularVelocity("motor"), "rad")}
+    angle = {"angle": cj.quantities.JointAngle("motor")}
+    path = {"mass": lambda scene: scene.bodies["slider"].mass}
+    integral = cj.predictor(scene, state, end, path, turned, settings=SETTINGS)
+    plain = cj.predictor(scene, state, end, path, angle, [0.0, end], SETTINGS)
+    change = lambda values: jnp.diff(plain(values)["angle"])[0]  # noqa: E731
+    values = integral.values
+    np.testing.assert_allclose(integral(values)["turned"], change(values), rtol=1e-8)
+    by_mass = [
+        jax.grad(function)(values)["mass"]
+        for function in (lambda values: integral(values)["turned"], change)
+    ]
+    assert by_mass[1] != 0.0
+    np.testing.assert_allclose(by_mass[0], by_mass[1], rtol=1e-6)
+
+
+def switched_torque() -> tuple[cj.Scene, cj.State, float]:
+    torque = cj.PiecewiseLinear([0.0, 0.01, 0.02], [0.0, 20.0, 5.0])
+    motor = cj.DriveTorque("ground", "crank", (0.0, 0.0, 1.0), torque)
+    return *cj.mechanisms.slider_crank(speed=50.0, motor=motor), 0.015
