@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import jax
@@ -205,6 +206,10 @@ class _Forward:
     times: np.ndarray
     first: np.ndarray
 
+    @cached_property
+    def gradient(self) -> Callable[..., tuple[jax.Array, dict[str, jax.Array]]]:
+        return jax.jit(jax.value_and_grad(self.objective))
+
     def start(self) -> Coordinates:
         return dict(zip(self.parameters, jnp.asarray(self.first), strict=True))
 
@@ -213,7 +218,7 @@ class _Forward:
         run = self.runs.run(coordinates, self.times[-1])
         # The times that pad `times` to the length of a compiled program are cut off.
         values = {name: row[:count] for name, row in run.values.items()}
-        value, slopes = jax.jit(jax.value_and_grad(self.objective))(values)
+        value, slopes = self.gradient(values)
         # Chain rule: the run gives the derivatives of the outputs by the coordinates, and JAX those
         # of the objective by the outputs.
         along = sum(slopes[name] @ run.derivatives[name][:count] for name in values)
