@@ -25,7 +25,7 @@ from typing_extensions import override
 import clearjoint as cj
 from clearjoint.testing import optimise_programs
 
-PIN, SPEEDS, HELD_OUT = "crank foot", (12.0, 20.0, 30.0), 25.0
+PIN, SPEEDS, HELD_OUT = "crank foot", (0.0, 12.0, 25.0), 18.0
 """Speeds of the crank at the start, rad/s."""
 NOISE, SAMPLES = 5e-6, 100
 """Standard deviation of the noise, m, and number of samples of a record."""
@@ -112,35 +112,24 @@ class Fit(NamedTuple):
 def measure(quick: bool) -> Fit:
     """Fit the network to the records."""
     begun, random = time.process_time(), np.random.default_rng(1)
-    speeds, end, iterations = (SPEEDS[:1], 0.1, 3) if quick else (SPEEDS, 0.5, 30)
+    speeds, end, iterations = (SPEEDS[:1], 0.1, 3) if quick else (SPEEDS, 0.4, 150)
     network = eqx.nn.MLP(1, "scalar", 16, 2, jax.nn.tanh, key=jax.random.key(0))
     records = [record(speed, end, random) for speed in speeds]
     predictors = [predictor_of(network, measured) for measured in records]
 
-    def misfit(values: dict, trial: bool = False) -> jax.Array:
-        # Trials of a line search may have weights with which no run is possible.
-        runs = [predict.or_nan(values) if trial else predict(values) for predict in predictors]
+    def misfit(values: dict) -> jax.Array:
+        runs = [predict(values) for predict in predictors]
         pairs = zip(runs, records, strict=True)
         return jnp.mean(jnp.concatenate([residuals(*pair) ** 2 for pair in pairs]))
 
     values, misfits = predictors[0].values, []
-    line_search = optax.scale_by_backtracking_linesearch(
-        8, decrease_factor=0.4, increase_factor=1e3
-    )
-    optimiser = optax.lbfgs(linesearch=line_search)
-    memory, gradient = optimiser.init(values), jax.value_and_grad(misfit)
-
-    def tried(values: dict) -> jax.Array:
-        with jax.disable_jit(False):
-            return misfit(values, trial=True)
-
+    rate = optax.cosine_decay_schedule(2e-2, iterations, 0.02)
+    optimiser, gradient = optax.adam(rate), jax.value_and_grad(misfit)
+    memory = optimiser.init(values)
     for _ in range(iterations):
         value, slopes = gradient(values)
         misfits.append(float(value))
-        # Python repeats the loop of the line search, whose runs need XLA themselves.
-        with jax.disable_jit():
-            line = {"value": value, "grad": slopes, "value_fn": tried}
-            change, memory = optimiser.update(slopes, memory, values, **line)
+        change, memory = optimiser.update(slopes, memory, values)
         values = optax.apply_updates(values, change)
     trained = eqx.combine(values["network"], network)
     expected = record(HELD_OUT, end, None)

@@ -152,6 +152,7 @@ def test_every_reduction_is_native():
         "MeanPowerLost": cj.MeanPowerLost(),
         "Peak": cj.Peak(speed, "m/s"),
         "Quantiles": cj.Quantiles(speed, "m/s", np.linspace(-1.0, 1.0, 9)),
+        "Integral": cj.Integral(speed, "m"),
         "Statistics": cj.Statistics(speed, "m/s"),
     }
     assert set(made) == classes(cj, cj.extend.AbstractReduction)
