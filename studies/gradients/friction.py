@@ -30,8 +30,9 @@ PIN, SPEEDS, HELD_OUT = "crank foot", (0.0, 12.0, 25.0), 18.0
 NOISE, SAMPLES = 5e-6, 100
 """Standard deviation of the noise, m, and number of samples of a record."""
 SETTINGS = replace(cj.presets.derivatives, rtol=1e-7)
-UNIT_SPEED = 0.1
-"""Slip speed, m/s, that is 1 at the input of the network."""
+UNIT_SPEED = 0.01
+"""Slip speed, m/s, far below which the network's input is proportional to the speed, and far above
+to its logarithm, since friction changes most at low speeds."""
 
 
 class Stribeck(cj.extend.AbstractFriction):
@@ -50,7 +51,7 @@ class NeuralFriction(cj.extend.AbstractFriction):
 
     @override
     def ratio(self, slip_speed):
-        change = self.network(jnp.asarray(slip_speed)[None] / UNIT_SPEED)
+        change = self.network(jnp.log1p(jnp.asarray(slip_speed) / UNIT_SPEED)[None])
         return 0.1 * (1.0 + change) * jnp.tanh(slip_speed / 5e-3)
 
 
@@ -112,7 +113,7 @@ class Fit(NamedTuple):
 def measure(quick: bool) -> Fit:
     """Fit the network to the records."""
     begun, random = time.process_time(), np.random.default_rng(1)
-    speeds, end, iterations = (SPEEDS[:1], 0.1, 3) if quick else (SPEEDS, 0.4, 150)
+    speeds, end, iterations = (SPEEDS[:1], 0.1, 3) if quick else (SPEEDS, 0.4, 200)
     network = eqx.nn.MLP(1, "scalar", 16, 2, jax.nn.tanh, key=jax.random.key(0))
     records = [record(speed, end, random) for speed in speeds]
     predictors = [predictor_of(network, measured) for measured in records]
@@ -123,7 +124,7 @@ def measure(quick: bool) -> Fit:
         return jnp.mean(jnp.concatenate([residuals(*pair) ** 2 for pair in pairs]))
 
     values, misfits = predictors[0].values, []
-    rate = optax.cosine_decay_schedule(2e-2, iterations, 0.02)
+    rate = optax.cosine_decay_schedule(2e-2, iterations, 0.01)
     optimiser, gradient = optax.adam(rate), jax.value_and_grad(misfit)
     memory = optimiser.init(values)
     for _ in range(iterations):

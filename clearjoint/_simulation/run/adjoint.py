@@ -349,16 +349,16 @@ def _pulled_start(run: Adjoint, end: Numbers, first_step: Numbers, cotangents: T
     return jax.linear_transpose(along, none)(cotangents)[0]
 
 
-KEPT_BYTES = 40_000_000
+KEPT_BYTES = 30_000_000
 """Bytes of recorded steps that are kept. Those of the other segments are computed again when the
 backward loop needs them."""
 
 
 class _Segment(NamedTuple):
-    """A part of a run: the state before it, the ends of its steps, s, (M,), and their rows, (M, n),
-    unless these are to be computed again."""
+    """A part of a run: the numbers of the `Step` before it, the ends of its steps, s, (M,), and
+    their rows, (M, n), unless these are to be computed again."""
 
-    start: Step
+    start: np.ndarray
     ends: np.ndarray
     rows: np.ndarray | None
 
@@ -419,7 +419,8 @@ class RecordedRun:
             here = np.searchsorted(ends, self._times[begin:stop])
             chosen.append(rows[np.minimum(here, len(rows) - 1)])
             kept += rows.nbytes
-            self._segments.append(_Segment(self.last, ends, rows if kept <= KEPT_BYTES else None))
+            start, stored = _numbers_of(self.last), rows if kept <= KEPT_BYTES else None
+            self._segments.append(_Segment(start, ends, stored))
             self.last, self._tallies = after, tallies
         self._chosen = np.concatenate(chosen)
         ended = _ended(run, self._recorders, self.last, self._tallies, self._span[0])
@@ -441,7 +442,7 @@ class RecordedRun:
     def _rows_of(self, segment: _Segment) -> np.ndarray:
         if segment.rows is not None:
             return segment.rows
-        return self._recorded(segment.start, self._tallies)[0]
+        return self._recorded(_with_numbers(self._example, segment.start), self._tallies)[0]
 
     def solution(self, settings: Notes) -> Solution:
         """Return the run as a `Solution` without records, with notes on the settings."""
@@ -544,6 +545,23 @@ class RecordedRun:
             last = first
         start = _pulled_start(run, *self._span, jax.device_get(like(example.tangents, now)))
         return jax.tree.map(np.add, total, start)
+
+
+def _numbers_of(step: Step) -> np.ndarray:
+    # A copy: the leaves are views of the memory of a whole call.
+    leaves = jax.tree.leaves(step)
+    return np.concatenate([np.ravel(np.asarray(leaf, float)) for leaf in leaves])
+
+
+def _with_numbers(example: Step, numbers: np.ndarray) -> Step:
+    leaves, structure = jax.tree.flatten(example)
+    ends = np.cumsum([np.size(leaf) for leaf in leaves])
+    parts = np.split(numbers, ends[:-1])
+    made = [
+        part.reshape(np.shape(leaf)).astype(np.asarray(leaf).dtype)
+        for part, leaf in zip(parts, leaves, strict=True)
+    ]
+    return jax.tree.unflatten(structure, made)
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
