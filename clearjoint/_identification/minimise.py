@@ -262,7 +262,7 @@ class _Reverse:
             )(at)
         except SimulationError as error:
             return np.nan, at, error.solution.result
-        return value, gradient, RESULTS.successful
+        return value, gradient, RESULTS.successful  # pyright: ignore[reportReturnType]
 
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
