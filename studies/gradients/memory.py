@@ -86,7 +86,7 @@ def long_run(quick: bool) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("accepted steps", "memory, MB", "value and gradient, s")]
     first = None
     for steps in STEPS[:1] if quick else STEPS:
-        # A limit to the step's rotation or length does not exist: the tolerance sets the length.
+        # Settings have no largest length of a step: this tolerance makes steps about as long.
         end = STEP * steps
         settings = replace(cj.presets.derivatives, rtol=1e-13, max_steps=10_000_000)
         predict = cj.predictor(scene, state, end, path, output, [end], settings)

@@ -65,7 +65,8 @@ class Sensitivities(AbstractTabular):
       with respect to the coordinates of the parameters' scales: for a parameter with the scale
       `Log`, with respect to its natural logarithm.
     - `saved`: the `Trajectory` at `Saving.times`, ``None`` unless requested.
-    - `time`, `result`, `attempts`, `accepted`, `impacts`, `settings`: as in `Solution`.
+    - `time`, `result`, `attempts`, `accepted`, `impacts`, `settings`: as in `Solution`. Derivatives
+      by more than 16 parameters are computed in several runs, whose steps are added up.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
 

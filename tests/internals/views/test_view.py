@@ -168,10 +168,10 @@ def test_modes_colour_the_journal_and_are_in_the_legend(seen):
     journal = journal_of(seen)
     assert journal.colour_at(0) == MODES[0]
     assert journal.colour_at(recorded.COUNT - 1) == MODES[2]
-    told = dict(seen.legend.entries)
-    assert told[MODES[0]] == "journal: free flight"
-    assert told[MODES[2]] == "journal: contact along a line"
-    assert told[FORCE] == "contact force"
+    label_of_colour = dict(seen.legend.entries)
+    assert label_of_colour[MODES[0]] == "journal: free flight"
+    assert label_of_colour[MODES[2]] == "journal: contact along a line"
+    assert label_of_colour[FORCE] == "contact force"
 
 
 def test_forces_can_be_omitted():
