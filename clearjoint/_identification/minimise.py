@@ -190,7 +190,7 @@ def _descended(
     coordinates = np.asarray(ravel_pytree(best)[0])
     estimates = {
         name: float(value) if isinstance(value, jax.Array) and not value.ndim else value
-        for name, value in search.values(best).items()
+        for name, value in _values(search.parameters, best).items()
     }
     return Minimum(estimates, coordinates, min(history), np.array(history), result)
 
@@ -234,9 +234,6 @@ class _Forward:
         with jax.disable_jit(False):
             return on_host(of_run, jax.ShapeDtypeStruct((), float), at)
 
-    def values(self, at: Coordinates) -> Coordinates:
-        return _values(self.parameters, at)
-
 
 @dataclass(frozen=True)
 class _Reverse:
@@ -252,13 +249,10 @@ class _Reverse:
         coordinates = {n: jnp.asarray(scale.coordinate(values[n])) for n, scale in scales.items()}
         return values | coordinates
 
-    def values(self, at: Coordinates) -> Coordinates:
-        return _values(self.parameters, at)
-
     def evaluated(self, at: Coordinates) -> tuple[float, Coordinates, RESULTS]:
         try:
             value, gradient = jax.value_and_grad(
-                lambda at: self.objective(self.predictor(self.values(at)))
+                lambda at: self.objective(self.predictor(_values(self.parameters, at)))
             )(at)
         except SimulationError as error:
             return np.nan, at, error.solution.result
@@ -267,7 +261,7 @@ class _Reverse:
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
         with jax.disable_jit(False):
-            return self.objective(self.predictor.or_nan(self.values(at)))
+            return self.objective(self.predictor.or_nan(_values(self.parameters, at)))
 
 
 def _values(parameters: Mapping[str, Part], at: Coordinates) -> Coordinates:

@@ -109,7 +109,8 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
     for leaf in leaves:
         end = start + np.size(leaf)
         part = numbers[start:end].reshape(np.shape(leaf))
-        made.append(part != 0.0 if jnp.result_type(leaf) is np.dtype(bool) else part)
+        dtype = jnp.result_type(leaf)
+        made.append(part != 0.0 if dtype is np.dtype(bool) else part.astype(dtype))
         start = end
     return jax.tree.unflatten(structure, made)
 
@@ -442,7 +443,7 @@ class RecordedRun:
     def _rows_of(self, segment: _Segment) -> np.ndarray:
         if segment.rows is not None:
             return segment.rows
-        return self._recorded(_with_numbers(self._example, segment.start), self._tallies)[0]
+        return self._recorded(like(self._example, segment.start), self._tallies)[0]
 
     def solution(self, settings: Notes) -> Solution:
         """Return the run as a `Solution` without records, with notes on the settings."""
@@ -551,17 +552,6 @@ def _numbers_of(step: Step) -> np.ndarray:
     # A copy: the leaves are views of the memory of a whole call.
     leaves = jax.tree.leaves(step)
     return np.concatenate([np.ravel(np.asarray(leaf, float)) for leaf in leaves])
-
-
-def _with_numbers(example: Step, numbers: np.ndarray) -> Step:
-    leaves, structure = jax.tree.flatten(example)
-    ends = np.cumsum([np.size(leaf) for leaf in leaves])
-    parts = np.split(numbers, ends[:-1])
-    made = [
-        part.reshape(np.shape(leaf)).astype(np.asarray(leaf).dtype)
-        for part, leaf in zip(parts, leaves, strict=True)
-    ]
-    return jax.tree.unflatten(structure, made)
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
