@@ -1,6 +1,7 @@
 """Reverse mode across impacts: gradients of `predictor` against forward mode and closed forms."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -428,6 +429,7 @@ class Paraboloid:
     """An objective whose first step is 200 times too long, and which JAX can't trace: a run inside
     of a program of XLA waits for ever on a machine with one core."""
 
+    parameters: ClassVar[dict[str, object]] = {"x": None}
     curvature = 1e3 * np.linspace(1.0, 4.0, 20)
 
     def start(self):
