@@ -42,18 +42,14 @@ from .operations import Value
 Program = TypeVar("Program")
 QUICK, OPTIMISED = 0, 2
 """LLVM's levels of optimisation, of 0 to 3, at which a program is compiled first, and again after
-it has run for a while. For a chain of 30 joints with backlash, LLVM takes 0.8 s at the first level
-and 5.3 s at the second, and a step takes 112 and 73 µs; for the double pendulum, 0.2 s, 0.9 s, 3.6
-and 1.7 µs. Results do not depend on the level, because `.llvm_text` decides which products are
+it has run for a while. For a chain of 30 joints with backlash, LLVM takes 1.0 s at the first level
+and 5.3 s at the second, and a step takes 78 and 39 µs; for the double pendulum, 0.1 s, 0.9 s, 2.2
+and 1.9 µs. Results do not depend on the level, because `.llvm_text` decides which products are
 fused, and LLVM gets no permission to rearrange operations on floats."""
-SECONDS_A_CHARACTER = 2.5e-6
+SECONDS_A_CHARACTER = 3e-6
 """Time of running, s, for each character of a program's text, after which the program is optimised.
 It is about the time that optimising takes. Runs that end before do not pay for it; longer ones lose
 a part of this time."""
-LARGE = 450_000
-"""Number of characters of a program's text from which on LLVM makes only the passes over it that
-shorten a run: for a chain of 30 joints with backlash, all passes took as long as generating machine
-code, and runs were as fast with one. Without that one, a step took 1.15 times as long."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Programs do not depend on settings of JAX whose names contain one of these texts."""
 
@@ -279,12 +275,7 @@ def _object_file(text: str, level: int) -> bytes:
     # The builder keeps results of analyses of the module, and must be freed before it. After an
     # interrupt, Python would free both in the order in which the error's traceback holds them.
     with module, options, llvm.create_pass_builder(machine, options) as builder:
-        if level == OPTIMISED and len(text) >= LARGE:
-            passes = llvm.create_new_module_pass_manager()
-            passes.add_instruction_combine_pass()
-        else:
-            passes = builder.getModulePassManager()
-        with passes:
+        with builder.getModulePassManager() as passes:
             passes.run(module, builder)
         return machine.emit_object(module)
 

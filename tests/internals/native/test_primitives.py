@@ -576,6 +576,7 @@ EXACT: dict[str, tuple[Callable, Callable, np.ndarray]] = {
     "tanh": (jnp.tanh, mpmath.tanh, SIGNED),
     "log": (jnp.log, mpmath.log, np.concatenate([SIZES, NEAR_ONE])),
     "log1p": (jnp.log1p, mpmath.log1p, np.concatenate([SIZES, NEAR_ONE - 1.0])),
+    "arctan": (jnp.arctan, mpmath.atan, np.concatenate([SIGNED, NEAR_ONE])),
 }
 
 
@@ -591,7 +592,7 @@ def assert_exact(found, exact, argument):
 @pytest.mark.parametrize("name", EXACT)
 def test_elementary_functions_are_correct_to_a_unit_in_the_last_place(name):
     ours, exact, x = EXACT[name]
-    x = x[(x > -1.0) | (name in ("exp", "expm1", "tanh"))]
+    x = x[(x > -1.0) | (name in ("exp", "expm1", "tanh", "arctan"))]
     x = x[(x > 0.0) | (name != "log")]
     x = x[:: 3 if name in ("exp", "expm1") else 1]  # Their exact values take longest.
     with mpmath.workprec(1200):
@@ -617,6 +618,26 @@ def test_powers_are_correct_to_a_unit_in_the_last_place():
     a, b = (pair.ravel() for pair in np.meshgrid(ENDS + [0.5, 2.0, 3.0], ENDS + [0.5, 2.0, 3.0]))
     with np.errstate(all="ignore"):
         np.testing.assert_allclose(NativeFunction(jnp.power)(a, b), a**b, rtol=3e-16, atol=0.0)
+
+
+def test_angles_are_correct_to_a_unit_in_the_last_place():
+    angle = np.concatenate(
+        [
+            RANDOM.uniform(-np.pi, np.pi, 600),
+            # Where the reduction changes, and beside the axes.
+            (np.arange(-8, 9) * np.pi / 8.0 + RANDOM.normal(size=(20, 17)) * 1e-9).ravel(),
+        ]
+    )
+    length = 10.0 ** RANDOM.uniform(-250.0, 250.0, angle.size)
+    y, x = length * np.sin(angle), length * np.cos(angle)
+    y[::7] *= 10.0 ** RANDOM.uniform(-40.0, 40.0, y[::7].size)
+    with mpmath.workprec(200):
+        for value, a, b in zip(NativeFunction(jnp.arctan2)(y, x), y, x, strict=True):
+            assert_exact(value, mpmath.atan2(mpmath.mpf(a), mpmath.mpf(b)), (a, b))
+    y, x = (pair.ravel() for pair in np.meshgrid(ENDS, ENDS))
+    found, expected = NativeFunction(jnp.arctan2)(y, x), np.arctan2(y, x)
+    assert np.array_equal(found, expected, equal_nan=True)
+    assert np.array_equal(np.signbit(found), np.signbit(expected) & ~np.isnan(expected))
 
 
 @pytest.mark.parametrize("axes", [(0,), (1,), (2,), (0, 1), (1, 2), (-1,)])
