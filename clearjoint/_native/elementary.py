@@ -4,11 +4,12 @@ The C library would be called for each element of a vector. The operations are t
 of any length, so that the bits of a result do not depend on the length.
 
 Sines and cosines are computed by a reduction of the angle with fused multiply-adds (Cody and Waite)
-and by the polynomials of Sun's fdlibm, as are arc tangents of a reduced quotient; exponentials, logarithms, powers and hyperbolic tangents by
-sums of two doubles, a high and a low part (Dekker), and Taylor's polynomials of a reduced argument.
-The errors, measured with mpmath in the tests, are below one unit in the last place: at most 0.95
-for `expm1`, 0.8 for sines, cosines and `tanh`, and 0.7 for the others. For infinities, NaN and
-arguments outside of the ranges given below, all of these functions but `tanh` call the C library.
+and by the polynomials of Sun's fdlibm, angles of points by its polynomial for a reduced quotient;
+exponentials, logarithms, powers and hyperbolic tangents by sums of two doubles, a high and a low
+part (Dekker), and Taylor's polynomials of a reduced argument. The errors, measured with mpmath in
+the tests, are below one unit in the last place: at most 0.95 for `expm1`, 0.8 for sines, cosines
+and `tanh`, and 0.7 for the others. For infinities, NaN and arguments outside of the ranges given
+below, all of these functions but `tanh` call the C library.
 """
 
 import math

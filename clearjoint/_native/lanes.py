@@ -7,6 +7,7 @@ call continues all lanes. The arithmetic of a lane does not depend on other colu
 """
 
 import abc
+import threading
 from collections.abc import Callable
 
 import equinox as eqx
@@ -17,12 +18,12 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from .._compilation.xla import program_of
+from .._compilation.xla import begins_a_program, program_of
 from .cells import Memory, Region, numbers_of
 from .control import borrowed, loop
-from .functions import RULES
+from .functions import RULES, FlatArguments
 from .lowering import Array, InMemory, Lowering, aval_of, scalar
-from .machine_code import Code, Stopwatch
+from .machine_code import Code, RecentPrograms, Stopwatch, load_or_make
 from .operations import Operations, Symbol, Value
 
 WIDTH = 8
@@ -179,6 +180,30 @@ class LaneLoop(AbstractLaneLoop):
         """Advance all lanes until one needs its host, or by `LONGEST_RUN` steps."""
         columns.integers[self._limit] = LONGEST_RUN
         return self.code.run(columns)
+
+
+_LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
+"""Loops that this process has made, by the function of a step and the structure, shapes, types and
+static values of the data of their lanes."""
+_LOOPS_LOCK = threading.Lock()
+
+
+def made_lane_loop(
+    step: Callable[[PyTree, PyTree, PyTree], PyTree],
+    status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
+    trees: tuple[PyTree, PyTree, PyTree],
+) -> LaneLoop:
+    """Return the `LaneLoop` for `trees`, the shared data and the data and the state of one lane:
+    made earlier in this process, loaded from disk, or compiled."""
+    key = step, FlatArguments.of(trees).key
+    # The lock makes other threads wait for a loop that is being compiled.
+    with _LOOPS_LOCK:
+        loop = _LOOPS.recent(key)
+        if loop is None:
+            traced = begins_a_program(step)
+            loop = load_or_make(step, trees, lambda: LaneLoop(traced, status, *trees))
+            _LOOPS.add(key, loop)
+        return loop
 
 
 def _traced(

@@ -20,14 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..._compilation.xla import begins_a_program, program_is_made_inside
+from ..._compilation.xla import program_is_made_inside
 from ..._math.vectors import Scalar, pack
 from ..._native import Native, UnsupportedPrimitiveError, is_native
 from ..._native.cells import Cells
 from ..._native.compiled import report_fallback
-from ..._native.functions import BoundFunction, FlatArguments
-from ..._native.lanes import LaneLoop
-from ..._native.machine_code import RecentPrograms, load_or_make
+from ..._native.functions import BoundFunction
+from ..._native.lanes import made_lane_loop
 from ..._runtime import threads_of_sweeps
 from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
@@ -204,7 +203,8 @@ class _Programs:
         task, request = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
         if native:
             lane = _begun(common, task)
-            self.loop = _native_loop(common, (task, request), lane)
+            trees = common, (task, request), lane
+            self.loop = made_lane_loop(_lane_after_turn, _lane_status, trees)
         else:
             # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
@@ -523,29 +523,6 @@ def _columns(
         return record.columns(system, common.channels.get(name, {}))
 
     return jax.lax.map(columns_of_row, rows)
-
-
-_LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
-"""Native loops that this process has made, by structure, shapes, types and static values of the
-data of their lanes."""
-_LOOPS_LOCK = threading.Lock()
-
-
-def _native_loop(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> LaneLoop:
-    """Return the loop for lanes with the structure, shapes and types of the arguments, made earlier
-    in this process, loaded from disk, or compiled."""
-    trees = common, own, lane
-    key = FlatArguments.of(trees).key
-    # The lock makes other threads wait for a loop that is being compiled.
-    with _LOOPS_LOCK:
-        loop = _LOOPS.recent(key)
-        if loop is None:
-            traced = begins_a_program(_lane_after_turn)
-            loop = load_or_make(
-                _lane_after_turn, trees, lambda: LaneLoop(traced, _lane_status, *trees)
-            )
-            _LOOPS.add(key, loop)
-        return loop
 
 
 def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:

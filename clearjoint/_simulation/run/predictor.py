@@ -1,8 +1,10 @@
 """Outputs of runs as a function of parameters that JAX differentiates in reverse mode."""
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -24,14 +26,20 @@ from ..reductions.base import AbstractReduction, result_name
 from ..results.solution import SimulationError, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
-from .adjoint import Adjoint, RecordedRun, integrands_of
+from .adjoint import Adjoint
 from .outputs import EXAMPLE, ImpactTable, Kept, kept_by
+from .recorded_runs import RecordedRun, Recorder, gradients, integrands_of
+from .recorders import ReductionRecorder
 from .rejections import RejectedSteps
 from .run_checks import derivative_scheme, is_traced
 from .sections import Section
 
-KEPT_RUNS = 4
-"""Number of runs that a predictor keeps, so that a gradient does not repeat that of the values."""
+T = TypeVar("T")
+KEPT_RUNS, KEPT_BYTES = 4, 240_000_000
+"""Number of runs that a predictor keeps, so that a gradient does not repeat those of the values,
+and bytes up to which it keeps more of them."""
+AT_ONCE = 64
+"""Largest number of runs of a batch that are computed side by side."""
 
 
 class Predictor:
@@ -68,6 +76,8 @@ class Predictor:
         )
         self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
+        # By whether constraints are redundant, which needs other equations of motion.
+        self._recorders: dict[bool, Recorder] = {}
         self._shapes = {n: jax.ShapeDtypeStruct(times.shape, float) for n in outputs.quantities}
         for name, reduction in outputs.reductions.items():
             for part in reduction.differentiated:
@@ -105,10 +115,7 @@ class Predictor:
         that the scene can't have. The function has no derivatives."""
 
         def computed(values: dict[str, PyTree]) -> dict[str, np.ndarray]:
-            try:
-                return self._values(values)
-            except (SimulationError, ValueError):
-                return {name: np.full(of.shape, np.nan) for name, of in self._shapes.items()}
+            return self._values(values, or_nan=True)
 
         numbers = {name: self._numbers(name, values[name]) for name in self.values}
         return on_host(computed, self._shapes, numbers)
@@ -126,36 +133,122 @@ class Predictor:
         )
         return jax.tree.unflatten(structure, [_as_floats(leaf) for leaf in given])
 
-    def _values(self, values: dict[str, PyTree]) -> dict[str, np.ndarray]:
-        return self._run(values).values()
+    def _values(self, values: dict[str, PyTree], or_nan: bool = False) -> dict[str, np.ndarray]:
+        starts, shape = self._elements(values)
+        outputs: list[dict[str, np.ndarray]] = []
+        for group in _groups(starts):
+            for run in self._recorded(group, or_nan):
+                outputs.append(self._outputs_of(run, or_nan))
+        return _in_batch(outputs, shape)
+
+    def _outputs_of(self, run: RecordedRun | None, or_nan: bool) -> dict[str, np.ndarray]:
+        try:
+            if run is not None:
+                return run.values()
+        except ValueError:  # for instance, of a window that the run does not reach
+            if not or_nan:
+                raise
+        return {name: np.full(of.shape, np.nan) for name, of in self._shapes.items()}
 
     def _gradient(self, values: dict[str, PyTree], cotangents: dict[str, PyTree]) -> PyTree:
-        along = {name: np.asarray(cotangent, float) for name, cotangent in cotangents.items()}
-        return self._run(values).gradient(along)
+        batch = _batch_shape(self._shapes, cotangents)
+        starts, shape = self._elements(values, batch)
+        along = _elements_of(self._shapes, cotangents, shape)
+        slopes: list[PyTree] = []
+        for group, of_group in zip(_groups(starts), _groups(along), strict=True):
+            runs = [run for run in self._recorded(group) if run is not None]
+            slopes += gradients(runs, of_group)
+        return _in_batch(slopes, shape)
 
-    def _run(self, values: dict[str, PyTree]) -> RecordedRun:
-        values = jax.tree.map(lambda leaf: np.asarray(leaf, float), values)
-        key = b"".join(leaf.tobytes() for leaf in jax.tree.leaves(values))
-        run = self._runs.pop(key, None)
-        if run is None:
-            run = self._recorded(values)
-        self._runs[key] = run
-        while len(self._runs) > KEPT_RUNS:
-            self._runs.popitem(last=False)
-        return run
+    def _elements(
+        self, values: dict[str, PyTree], batch: tuple[int, ...] = ()
+    ) -> tuple[list[dict[str, PyTree]], tuple[int, ...]]:
+        """Return the values of each element of a batch, and the batch's shape."""
+        shape = np.broadcast_shapes(_batch_shape(self.values, values), batch)
+        return _elements_of(self.values, values, shape), shape
 
-    def _recorded(self, values: dict[str, PyTree]) -> RecordedRun:
+    def _recorded(
+        self, values: list[dict[str, PyTree]], or_nan: bool = False
+    ) -> list[RecordedRun | None]:
+        """Return the runs at values of the parameters, those that were made before or new ones. An
+        invalid or failed run raises an error, or is ``None`` with `or_nan`."""
+        keys = [b"".join(leaf.tobytes() for leaf in jax.tree.leaves(at)) for at in values]
+        runs = {key: run for key in keys if (run := self._runs.pop(key, None)) is not None}
+        missing = {key: at for key, at in zip(keys, values, strict=True) if key not in runs}
+        by_recorder: dict[Recorder, list[bytes]] = {}
+        for key, at in missing.items():
+            try:
+                by_recorder.setdefault(self._recorder(at), []).append(key)
+            except ValueError:
+                if not or_nan:
+                    raise
+        for recorder, of_recorder in by_recorder.items():
+            made = recorder.recorded([missing[key] for key in of_recorder])
+            for key, run in zip(of_recorder, made, strict=True):
+                try:
+                    raise_failure(run.solution(setting_notes(self._settings)))
+                    runs[key] = run
+                except SimulationError:
+                    if not or_nan:
+                        raise
+        self._runs |= runs
+        kept = sum(run.bytes_kept for run in self._runs.values())
+        while len(self._runs) > KEPT_RUNS and kept > KEPT_BYTES:
+            kept -= self._runs.popitem(last=False)[1].bytes_kept
+        return [runs.get(key) for key in keys]
+
+    def _recorder(self, values: dict[str, PyTree]) -> Recorder:
         settings, (start, end) = self._settings, self._span
         scene, state = self._family.scene_and_state(values)
         scheme = derivative_scheme(scene, state, settings, start)
-        family = replace(self._family, values=values)
-        first_step = settings.length_of_first_step(start, end)
-        integrands = integrands_of(self._outputs.reductions)
-        scheme = replace(scheme, formulation=replace(scheme.formulation, integrands=integrands))
-        adjoint = Adjoint(scheme, family, np.asarray(start, float))
-        run = RecordedRun(adjoint, self._outputs, self._times, end, first_step, settings.max_steps)
-        raise_failure(run.solution(setting_notes(settings)))
-        return run
+        redundant = scheme.formulation.redundant
+        if redundant not in self._recorders:
+            reductions = self._outputs.reductions
+            formulation = replace(scheme.formulation, integrands=integrands_of(reductions))
+            run = Adjoint(
+                scheme=replace(scheme, formulation=formulation),
+                family=self._family,
+                reductions={
+                    name: ReductionRecorder(of)
+                    for name, of in reductions.items()
+                    if of.finds_instants
+                },
+                origin=np.asarray(start, float),
+                end=np.asarray(end, float),
+                first_step=np.asarray(settings.length_of_first_step(start, end), float),
+                max_steps=np.asarray(settings.max_steps),
+            )
+            self._recorders[redundant] = Recorder(run, self._outputs, self._times)
+        return self._recorders[redundant]
+
+
+def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
+    """Return the axes that arrays have before those of the `examples`."""
+    pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
+    return np.broadcast_shapes(
+        *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
+    )
+
+
+def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
+    """Return the elements of a batch of the given shape, whose first axes may have length 1."""
+
+    def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
+        own = np.shape(example)
+        array = np.asarray(array, float)
+        return np.broadcast_to(array, (*shape, *own)).reshape(-1, *own)
+
+    columns = jax.tree.map(flat, examples, arrays)
+    count = math.prod(shape)
+    return [jax.tree.map(lambda column, k=k: np.array(column[k]), columns) for k in range(count)]
+
+
+def _in_batch(trees: list[PyTree], shape: tuple[int, ...]) -> PyTree:
+    return jax.tree.map(lambda *leaves: np.reshape(leaves, (*shape, *np.shape(leaves[0]))), *trees)
+
+
+def _groups(elements: list[T]) -> list[list[T]]:
+    return [elements[start : start + AT_ONCE] for start in range(0, len(elements), AT_ONCE)]
 
 
 def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
@@ -169,7 +262,7 @@ def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
 def on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
     """Return the result of a function of arrays that Python computes, of known `shapes`."""
     if is_traced(arguments):
-        return jax.pure_callback(function, shapes, *arguments, vmap_method="sequential")
+        return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
     # A callback would wrap the error of a run that fails in one of JAX's own.
     return jax.tree.map(jnp.asarray, function(*arguments))
 
@@ -202,8 +295,8 @@ def predictor(
     The derivatives are those of the exact motion, as those of `sensitivities`, of which this is the
     reverse mode: a gradient costs as much as a few runs, whatever the number of parameters.
     `sensitivities` costs about one run for each parameter. The function works under `jax.grad`,
-    `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`, which calls it for one element of a batch
-    after the other; not under `jax.jvp`.
+    `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`, which computes the runs of a batch side by
+    side in vectors of the processor; not under `jax.jvp`.
 
     The steps of a run are controlled by the errors of the state and of its derivative along one
     random direction of all parameters, which is always the same. If the parameters hardly move the

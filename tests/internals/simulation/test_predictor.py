@@ -14,7 +14,7 @@ import clearjoint as cj
 from clearjoint._identification import minimise
 from clearjoint._parametrisation.parts import parts_of
 from clearjoint._result_codes import RESULTS
-from clearjoint._simulation.run import adjoint
+from clearjoint._simulation.run import adjoint, recorded_runs
 from tests.internals.simulation.test_sensitivity import POSITION as REFERENCE
 from tests.internals.simulation.test_sensitivity import TIMES as REFERENCE_TIMES
 from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
@@ -144,7 +144,7 @@ def predict():
     }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(adjoint, "ROWS", 16)
-        patch.setattr(adjoint, "KEPT_BYTES", 8000)
+        patch.setattr(recorded_runs, "KEPT_BYTES", 8000)
         yield cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, SETTINGS)
 
 
@@ -256,7 +256,7 @@ def test_the_transpose_of_the_tangents_across_impacts():
 
 
 def identity_error(predict) -> float:
-    run = predict._run(predict.values)
+    [run] = predict._recorded([predict.values])
     end = jax.device_get(run.last.tangents)
     random = np.random.default_rng(5)
     # Weights that make all tangents about equally large.
@@ -264,10 +264,10 @@ def identity_error(predict) -> float:
         lambda leaf: random.standard_normal(np.shape(leaf)) / (np.abs(leaf) + 1e-6), end
     )
     none = jax.tree.map(np.zeros_like, predict.values)
-    places = np.zeros(0, int)
     flat = np.asarray(adjoint.in_one_array(weights))
-    gradient = run.pulled_back(flat, none, np.zeros((0, 1)), places)
-    direction = run._run.family.direction
+    outputs = run.pulled_outputs({name: np.zeros(of.shape) for name, of in predict._shapes.items()})
+    gradient = run.gradient(outputs._replace(end=flat, total=none))
+    direction = run.recorder.run.family.direction
     products = jax.tree.map(lambda a, b: np.sum(a * b), gradient, direction)
     expected = jax.tree.map(lambda a, b: np.sum(a * b), weights, end)
     total, size = sum(jax.tree.leaves(expected)), sum(map(abs, jax.tree.leaves(expected)))
@@ -278,15 +278,56 @@ def loss(predict, values):
     return jnp.sum(jnp.square(predict(values)["x"] - 0.1 * jnp.cos(11.0 * TIMES)))
 
 
-def test_a_batch_has_the_gradients_of_its_elements(predict):
-    batch = {"stiffness": jnp.array([90.0, 110.0]), "start": jnp.array([0.1, 0.2])}
-    gradient = jax.grad(loss, argnums=1)
-    together = jax.vmap(lambda values: gradient(predict, values))(batch)
-    for k in range(2):
-        alone = gradient(predict, {name: values[k] for name, values in batch.items()})
-        assert {n: float(v[k]) for n, v in together.items()} == {
-            n: float(v) for n, v in alone.items()
-        }
+@pytest.mark.parametrize("kept", [1e9, 20_000])
+def test_a_batch_has_the_bits_of_its_elements(predict, monkeypatch, kept):
+    """More runs than lanes, of different lengths, each of several segments; with the smaller bound,
+    the longer runs do not fit in memory and are made one by one."""
+    monkeypatch.setattr(recorded_runs, "LANE_ROWS", 12)
+    monkeypatch.setattr(recorded_runs, "KEPT_BYTES", kept)
+    stiffness, start = jnp.linspace(50.0, 400.0, 6), jnp.array([0.1, 0.2])
+    gradient = jax.value_and_grad(lambda values: loss(predict, values))
+    both = lambda k, x: gradient({"stiffness": k, "start": x})  # noqa: E731
+    together = jax.jit(jax.vmap(jax.vmap(both, (0, None)), (None, 0)))(stiffness, start)
+    for index in np.ndindex(2, 6):
+        alone = both(stiffness[index[1]], start[index[0]])
+        assert jax.tree.map(lambda leaf, index=index: float(leaf[index]), together) == jax.tree.map(
+            float, alone
+        )
+
+
+def test_a_run_that_fails_in_a_batch_is_nan(predict):
+    few = replace(SETTINGS, max_steps=40)
+    paths = {"k": lambda s: s.forces["spring"].stiffness}
+    made = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    numbers = jnp.array([1.0, 1e6, -1e400, 4.0])
+    outputs = jax.vmap(made.or_nan)({"k": numbers})
+    assert np.isnan(outputs["x"][1:3]).all()
+    for k in (0, 3):
+        assert np.array_equal(outputs["x"][k], made({"k": numbers[k]})["x"])
+    with pytest.raises(Exception, match="step limit was reached"):
+        jax.vmap(made)({"k": numbers[:2]})
+
+
+@pytest.mark.slow
+def test_a_batch_across_impacts_has_the_bits_of_its_elements():
+    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
+    paths = {
+        "clearance": lambda scene: scene.joints["shoulder"].clearance,
+        "speed": cj.Parameter.initial(lambda state: state.bodies["arm 3"].spin[2]),
+    }
+    outputs = {
+        "x": cj.quantities.Position("arm 3", "x"),
+        "peak": cj.Peak(cj.quantities.ContactForce("shoulder"), "N"),
+    }
+    made = cj.predictor(scene, state, 0.1, paths, outputs, [0.02, 0.06, 0.1], SETTINGS)
+    loss = lambda values: jnp.sum(made(values)["x"]) + made(values)["peak"]  # noqa: E731
+    batch = {"clearance": jnp.linspace(0.2e-3, 0.6e-3, 10), "speed": jnp.linspace(0.0, 1.0, 10)}
+    together = jax.vmap(jax.value_and_grad(loss))(batch)
+    for k in range(10):
+        alone = jax.value_and_grad(loss)({name: of[k] for name, of in batch.items()})
+        assert jax.tree.map(lambda leaf, k=k: float(leaf[k]), together) == jax.tree.map(
+            float, alone
+        )
 
 
 def test_optax_finds_the_stiffness(predict):
@@ -302,9 +343,9 @@ def test_optax_finds_the_stiffness(predict):
 
 
 def gradient_in_segments(monkeypatch, scene, state, end, path, kept, rows) -> float:
-    monkeypatch.setattr(adjoint, "KEPT_BYTES", kept)
+    monkeypatch.setattr(recorded_runs, "KEPT_BYTES", kept)
     monkeypatch.setattr(adjoint, "ROWS", rows)
-    for program in (adjoint._begun, adjoint._segment, adjoint._backward):
+    for program in (adjoint.segment, adjoint.backward):
         program.native._programs.clear()
     outputs = {"x": cj.quantities.Position(list(scene.bodies)[-1], "x")}
     times = np.linspace(0.0, end, 7)

@@ -1,0 +1,549 @@
+"""Runs whose accepted steps are recorded, and the derivatives of their outputs in reverse mode.
+
+Runs at several values of the parameters are computed side by side, in lanes of native code, and so
+are the transposes of their steps.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from ..._dynamics.system import System
+from ..._export.datasets import Notes
+from ..._fields.checks import require
+from ..._math.vectors import Condition, Scalar
+from ..._native import Native, UnsupportedPrimitiveError, is_native
+from ..._native.cells import Cells
+from ..._native.compiled import report_fallback
+from ..._native.functions import keep_flattened
+from ..._native.lanes import LaneLoop, made_lane_loop
+from ..._result_codes import result_number
+from ...quantities.base import Instant, Quantity
+from ..reductions.base import AbstractReduction, result_name
+from ..results.solution import SUCCESSFUL, Solution
+from ..step.step_state import Step
+from ..step.stepping import running
+from ..step.types import Numbers
+from . import adjoint
+from .adjoint import STEPS, Adjoint, Pulled, PulledSteps, example_of, like
+from .outputs import REDUCTIONS, Kept
+from .run_loop import Progress
+
+KEPT_BYTES = 30_000_000
+"""Bytes of recorded steps that are kept of a run. Those of the other segments are computed again
+when the backward loop needs them."""
+LANE_ROWS = 256
+"""Largest number of steps of a lane between two visits of Python. Eight lanes then occupy some
+megabytes, which is near to the size of the processor's second cache."""
+L = TypeVar("L")
+
+
+class _Segment(NamedTuple):
+    """A part of a run: the numbers of the `Step` before it, the ends of its steps, s, (M,), and
+    their rows, (M, n). If the rows are to be computed again, those of some steps are `picked`."""
+
+    start: np.ndarray
+    ends: np.ndarray
+    rows: np.ndarray | None
+    picked: Mapping[int, np.ndarray] = MappingProxyType({})
+
+
+class _Recording(NamedTuple):
+    """The segments of a run, the last step, and the tallies of its reductions."""
+
+    segments: list[_Segment]
+    last: Step
+    tallies: PyTree
+
+
+class _Samples(NamedTuple):
+    """Times, (N,) s since the start of a run, at which quantities are evaluated, in steps of the
+    numbers `places`, whose rows are `rows`, (N, n). The first of the times are those of the
+    quantities that were asked for; the others are instants of reductions, `instants[name]`, s."""
+
+    times: np.ndarray
+    places: np.ndarray
+    rows: np.ndarray
+    instants: dict[str, tuple[float, ...]]
+
+
+class Recorder:
+    """Records runs at values of parameters, and computes outputs and their derivatives.
+
+    **Arguments:** `outputs`: quantities and reductions; `times`: (N,) s, not decreasing, between
+    the start and the end of the runs, of the quantities.
+    """
+
+    def __init__(self, run: Adjoint, outputs: Kept, times: np.ndarray):
+        # Flattening these arguments for each call took as long as a short run.
+        self.run, self.outputs = keep_flattened(run), outputs
+        self.times = np.asarray(times - run.origin)
+        quantities = dict(outputs.quantities)
+        for name, reduction in outputs.reductions.items():
+            quantities |= _parts_of(name, reduction)
+        self.quantities = keep_flattened(quantities)
+        self._example: Step | None = None
+
+    def example_like(self, step: Step) -> Step:
+        """Return a step of the structure of all steps, the same one for all runs."""
+        if self._example is None:
+            self._example = keep_flattened(step)
+        return self._example
+
+    def recorded(self, values: Sequence[PyTree]) -> "list[RecordedRun]":
+        """Return runs at values of the parameters."""
+        found = _in_lanes(self, values) if len(values) > 1 and is_native() else {}
+        return [
+            RecordedRun(self, at, found[k] if k in found else _recorded(self, at))
+            for k, at in enumerate(values)
+        ]
+
+
+class RecordedRun:
+    """A run with its accepted steps, from which values and derivatives of outputs follow.
+
+    - `last`: the step at its end. If the run has failed, the values and derivatives at times that
+      it has not reached are meaningless.
+    - `bytes_kept`: bytes of the recorded steps.
+    """
+
+    def __init__(self, recorder: Recorder, at: PyTree, recording: _Recording):
+        self.recorder, self.at = recorder, at
+        self.segments, self.last, self._tallies = recording
+        self.example = recorder.example_like(self.last)
+        self.bytes_kept = sum(s.rows.nbytes for s in self.segments if s.rows is not None)
+        ended = adjoint.ended(recorder.run, at, self.last, self._tallies)
+        self._final, self._result, self._results = ended
+
+    def rows_of(self, segment: _Segment) -> np.ndarray:
+        """Return the rows of a segment's steps, (M, n)."""
+        if segment.rows is not None:
+            return segment.rows
+        start = like(self.example, segment.start)
+        buffer = adjoint.segment(self.recorder.run, self.at, start, self._tallies)[2]
+        return np.asarray(buffer.filled())
+
+    def solution(self, settings: Notes) -> Solution:
+        """Return the run as a `Solution` without records, with notes on the settings."""
+        run = self.recorder.run
+        return Solution(
+            time=float(run.origin) + float(self.last.t),
+            final=self._final,
+            result=self._result,
+            attempts=self.last.attempts,
+            accepted=self.last.accepted,
+            saved=None,
+            saved_count=None,
+            steps=None,
+            impacts=None,
+            formulation=run.scheme.formulation,
+            redundant_constraints=(),
+            settings=settings,
+        )
+
+    @cached_property
+    def _samples(self) -> _Samples:
+        run, instants = self.recorder.run, {}
+        origin, end = float(run.origin), float(run.end)
+        for name, reduction in self.recorder.outputs.reductions.items():
+            instants[name] = reduction.instants(self._results.get(name, {}), (origin, end))
+            is_reached = bool(
+                np.all(np.diff(instants[name]) > 0.0) & np.all(np.isfinite(instants[name]))
+            )
+            argument, remedy = f"outputs[{name!r}]", "give a window that the run reaches"
+            require(is_reached, argument, reduction, "a reduction over a part of the run", remedy)
+        further = [t - origin for group in instants.values() for t in group]
+        times = np.concatenate([self.recorder.times, further])
+        # The step in which a time lies is the first that ends at or after it. If the run fails,
+        # that of later times is its last one.
+        ends = np.concatenate([segment.ends for segment in self.segments])
+        places = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
+        return _Samples(times, places, self._rows_at(places), instants)
+
+    def _rows_at(self, places: np.ndarray) -> np.ndarray:
+        """Return the rows of steps, by their numbers in the run."""
+        rows: dict[int, np.ndarray] = {}
+        first = 0
+        for segment in self.segments:
+            last = first + len(segment.ends)
+            numbers = np.unique(places[(first <= places) & (places < last)] - first).tolist()
+            known = segment.picked if segment.rows is None else segment.rows
+            if segment.rows is None and not segment.picked.keys() >= set(numbers):
+                known = self.rows_of(segment)
+            rows |= {first + k: known[k] for k in numbers}
+            first = last
+        return np.stack([rows[int(k)] for k in places])
+
+    def values(self) -> dict[str, np.ndarray]:
+        """Return the quantities, (N,) each, at the N times, and the results of reductions."""
+        return self._combined(self._sampled)
+
+    @cached_property
+    def _sampled(self) -> dict[str, np.ndarray]:
+        recorder, samples = self.recorder, self._samples
+        at_times = self.example, recorder.quantities, samples.rows, samples.times
+        return adjoint.values_at(recorder.run, self.at, *at_times)
+
+    def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
+        """Return the outputs from values of the quantities at the times of `_samples`."""
+        outputs, first = self.recorder.outputs, len(self.recorder.times)
+        combined = {name: sampled[name][:first] for name in outputs.quantities}
+        for name, reduction in outputs.reductions.items():
+            instants = self._samples.instants[name]
+            last = first + len(instants)
+            columns = [sampled[part][first:last] for part in _parts_of(name, reduction)]
+            for part, value in reduction.combined(jnp.stack(columns, axis=1), instants).items():
+                combined[result_name(name, part)] = value
+            first = last
+        return combined
+
+    def pulled_outputs(self, cotangents: dict[str, np.ndarray]) -> "Seeds":
+        """Return the cotangents that those of the outputs, (N,) each or, of reductions, numbers,
+        give the steps in which they are evaluated."""
+        recorder, samples = self.recorder, self._samples
+        if recorder.outputs.reductions:
+            (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
+        at_times = self.example, recorder.quantities, samples.rows, samples.times, cotangents
+        pulled, total = adjoint.pulled_outputs(recorder.run, self.at, *at_times)
+        end = np.zeros(sum(map(np.size, jax.tree.leaves(self.example.tangents))))
+        return Seeds(end, total, np.asarray(pulled), samples.places)
+
+    @property
+    def places(self) -> np.ndarray:
+        """Numbers of the steps in which quantities are evaluated."""
+        return self._samples.places
+
+    def is_kept(self) -> bool:
+        """Return whether the rows of all steps are in memory."""
+        return all(segment.rows is not None for segment in self.segments)
+
+    def rows(self) -> np.ndarray:
+        """Return the rows of all steps, (M, n)."""
+        return np.concatenate([self.rows_of(segment) for segment in self.segments])
+
+    def gradient(self, seeds: "Seeds") -> PyTree:
+        """Return the derivatives, by all parameters, of the sum over tangents times `seeds`."""
+        now = Pulled(np.asarray(0), seeds.end, seeds.total)
+        last = sum(len(segment.ends) for segment in self.segments)
+        for segment in reversed(self.segments):
+            count = len(segment.ends)
+            rows = np.pad(self.rows_of(segment), ((0, adjoint.ROWS - count), (0, 0)))
+            steps = seeds.steps(rows, last - count, last, min(len(seeds.places), adjoint.ROWS))
+            now = now._replace(count=np.asarray(count))
+            now = adjoint.backward(self.recorder.run, self.at, self.example, steps, now)
+            last -= count
+        return self.gradient_from(now)
+
+    def gradient_from(self, start: Pulled) -> PyTree:
+        """Return the derivatives by all parameters, from the cotangents before the first step."""
+        before = jax.device_get(like(self.example.tangents, start.cotangents))
+        along = adjoint.pulled_start(self.recorder.run, self.at, before)
+        return jax.tree.map(np.add, start.total, along)
+
+
+class Seeds(NamedTuple):
+    """Cotangents of the tangents at the `end` of a run, `in_one_array`; `total`, those of the
+    direction of the parameters at fixed tangents; and those of the `StepTangents` of the steps of
+    the numbers `places`, (K,), as rows of the array `pulled`, (K, m)."""
+
+    end: np.ndarray
+    total: PyTree
+    pulled: np.ndarray
+    places: np.ndarray
+
+    def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
+        """Return the steps from `first` to before `last` of the run, which begin the `rows`, with
+        `room` for the cotangents of so many of them."""
+        added = np.zeros((room + 1, self.pulled.shape[1]))
+        places = np.zeros(len(rows), int)
+        here = np.flatnonzero((first <= self.places) & (self.places < last))
+        numbers, order = np.unique(self.places[here] - first, return_inverse=True)
+        np.add.at(added, order + 1, self.pulled[here])
+        places[numbers] = np.arange(1, len(numbers) + 1)
+        return PulledSteps(rows, added, places)
+
+
+def gradients(
+    runs: Sequence[RecordedRun], cotangents: Sequence[dict[str, np.ndarray]]
+) -> list[PyTree]:
+    """Return the derivatives by all parameters of the sums over outputs of runs, which may occur
+    several times, each times the cotangents of the same number."""
+
+    def seeds_of(number: int) -> Seeds:
+        return runs[number].pulled_outputs(cotangents[number])
+
+    if len(runs) > 1 and is_native() and all(run.is_kept() for run in runs):
+        try:
+            return _gradients_in_lanes(runs, seeds_of)
+        except UnsupportedPrimitiveError as error:
+            report_fallback(error)
+    return [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
+
+
+def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
+    """Record a run, in segments."""
+    run, kept = recorder.run, 0
+    own_end, limit = float(run.end - run.origin), int(run.max_steps)
+    step, tallies = adjoint.begun(run, at)
+    segments: list[_Segment] = []
+    while float(step.t) < own_end and int(step.attempts) < limit and _is_well(step):
+        after, tallies, buffer = adjoint.segment(run, at, step, tallies)
+        rows = np.asarray(buffer.filled())
+        kept += rows.nbytes
+        segments.append(_Segment(_numbers_of(step), rows[:, -1].copy(), rows))
+        if kept > KEPT_BYTES:
+            segments[-1] = _without_rows(segments[-1], recorder.times)
+        # The leaves are views of the memory of a whole call.
+        step = jax.tree.map(np.array, after)
+    return _Recording(segments, step, tallies)
+
+
+def _is_well(step: Step) -> bool:
+    return result_number(step.result) == SUCCESSFUL
+
+
+def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
+    """Return a segment that keeps only the rows of the steps in which some of the times lie."""
+    assert segment.rows is not None
+    numbers = np.unique(np.searchsorted(segment.ends, times))
+    last = len(segment.ends) - 1
+    numbers = np.minimum(numbers, last)
+    return segment._replace(rows=None, picked={int(k): segment.rows[k].copy() for k in numbers})
+
+
+def _numbers_of(step: Step) -> np.ndarray:
+    leaves = jax.tree.leaves(step)
+    return np.concatenate([np.ravel(np.asarray(leaf, float)) for leaf in leaves])
+
+
+# Runs side by side.
+
+
+@Native
+def _begun_lane(run: Adjoint, values: PyTree) -> Progress:
+    return run.start(values, LANE_ROWS)
+
+
+def _stepped_lane(run: Adjoint, values: PyTree, now: Progress) -> Progress:
+    goes = _status_of_lane(run, values, now)["moves"]
+    return run.loop(values, LANE_ROWS).advance(now, goes)
+
+
+def _status_of_lane(run: Adjoint, values: PyTree, now: Progress) -> dict[str, Condition]:
+    runs = running(now.step, run.own_end, run.max_steps)
+    return {"runs": runs, "moves": runs & jnp.logical_not(now.records[STEPS].is_full())}
+
+
+def _pulled_lane(
+    shared: tuple[Adjoint, Step], own: tuple[PyTree, PulledSteps], now: Pulled
+) -> Pulled:
+    (run, example), (values, steps) = shared, own
+    return adjoint.pulled(run, values, example, steps, now)
+
+
+def _status_of_pulled_lane(shared: PyTree, own: PyTree, now: Pulled) -> dict[str, Condition]:
+    return {"moves": now.count > 0}
+
+
+def _through(
+    loop: LaneLoop,
+    shared: PyTree,
+    lanes: Sequence[L],
+    begin: Callable[[L], tuple[np.ndarray, np.ndarray]],
+    serve: Callable[[L, np.ndarray, bool], bool],
+) -> None:
+    """Run lanes in the columns of a loop, one after the other. `begin` returns the cells of a
+    lane's own data and of its state. `serve` is called with a lane, the cells of its column, and
+    whether it moves, each time that a lane has stopped, and returns whether the lane goes on."""
+    columns, waiting = loop.columns(shared), deque(lanes)
+    slots: list[L | None] = [None] * loop.width
+    while True:
+        for number, lane in enumerate(slots):
+            if lane is None and waiting:
+                lane = slots[number] = waiting.popleft()
+                loop.write_lane(columns, number, *begin(lane))
+        if all(lane is None for lane in slots):
+            return
+        loop.run(columns)
+        moves = loop.status_of(columns)["moves"].tolist()
+        for number, lane in enumerate(slots):
+            if lane is not None and not serve(lane, columns.floats[:, number], moves[number]):
+                loop.leave(columns, number)
+                slots[number] = None
+
+
+@dataclass
+class _RunningLane:
+    number: int
+    rows: list[np.ndarray] = field(default_factory=list)
+
+    def bytes_kept(self) -> int:
+        return sum(rows.nbytes for rows in self.rows)
+
+
+def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
+    """Record runs side by side, and return their recordings by their numbers, without those of
+    runs that are too long to be kept; none if there is no native code for them."""
+    run, own = recorder.run, Cells(values[0])
+    found: dict[int, _Recording] = {}
+    try:
+        begin_rows = _begun_lane.native.bound(run, values[0])
+        numbers = own.rows(_stacked(values))
+        cells = begin_rows.results
+        first = jax.tree.map(lambda leaf: leaf[0], cells.trees(begin_rows(numbers[:1])))
+        loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
+    except UnsupportedPrimitiveError as error:
+        report_fallback(error)
+        return found
+    places = cells.columns().records[STEPS]
+    start, width = loop.state_cells.start, places.rows.shape[1]
+    rows_from, count_at = start + int(places.rows[0, 0]), start + int(places.count)
+    runs_at = loop.status["runs"].start
+
+    def begin(lane: _RunningLane) -> tuple[np.ndarray, np.ndarray]:
+        numbers_of_lane = numbers[lane.number]
+        return numbers_of_lane, begin_rows(numbers_of_lane[None])[0]
+
+    def serve(lane: _RunningLane, column: np.ndarray, moves: bool) -> bool:
+        integers = column.view(np.int64)
+        count = int(integers[count_at])
+        # Lanes that will soon be full are emptied with those that are, since they would stop all.
+        if moves and count < LANE_ROWS // 2:
+            return True
+        rows = column[rows_from : rows_from + count * width].reshape(count, width)
+        lane.rows.append(np.array(rows))
+        integers[count_at] = 0
+        if integers[runs_at]:
+            return lane.bytes_kept() <= KEPT_BYTES
+        state = cells.trees(column[None, loop.state_cells])
+        last = jax.tree.map(lambda leaf: leaf[0], state)
+        rows = np.concatenate(lane.rows)
+        pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
+        segments = [_Segment(np.zeros(0), piece[:, -1].copy(), piece) for piece in pieces]
+        found[lane.number] = _Recording(segments, last.step, last.records[REDUCTIONS])
+        return False
+
+    _through(loop, run, [_RunningLane(k) for k in range(len(values))], begin, serve)
+    return found
+
+
+def _stacked(trees: Sequence[PyTree]) -> PyTree:
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
+
+
+@dataclass
+class _PulledLane:
+    """A run whose cotangents are pulled back from its end. Of its steps, those from the number
+    `first` on are done, or have been given to the lane."""
+
+    run: RecordedRun
+    rows: np.ndarray
+    seeds: Seeds
+    first: int
+
+    def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
+        """Return the steps that come next, of which `left` were given to the lane before, and their
+        number."""
+        last = self.first + left
+        self.first = max(0, last - LANE_ROWS)
+        rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
+        rows[: last - self.first] = self.rows[self.first : last]
+        return self.seeds.steps(rows, self.first, last, room), last - self.first
+
+
+def _gradients_in_lanes(
+    runs: Sequence[RecordedRun], seeds_of: Callable[[int], Seeds]
+) -> list[PyTree]:
+    recorder, example = runs[0].recorder, runs[0].example
+    found: list[PyTree] = [None] * len(runs)
+    room = min(len(runs[0].places), LANE_ROWS)
+    tangents = sum(map(np.size, jax.tree.leaves(example.tangents)))
+    inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
+    width = runs[0].rows_of(runs[0].segments[0]).shape[1]
+    steps = PulledSteps(
+        np.zeros((LANE_ROWS, width)), np.zeros((room + 1, inside)), np.zeros(LANE_ROWS, int)
+    )
+    none = jax.tree.map(np.zeros_like, runs[0].at)
+    own = runs[0].at, steps
+    state = Pulled(np.asarray(0), np.zeros(tangents), none)
+    shared = recorder.run, example
+    loop = made_lane_loop(_pulled_lane, _status_of_pulled_lane, (shared, own, state))
+    own_cells, steps_cells, state_cells = Cells(own), Cells(steps), Cells(state)
+    steps_at = slice(loop.own_cells.stop - steps_cells.size, loop.own_cells.stop)
+    count_at = loop.state_cells.start + int(state_cells.columns().count)
+
+    def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
+        run, seeds = runs[number], seeds_of(number)
+        rows = run.rows()
+        lane = lanes[number] = _PulledLane(run, rows, seeds, len(rows))
+        steps, count = lane.next_steps(0, room)
+        after = Pulled(np.asarray(count), seeds.end, seeds.total)
+        return own_cells.rows(_one((run.at, steps)))[0], state_cells.rows(_one(after))[0]
+
+    def serve(number: int, column: np.ndarray, moves: bool) -> bool:
+        lane, left = lanes[number], int(column[count_at : count_at + 1].view(np.int64)[0])
+        if moves and left > LANE_ROWS // 2:
+            return True
+        if left == 0 and lane.first == 0:
+            state = state_cells.trees(column[None, loop.state_cells])
+            found[number] = lane.run.gradient_from(jax.tree.map(lambda leaf: leaf[0], state))
+            del lanes[number]
+            return False
+        steps, count = lane.next_steps(left, room)
+        column[steps_at] = steps_cells.rows(_one(steps))[0]
+        column[count_at : count_at + 1].view(np.int64)[0] = count
+        return True
+
+    lanes: dict[int, _PulledLane] = {}
+    _through(loop, shared, range(len(runs)), begin, serve)
+    return found
+
+
+def _one(tree: PyTree) -> PyTree:
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[None], tree)
+
+
+def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
+    """Return the quantities by whose values the reduction of a name is differentiated, by names
+    that no output can have."""
+    observed = {f"{name}/{k}": of for k, of in enumerate(reduction.observed())}
+    integrals = {key: _Work(key) for key in integrands_of({name: reduction})}
+    return {**observed, **integrals}
+
+
+class _Work(eqx.Module):
+    """An integral over the run, as a quantity."""
+
+    key: str = eqx.field(static=True)
+
+    def __call__(self, now: Instant) -> Scalar:
+        return now.work[self.key]
+
+
+class Integrand(eqx.Module):
+    """A quantity that is integrated with the state, as a `Formulation` takes it."""
+
+    quantity: Quantity = eqx.field(static=True)
+
+    def __call__(
+        self, system: System, t: Scalar, motion: PyTree, entry_speeds: PyTree, bristles: PyTree
+    ) -> Scalar:
+        return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles))
+
+
+def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:
+    """Return the integrands of reductions, by names that no output can have."""
+    return {
+        f"{name}/integral {k}": Integrand(quantity)
+        for name, reduction in reductions.items()
+        for k, quantity in enumerate(reduction.integrands())
+    }
