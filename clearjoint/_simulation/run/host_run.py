@@ -260,9 +260,9 @@ class Run:
             self.scheme, self.folded_scene, *reductions, step, self.end
         )
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
-        states, outputs = saved.samples()
+        states, values = saved.samples()
         trajectory = states if self.kept.save.states else None
-        outputs |= self.kept.recorded(now.records) | {
+        numbers = {
             result_name(name, part): float(value)
             for name, parts in jax.device_get(results).items()
             for part, value in parts.items()
@@ -279,7 +279,7 @@ class Run:
             impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in now.records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            outputs=outputs,
+            outputs={**values, **self.kept.recorded(now.records), **numbers},
             settings=notes,
         )
         return solution, bool(slid_out)
@@ -325,7 +325,7 @@ class _SavedBySegments:
             self.impact_rows += impact_rows_of(now.records[IMPACTS])
         return emptied(now)
 
-    def samples(self) -> tuple[Trajectory | None, dict[str, Any]]:
+    def samples(self) -> tuple[Trajectory | None, dict[str, Numbers]]:
         """Return the states at the sample times, and the values of the quantities there."""
         if self.save_at is None:
             return None, {}
