@@ -11,15 +11,13 @@ from zlib import crc32
 import numpy as np
 import xarray as xr
 
-from .._dynamics.absolute_coordinates import AbsoluteCoordinates
-from .._dynamics.formulation import Baumgarte, Formulation, Projection, Unstabilised
-from .._dynamics.joint_coordinates.coordinates import JointCoordinates
-from .._export.datasets import describe, to_frame, write_netcdf
+from .._dynamics.formulation import Formulation
+from .._export.datasets import to_frame, write_netcdf
 from .._fields.cautions import quiet
 from .._model.bodies import BodyState, State
 from .._model.scene import Scene
 from .._result_codes import RESULTS
-from .._scene_files.documents import FileLocation, listed
+from .._scene_files.documents import FileLocation
 from .._scene_files.files import Writer, load, save
 from .._scene_files.reading import Reader
 from .._simulation.results.impact_table import IMPACT_UNITS, NAMED, Impacts
@@ -32,7 +30,6 @@ from .._simulation.results.solution import (
     Trajectory,
     contact_label,
 )
-from .endings import say
 from .study import CLASSES, Study
 
 SUMMARY = "summary.json"
@@ -48,12 +45,6 @@ NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
 FORMULATION = "formulation"
 """Attribute of the table of saved states: the formulation of the equations of motion, as JSON."""
-EARLIER = {
-    "coordinates": (AbsoluteCoordinates(), JointCoordinates()),
-    "stabilisation": (Baumgarte(), Projection(), Unstabilised()),
-}
-"""Coordinates and stabilisations that are recognised by their texts, in tables without
-`FORMULATION`."""
 SECTION = "section "
 """Prefix of the names of the tables of Poincaré sections."""
 TABLE = "impacts of "
@@ -78,14 +69,13 @@ def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> No
 
 
 def read_summary(folder: Path) -> dict[str, str | int | float]:
-    """Return the entries of the summary; `ValueError` for a folder without results. A summary of an
-    earlier version may have no title: the name of the folder replaces it."""
-    summary: dict[str, str | int | float] = {"title": folder.absolute().name}
+    """Return the entries of the summary; `ValueError` for a folder without results."""
+    summary: dict[str, str | int | float] = {}
     if (folder / SUMMARY).is_file():
-        summary |= json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    if "kind" not in summary:
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    if not {"kind", "title"} <= summary.keys():
         raise ValueError(
-            f"{folder}: found no {SUMMARY} with a kind of results, expected a folder of results: "
+            f"{folder}: found no {SUMMARY} with kind and title, expected a folder of results: "
             "pass the folder that `clearjoint run`, `sweep`, `fit` or `wear` wrote (--out)."
         )
     return summary
@@ -136,16 +126,17 @@ def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Datase
     table = xr.load_dataset(path, engine="scipy")
     # Names that netCDF does not allow were changed when the file was written.
     table = table.rename({n: v.attrs.get("original_name", n) for n, v in table.items()})
-    _require_names(path, needed, {*table.variables, *table.attrs})
+    require_names(path, needed, {*table.variables, *table.attrs})
     return table
 
 
-def _require_names(path: Path, needed: Iterable[str], available: Collection[object]) -> None:
+def require_names(path: Path, needed: Iterable[str], available: Collection[object]) -> None:
+    """Raise a `ValueError` if the results in a file lack a needed name."""
     lacking = [name for name in needed if name not in available]
     if lacking:
         raise ValueError(
-            f"{path}: found no {', '.join(lacking)}, expected a table of this version and of "
-            f"the scene in {SCENE}: run `clearjoint run` again."
+            f"{path}: found no {', '.join(lacking)}, expected results of this version and of "
+            f"the scene in {SCENE}: compute them again."
         )
 
 
@@ -154,6 +145,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     again. The accepted steps are not stored."""
     needed = ["time", "body", *STATE_PARTS, *(f"final_{part}" for part in STATE_PARTS)]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
+    needed += [FORMULATION]
     motion = read_table(folder, MOTION, needed)
     if motion is None or not (folder / SCENE).exists():
         files = f"{MOTION}.nc and {SCENE}"
@@ -162,7 +154,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # Warnings about unusual values were issued when the run was made.
     with quiet():
         scene, _ = load(folder / SCENE)
-    _require_names(folder / f"{MOTION}.nc", scene.bodies, motion["body"].values.tolist())
+    require_names(folder / f"{MOTION}.nc", scene.bodies, motion["body"].values.tolist())
     redundant = motion.attrs["redundant_constraints"]
     names = () if redundant == "none" else tuple(redundant.split(", "))
     # The file has the message of the result instead of its code. The message of another version may
@@ -191,26 +183,15 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
 
 
 def _impacts(folder: Path) -> Impacts | None:
-    """Return the table of impacts. Columns of numbers that an earlier version did not write are
-    NaN, which is said."""
-    table = read_table(folder, IMPACTS, NAMED)
+    table = read_table(folder, IMPACTS, [*NAMED, *IMPACT_UNITS])
     if table is None:
         return None
-    lacking = [name for name in IMPACT_UNITS if name not in table]
-    if lacking:
-        say(
-            f"note: {folder / IMPACTS}.nc, of an earlier version, lacks {', '.join(lacking)}; "
-            "these numbers are shown as nan: run `clearjoint run` again to have them"
-        )
-    nan = np.full(table.sizes["impact"], np.nan)
     names = {name: table[name].values.astype(object) for name in NAMED}
-    numbers = {name: table[name].values if name in table else nan for name in IMPACT_UNITS}
-    return Impacts(**names, **numbers)
+    return Impacts(**names, **{name: table[name].values for name in IMPACT_UNITS})
 
 
 def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
-    """Return a solution from `read_run` with further states between its saved ones, for figures;
-    results of an earlier version have none."""
+    """Return a solution from `read_run` with further states between its saved ones, for figures."""
     table = read_table(folder, DRAWN, ["time", "body", *STATE_PARTS])
     if table is None:
         return solution
@@ -224,23 +205,9 @@ def formulation_text(formulation: Formulation) -> str:
 
 
 def read_formulation(notes: Mapping[str, object], location: FileLocation) -> Formulation:
-    """Return the formulation of a run from the attributes of its table at `location`. That of a
-    table of an earlier version, which lacks `FORMULATION`, is found only if its coordinates and
-    stabilisation have no numbers, or the default ones."""
-    if FORMULATION in notes:
-        table = json.loads(str(notes[FORMULATION]))
-        return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
-    chosen = {}
-    for name in ("coordinates", "stabilisation"):
-        choices = {describe(choice): choice for choice in EARLIER[name]}
-        text = str(notes.get(f"setting_{name}"))
-        if text not in choices:
-            remedy = "run `clearjoint run` again"
-            location.at(f"setting_{name}").refuse(text, f"one of {listed(choices)}", remedy)
-        chosen[name] = choices[text]
-    redundant = notes["redundant_constraints"] != "none"
-    ledger = notes.get("setting_ledger") == "True"
-    return Formulation(**chosen, redundant=redundant, ledger=ledger)
+    """Return the formulation of a run from the attributes of its table at `location`."""
+    table = json.loads(str(notes[FORMULATION]))
+    return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
@@ -277,7 +244,6 @@ def _sections(folder: Path) -> dict[str, Crossings]:
         assert table is not None
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}
-        # Files of earlier versions lack the name of the table.
-        name = str(table.attrs.get("table", path.stem)).removeprefix(SECTION)
+        name = str(table.attrs["table"]).removeprefix(SECTION)
         sections[name] = Crossings(table["time"].values, values, units)
     return sections

@@ -41,6 +41,7 @@ from .folders import (
     read_run,
     read_summary,
     read_table,
+    require_names,
 )
 
 
@@ -95,8 +96,7 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
     """Mark the peaks of a joint's impacts as dots, since saved states may miss them."""
     if impacts is None:
         return
-    # Tables of earlier versions may lack the forces.
-    of_joint = (impacts.joint == joint) & np.isfinite(impacts.peak_force)
+    of_joint = impacts.joint == joint
     if not of_joint.any():
         return
     # The figure has chosen its units, which its labels tell.
@@ -133,8 +133,6 @@ def _save(folder: Path, name: str, axes: Axes) -> None:
 ROWS = 20
 """Largest number of impacts, or of lanes of a sweep, in a table of the page."""
 STAGES, PROFILES = "stages.csv", "profiles.csv"
-LATER = "force", *(f"{part}_volume" for part in PARTS)
-"""Variables of a result of wear that the first versions did not store."""
 VIEW, PDF = "view.html", "report.pdf"
 STYLE = Path(__file__).parent / "templates" / "page.css"
 
@@ -148,7 +146,9 @@ def write_report(folder: Path) -> None:
     elif kind == "sweep":
         write_sweep_report(folder, open_sweep(folder / STORE).load())
     elif kind == "wear":
-        write_wear_report(folder, open_wear(folder / WEAR_STORE))
+        results = open_wear(folder / WEAR_STORE)
+        require_names(folder / WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)], results)
+        write_wear_report(folder, results)
     else:
         write_page(folder)
 
@@ -216,23 +216,15 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
     and of the worn profiles."""
     frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
-    lacking = [name for name in LATER if name not in dataset]
-    if lacking:
-        say(f"note: {WEAR_STORE}, of an earlier version, lacks {', '.join(lacking)}")
     profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
     for joint, part in worn_parts(dataset):
         name = f"{part} of {joint}"
         profiles[f"{name} [m]"] = dataset[f"{part}_depth"].sel(joint=joint).isel(stage=-1).values
         depths[name] = frame[f"{name}, largest [m]"]
-        if (volume := f"{name}, volume [m^3]") in frame:
-            volumes[name] = 1e9 * frame[volume]  # in mm^3
+        volumes[name] = 1e9 * frame[f"{name}, volume [m^3]"]  # in mm^3
         _save(folder, name, plot.worn_profile(dataset, joint, part))
     pd.DataFrame(profiles).to_csv(folder / PROFILES, index=False)
-    forces = {
-        str(joint): frame[force]
-        for joint in dataset["joint"].values
-        if (force := f"force in {joint} [N]") in frame
-    }
+    forces = {str(joint): frame[f"force in {joint} [N]"] for joint in dataset["joint"].values}
     figures = (
         ("depths", "largest depth", "m", depths),
         ("volumes", "worn volume", "mm^3", volumes),
@@ -258,17 +250,16 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
     before the stage, and the largest forces during the stage's run. The last row is the worn state
-    at the end; no run follows, so its forces are NaN. Columns of variables that an earlier version
-    did not write are left out."""
+    at the end; no run follows, so its forces are NaN."""
     columns = {"cycles": dataset["cycles"].values}
-    for joint in dataset["joint"].values if "force" in dataset else ():
+    for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
     for joint, part in worn_parts(dataset):
         depths = dataset[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
         columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
         columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        if (volume := f"{part}_volume") in dataset:
-            columns[f"{part} of {joint}, volume [m^3]"] = dataset[volume].sel(joint=joint).values
+        volumes = dataset[f"{part}_volume"].sel(joint=joint).values
+        columns[f"{part} of {joint}, volume [m^3]"] = volumes
     return pd.DataFrame(columns)
 
 

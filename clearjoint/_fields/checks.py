@@ -360,18 +360,6 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
             _check_here(reduce(_child, path, tree))
 
 
-def conditions_of_changes(
-    tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
-) -> list[jax.Array] | None:
-    """Return the conditions under which `recheck_changes` would raise no error, for a compiled
-    program, or ``None`` if a class to be checked is not of this package: its checks may need known
-    numbers."""
-    for path in _paths_to_changed(structure, changed):
-        if not is_of_package(type(reduce(_child, path, tree))):
-            return None
-    return conditions_of(lambda: recheck_changes(tree, structure, changed))
-
-
 def is_of_package(kind: type) -> bool:
     """Return whether a class belongs to this package."""
     return kind.__module__.split(".")[0] == __name__.split(".")[0]

@@ -132,7 +132,7 @@ def tested(
     times: Float[np.ndarray, " T"],
     near: Bool[np.ndarray, " n"],
 ) -> QuadraticTest:
-    """Compare runs at n points around a minimum with the quadratic model.
+    """Compare runs at n points around a minimum with the quadratic model, for S series at T times.
 
     `moved` are the residuals at the points. Only points `near` the minimum determine the horizon:
     those where residuals are linear in the coordinates. On a logarithmic scale, for example, the
@@ -227,35 +227,15 @@ def explore(
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
-
-    def around(centre: np.ndarray, covariances: Sequence[np.ndarray], count: int) -> np.ndarray:
-        # The points take the covariances and factors in turn.
-        roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
-        normal = generator.standard_normal((count, p))
-        offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
-        return centre + within(offsets, limits)
-
-    fresh = around(minimum.coordinates, covariances, number)
+    drawn_around = partial(_drawn_around, limits=limits, generator=generator)
+    fresh = drawn_around(minimum.coordinates, covariances, number)
     points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
     minima, best, before = [minimum], minimum, None
     for count in range(1, ROUNDS + 1):
         points = np.concatenate([points, fresh])
         values = np.concatenate([values, chi_squared(fresh)])
-        # The lowest points are kept: at least `KEPT`, and all of a chi squared that is worth
-        # exploring, but at most half of `number`.
-        order = np.argsort(values, kind="stable")
-        low_enough = int((values <= values.min() + WORTH * RISE).sum())
-        kept = points[order[: min(max(KEPT, low_enough), number // 2)]]
-        # Local searches from points in known minima would only find these minima again.
-        candidates = [x for x in kept if not any(inside(other, x) for other in minima)]
-        # `far_apart` measures distances in standard deviations of the points, so it needs two or
-        # more.
-        several = len(candidates) > 1
-        chosen = far_apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
-        descended: list[RunMisfit] = []
-        for k in chosen:
-            if not descended or affordable():
-                descended.append(descend(candidates[k]))
+        lowest_points = _lowest_points(points, values, number // 2)
+        descended = _local_searches(lowest_points, minima, descend, affordable)
         # Returned as it is only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), count, True)
         low, high = explored.intervals()
@@ -274,18 +254,62 @@ def explore(
         before = low, high
         if not affordable():
             break
-        # New points are drawn among the kept points and the minima, because local searches reach
+        # New points are drawn among the lowest points and the minima, because local searches reach
         # lower chi squared than random points.
         limit = explored.lowest + WORTH * RISE
         near = [other.coordinates for other in minima if other.chi_squared <= limit]
-        kept = np.concatenate([kept, np.array(near).reshape(-1, p)])
-        fresh = drawn_among(kept, number // 2, bounds, generator)
+        among = np.concatenate([lowest_points, np.array(near).reshape(-1, p)])
+        fresh = drawn_among(among, number // 2, bounds, generator)
         # If a much lower minimum has been found, the first points were drawn around the wrong one.
         # If noise doesn't explain its chi squared, an even lower one may be near.
         if decrease > RISE or explored.lowest > likely:
-            again = around(best.coordinates, [best.covariance, *covariances[1:]], number // 2)
-            fresh = np.concatenate([fresh, again])
+            widths = [best.covariance, *covariances[1:]]
+            fresh = np.concatenate([fresh, drawn_around(best.coordinates, widths, number // 2)])
     return replace(explored, settled=False)
+
+
+def _drawn_around(
+    centre: Float[np.ndarray, " p"],
+    covariances: Sequence[Float[np.ndarray, "p p"]],
+    count: int,
+    limits: Float[np.ndarray, " p"],
+    generator: np.random.Generator,
+) -> Float[np.ndarray, "n p"]:
+    # The points take the covariances and factors in turn.
+    roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
+    normal = generator.standard_normal((count, len(centre)))
+    offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
+    return centre + within(offsets, limits)
+
+
+def _lowest_points(
+    points: Float[np.ndarray, "n p"], values: Float[np.ndarray, " n"], most: int
+) -> Float[np.ndarray, "m p"]:
+    """Return the points with the lowest chi squared: at least `KEPT`, and all of a chi squared that
+    is worth exploring, but not more than `most`."""
+    order = np.argsort(values, kind="stable")
+    low_enough = int((values <= values.min() + WORTH * RISE).sum())
+    return points[order[: min(max(KEPT, low_enough), most)]]
+
+
+def _local_searches(
+    starts: Float[np.ndarray, "m p"],
+    minima: Sequence[RunMisfit],
+    descend: Callable[[Float[np.ndarray, " p"]], RunMisfit],
+    affordable: Callable[[], bool],
+) -> list[RunMisfit]:
+    """Search for minima from some of the starts that are far from each other and from the known
+    minima: from one of them, and from more while they are affordable."""
+    # Searches from points in known minima would only find these minima again.
+    candidates = [x for x in starts if not any(inside(minimum, x) for minimum in minima)]
+    # `far_apart` measures distances in standard deviations of the points, so it needs two or more.
+    several = len(candidates) > 1
+    chosen = far_apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
+    ends: list[RunMisfit] = []
+    for k in chosen:
+        if not ends or affordable():
+            ends.append(descend(candidates[k]))
+    return ends
 
 
 def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
@@ -404,6 +428,67 @@ def check(
     return replace(checked, seconds=time.perf_counter() - started)
 
 
+class _CountedRuns:
+    """Runs of an exploration: chi squared at points, and local searches, whose total cost is
+    limited to `most` runs without derivatives."""
+
+    def __init__(
+        self,
+        compared: Comparison,
+        most: float,
+        on_iteration: Callable[[Iteration], None],
+        bar: ProgressBar,
+    ) -> None:
+        self.compared, self.most = compared, most
+        self.on_iteration, self.bar = on_iteration, bar
+        self.points = 0
+        self.searches: list[Search] = []
+
+    def chi_squared(self, points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
+        """Return chi squared over the whole record in runs without derivatives."""
+        self.points += len(points)
+        values = self.compared.chi_squared(points, self.compared.count)[:, -1]
+        self.bar.update(len(points))
+        return values
+
+    def descend(
+        self, start: Float[np.ndarray, " p"], near: float = NEAR, steps: int = STEPS_DOWN
+    ) -> RunMisfit:
+        """Return the minimum that a local search from `start` reaches in at most `steps` runs with
+        derivatives, or until its next step is below `near` standard errors."""
+        end = float(self.compared.times[-1])
+        misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
+        max_changes = step_limits(self.compared.parameters)
+        lowest, iterations, ending = search_with_damping(
+            misfit, start, max_changes, near, steps, self.on_iteration
+        )
+        # An interruption, which `search_with_damping` catches, ends the whole check.
+        if ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        self.searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
+        self.bar.update(len(iterations))
+        return lowest
+
+    @property
+    def searched(self) -> int:
+        """Number of runs with derivatives."""
+        return sum(search.evaluations for search in self.searches)
+
+    def left(self) -> float:
+        """Return the number of further runs without derivatives within the limit."""
+        each = _cost_with_derivatives(len(self.compared.parameters))
+        return self.most - self.points - each * self.searched
+
+    def affordable(self) -> bool:
+        return self.left() > 0.0
+
+
+def _cost_with_derivatives(p: int) -> int:
+    """Return about how many runs without derivatives cost as much as one with derivatives by p
+    parameters."""
+    return 1 + p
+
+
 def _checked(
     best: RunMisfit,
     compared: Comparison,
@@ -414,75 +499,52 @@ def _checked(
 ) -> LikelihoodCheck:
     # The seed is fixed: the check of the same fit always gives the same result.
     generator = np.random.default_rng(0)
-    runs, data = compared.runs, compared.data
+    p = len(best.coordinates)
     limits = _largest_offsets(best, step_limits(compared.parameters))
     test = _quadratic_test(best, compared, limits, generator, bar)
-    count = len(test.actual)
+    tested_points = len(test.actual)
     if test.passed:
-        return LikelihoodCheck(test, None, (), count, 0.0, 0.0)
-    # A run with derivatives by p parameters costs about as much as 1 + p runs without.
-    each = 1 + len(best.coordinates)
-    most_runs = math.inf if number is not None else float(each * (cost + count))
+        return LikelihoodCheck(test, None, (), tested_points, 0.0, 0.0)
+    most_runs = math.inf
     if number is None:
+        most_runs = float(_cost_with_derivatives(p) * (cost + tested_points))
         number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
-    searches: list[Search] = []
-    computed = 0
-
-    def chi_squared(points: np.ndarray) -> np.ndarray:
-        nonlocal computed
-        computed += len(points)
-        # The last column is that of the whole record.
-        values = compared.chi_squared(points, compared.count)[:, -1]
-        bar.update(len(points))
-        return values
-
-    def descend(start: np.ndarray, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
-        end, max_changes = float(compared.times[-1]), step_limits(compared.parameters)
-        misfit = partial(run_misfit, runs, data, end)
-        lowest, iterations, ending = search_with_damping(
-            misfit, start, max_changes, near, steps, on_iteration
-        )
-        # An interruption, which `search_with_damping` catches, ends the whole check.
-        if ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
-        searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
-        bar.update(len(iterations))
-        return lowest
-
-    def left() -> float:
-        return most_runs - computed - each * sum(search.evaluations for search in searches)
-
-    def affordable() -> bool:
-        return left() > 0.0
-
-    difference = float(chi_squared(best.coordinates[None])[0]) - best.chi_squared
+    runs = _CountedRuns(compared, most_runs, on_iteration, bar)
+    difference = float(runs.chi_squared(best.coordinates[None])[0]) - best.chi_squared
     farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-    likely = statistics.likely_chi_squared(data.count - len(best.coordinates))
+    likely = statistics.likely_chi_squared(compared.data.count - p)
     # Chi squared of an early part of the record is smoother and wider: its covariance draws
     # points beyond the minimum that the whole record's covariance describes.
     covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
     explored = explore(
-        chi_squared, descend, best, covariances, farthest, number, likely, generator, affordable
+        runs.chi_squared,
+        runs.descend,
+        best,
+        covariances,
+        farthest,
+        number,
+        likely,
+        generator,
+        runs.affordable,
     )
     # The local searches of the exploration end early. If one of them has found a lower minimum,
     # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
     # squared up to `FLOOR`, so that a smaller one is no other minimum.
     lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
     if best.chi_squared - lowest.chi_squared > FLOOR:
-        descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-    count += len(explored.points) + sum(search.evaluations for search in searches)
+        runs.descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
     posterior = None
     # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
-    if explored.lowest <= likely and left() > LEAST_RUNS * POINTS * number:
+    if explored.lowest <= likely and runs.left() > LEAST_RUNS * POINTS * number:
         half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
         box = lowest.coordinates - half, lowest.coordinates + half
-        most = int(min(left(), MOST_RUNS * number))
+        most = int(min(runs.left(), MOST_RUNS * number))
         posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
     return LikelihoodCheck(
         test=test,
         exploration=explored,
-        searches=tuple(searches),
-        runs=count,
+        searches=tuple(runs.searches),
+        runs=tested_points + len(explored.points) + runs.searched,
         seconds=0.0,
         difference=difference,
         posterior=posterior,

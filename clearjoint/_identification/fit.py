@@ -149,7 +149,9 @@ class Fit(AbstractTabular):
 
     @property
     def correlated(self) -> list[str]:
-        """Names of the series whose residuals are correlated: their `whiteness` is below 0.001."""
+        """Names of the series in which residuals of neighbouring samples are correlated: the
+        p-value of their `whiteness` is below 0.001. Empty if the best run failed, because then
+        `residuals` has meaningless rows."""
         reached = self.best.best.result == RESULTS.successful
         return [name for name, p in self.whiteness.items() if reached and p < UNCORRELATED]
 
@@ -222,13 +224,17 @@ class Fit(AbstractTabular):
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
-        Usually the ends are the values at which the coordinate differs from its estimate by 1.96
-        standard errors. If `check` has found that chi squared is not quadratic, the intervals are
-        the central ones of `posterior`, which need not contain the estimates; without a posterior,
-        they contain all points that `check` has explored with a chi squared at most 3.84 above the
-        lowest. They are extended to contain the intervals around other minima, outside the
-        posterior's box, with a chi squared at most 3.84 above that of the fit, and then about their
-        middle by the `widening` and a factor of Student's distribution.
+        They come from the first of these sources that exists:
+
+        1. the `posterior`: its central intervals, which need not contain the estimates;
+        2. the points that `check` has explored, if it has found that chi squared is not quadratic:
+           all values at points whose chi squared is at most 3.84 above the lowest;
+        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate.
+
+        If other minima, outside the posterior's box, have a chi squared at most 3.84 above that of
+        the fit, the intervals are extended to contain those by the covariances there. If residuals
+        are `correlated`, the intervals are widened about their middle, in coordinates, by the
+        factors `widening` and a further one of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -632,13 +638,23 @@ def _explanation(
     part: slice,
     effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
 ) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
-    """Return the decrease of chi squared by the fewest errors of a sensor that explain most of the
-    misfit of its series, their values, and the share that they explain; 0 and no values if there
-    are none."""
+    """Find the fewest errors of a sensor that explain most of the misfit of its series.
+
+    Errors are added one by one, each time the one with which the residuals become smallest, until
+    the errors together explain the share `MOST` of the series' chi squared. `residuals` are those
+    of all series, `part` the rows of the sensor's series, and `effects` the derivatives of
+    `residuals` by each kind of error.
+
+    **Returns:** the decrease of the chi squared of all series, the values of the errors by their
+    kind, and the share of the series' chi squared that they explain; 0, no values and 0 if all
+    errors together explain less than `MOST`.
+    """
     chosen: list[type[AbstractSeriesVariation]] = []
     before = float(np.sum(residuals[part] ** 2))
 
-    def without(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
+    def fitted(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values of errors of these kinds by least squares, and the residuals that
+        remain."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
         least = information.LEAST_SINGULAR_VALUE
@@ -647,8 +663,8 @@ def _explanation(
 
     while len(chosen) < len(effects):
         rest = [kind for kind in effects if kind not in chosen]
-        chosen.append(min(rest, key=lambda kind: float(np.sum(without([*chosen, kind])[1] ** 2))))
-        values, left = without(chosen)
+        chosen.append(min(rest, key=lambda kind: float(np.sum(fitted([*chosen, kind])[1] ** 2))))
+        values, left = fitted(chosen)
         explained = 1.0 - float(np.sum(left[part] ** 2)) / before
         if explained > MOST:
             decrease = float(np.sum(residuals**2) - np.sum(left**2))

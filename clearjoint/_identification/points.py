@@ -31,7 +31,7 @@ def filled(
     return low + (high - low) * qmc.LatinHypercube(len(low), rng=generator).random(number)
 
 
-def level(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
+def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
     """Return chi squared over the first `count` times.
 
     If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
@@ -62,8 +62,8 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     """Return the number of sample times up to which the level set has at least `keep` points.
 
-    The number may be a fraction, see `level`. Just beyond it, fewer than `keep` points fit about as
-    well as the best; it is T if this happens nowhere.
+    The number may be a fraction, see `chi_squared_over`. Just beyond it, fewer than `keep` points
+    fit about as well as the best; it is T if this happens nowhere.
     """
 
     def gap(values: np.ndarray) -> np.ndarray:
@@ -73,7 +73,9 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     if not beyond.size:
         return float(curves.shape[1] - 1)
     first = float(beyond[0])
-    return last_where(lambda count: bool(gap(level(curves, count)) <= excess), first - 1.0, first)
+    return last_where(
+        lambda count: bool(gap(chi_squared_over(curves, count)) <= excess), first - 1.0, first
+    )
 
 
 def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:

@@ -3,33 +3,22 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import reduce
-from operator import and_
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
 from .._dynamics.assembly import check_names
 from .._export.datasets import describe
 from .._fields.cautions import quiet
-from .._fields.checks import (
-    as_number,
-    conditions_of,
-    conditions_of_changes,
-    recheck_changes,
-    require,
-    require_finite,
-)
+from .._fields.checks import as_number, recheck_changes, require, require_finite
 from .._fields.leaves import ordered_like
 from .._fields.types import ArrayLike
-from .._math.vectors import Condition, unpack
+from .._math.vectors import unpack
 from .._model.bodies import State
 from .._model.joints.base import AbstractContactJoint
 from .._model.scene import Scene
-from .._native import NativeFunction, UnsupportedPrimitiveError
 from .._parametrisation.paths import NumberPath
 from .._parametrisation.variations import (
     AbstractVariation,
@@ -191,8 +180,7 @@ def lanes_of(
     changed = tuple(k in columns for k in range(len(base)))
     scene_leaves = len(jax.tree.leaves(scene))
     # The constructors' checks run in Python, lane by lane, because their messages go to the user.
-    # Lanes that native code has found to be valid are skipped.
-    for lane in np.flatnonzero(~_known_valid(scene, state, columns)).tolist():
+    for lane in range(len(next(iter(values.values()))) if columns else 0):
         leaves = [
             np.asarray(columns[k][lane]) if k in columns else leaf for k, leaf in enumerate(base)
         ]
@@ -293,45 +281,6 @@ def _columns_by_functions(
         for k, (column, leaf) in by_leaf
         if not all(value is leaf or np.array_equal(value, leaf) for value in column)
     }
-
-
-FEW = 16
-"""Largest number of lanes whose values are checked in Python only. For these, compiling the checks
-would take longer than the checks themselves."""
-
-
-def _known_valid(scene: Scene, state: State, columns: Columns) -> np.ndarray:
-    """Return for each lane whether compiled checks accept its values; empty if no leaf changes.
-
-    ``False`` means that the lane must be checked in Python; its values may be valid.
-    """
-    if not columns:
-        return np.ones(0, bool)
-    unknown = np.zeros(len(next(iter(columns.values()))), bool)
-    if len(unknown) <= FEW:
-        return unknown
-    changed = tuple(k in columns for k in range(len(jax.tree.leaves((scene, state)))))
-    # User-defined elements may have checks that can't be compiled, and a check may raise an error
-    # about something other than numbers. All lanes are then checked in Python.
-    with suppress(UnsupportedPrimitiveError, ValueError):
-        # ``None`` stands for an argument that is equal in all lanes, such as the flags `changed`.
-        per_leaf = [columns.get(k) for k in range(len(changed))]
-        valid = _checks.rows((scene, state, changed), [*per_leaf, *[None] * len(changed)])
-        return unknown if valid is None else valid
-    return unknown
-
-
-def _all_hold(scene: Scene, state: State, changed: tuple[bool, ...]) -> Condition | None:
-    """Whether parts of scene and state with changed leaves pass the checks of their constructors;
-    ``None`` if a check may need the values of numbers."""
-    tree, scene_leaves = (scene, state), len(jax.tree.leaves(scene))
-    conditions = conditions_of_changes(tree, jax.tree.structure(tree), changed)
-    if conditions is not None and any(changed[scene_leaves:]):
-        conditions += conditions_of(lambda: check_names(scene, state))
-    return None if conditions is None else reduce(and_, conditions, jnp.asarray(True))
-
-
-_checks = NativeFunction(_all_hold)
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:

@@ -308,7 +308,5 @@ def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
     contacts = [contact for family in observed.contacts.values() for contact in family.values()]
     shown = max((float(np.max(contact.normal_force)) for contact in contacts), default=0.0)
     peak = float(impacts.peak_force.max())
-    # It is NaN in a stored table of an earlier version that lacks it.
-    if not peak > 1.1 * shown:
-        return []
-    return [f"largest contact force, between frames: {newtons(peak)}"]
+    is_larger = peak > 1.1 * shown
+    return [f"largest contact force, between frames: {newtons(peak)}"] if is_larger else []

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 1e-3
 LATE = 0.013
 TIMES = np.linspace(0.05, 2.0, 40)
 X, V = cj.quantities.Position("mass", "x"), cj.quantities.Velocity("mass", "x")
-SPRING = cj.SpringDamper("ground", "mass", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), STIFFNESS)
-SCENE = cj.Scene({"mass": cj.Body(MASS, (1.0, 1.0, 1.0))}, forces={"spring": SPRING})
-STATE = cj.State({"mass": cj.body_state((START, 0.0, 0.0))})
+SCENE, STATE = on_spring("mass", STIFFNESS, MASS, START)
 STIFF = cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())
 PARAMETERS = {"stiffness": STIFF, "delay": cj.Parameter.delay("probe")}
 

@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]
@@ -181,10 +182,8 @@ def test_minimum_of_an_objective(clean):
 def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(factor):
     """An oscillator whose phase is wrong by more than a turn in the end, and little in the first
     window; data by the closed form x0 cos(sqrt(k/m) t)."""
-    origin, times = (0.0, 0.0, 0.0), np.linspace(0.05, 3.0, 60)
-    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0 * factor)
-    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
-    state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    times = np.linspace(0.05, 3.0, 60)
+    scene, state = on_spring("mass", 50.0 * factor, 2.0, 0.3)
     series = cj.Series(
         cj.quantities.Position("mass", "x"), times, 0.3 * np.cos(5.0 * times), noise=1e-3
     )

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 TIMES, SPEED, NOISE, WIDTH = np.linspace(0.1, 1.0, 10), 0.7, 0.05, 2.0
 SCENE = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0.0, 0.0, 0.0))
@@ -170,9 +171,7 @@ def test_a_prior_that_is_zero_almost_everywhere_is_reported():
 
 @pytest.mark.slow
 def test_runs_that_fail_are_impossible_and_counted():
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})
+    scene, state = on_spring()
     stiffness = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     data = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, 0.1 * np.cos(10 * TIMES), 0.2)})
     options = {"draws": 64, "spread": 3.0, "progress": False}

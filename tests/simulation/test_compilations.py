@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
@@ -44,10 +45,7 @@ def compiled():
 @pytest.fixture(scope="module")
 def damped():
     """A mass on a damped spring: least to compile."""
-    origin = (0.0, 0.0, 0.0)
-    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
-    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
-    return scene, cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    return on_spring("mass", 50.0, 2.0, 0.3, 0.5)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import pytest
 
 import clearjoint as cj
 from tests.support.dropped_rod import dropped_rod
+from tests.support.oscillator import on_spring
 
 TIMES = np.linspace(0.0, 0.5, 11)
 X = cj.quantities.Position("ball", "x")
@@ -33,17 +34,11 @@ EXACT = cj.Settings(rtol=1e-9)
 STIFFNESS = cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())
 
 
-def ball() -> tuple[cj.Scene, cj.State]:
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    return scene, cj.State({"ball": cj.body_state((0.1, 0, 0))})
-
-
 def test_a_run_and_a_lane_keep_the_outputs_of_one_dictionary():
     save = cj.Saving(TIMES, states=False)
-    run = cj.simulate(*ball(), 0.5, EXACT, save, outputs=OUTPUTS, progress=False)
+    run = cj.simulate(*on_spring(), 0.5, EXACT, save, outputs=OUTPUTS, progress=False)
     axes = {"k": cj.Axis(STIFFNESS.variation, [100.0])}
-    lane = cj.sweep(*ball(), 0.5, axes, OUTPUTS, EXACT, save, progress=False).isel(k=0)
+    lane = cj.sweep(*on_spring(), 0.5, axes, OUTPUTS, EXACT, save, progress=False).isel(k=0)
     assert run.saved is None and "saved_position" not in lane
     np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
     for name in ("time", "clock"):
@@ -62,14 +57,16 @@ def test_a_run_and_a_lane_keep_the_outputs_of_one_dictionary():
 def test_a_run_with_derivatives_keeps_them_too_but_refuses_reductions():
     message = r"outputs\['speed'\].*a quantity, a Section or an ImpactTable.*sweep\(\) for it"
     with pytest.raises(ValueError, match=message):
-        cj.sensitivities(*ball(), 0.5, {"k": STIFFNESS}, OUTPUTS, TIMES)
+        cj.sensitivities(*on_spring(), 0.5, {"k": STIFFNESS}, OUTPUTS, TIMES)
     with pytest.raises(ValueError, match=r"outputs\['turns'\].*a quantity in a fit"):
         parameters, wanted = {"k": STIFFNESS}, {"turns": OUTPUTS["turns"]}
-        cj.minimise(*ball(), lambda outputs: outputs["x"][0], parameters, wanted, TIMES)
+        cj.minimise(*on_spring(), lambda outputs: outputs["x"][0], parameters, wanted, TIMES)
     with pytest.raises(ValueError, match=r"`times`.*outputs\['x'\].*save=cj.Saving\(times\)"):
-        cj.simulate(*ball(), 0.5, outputs={"x": X})
+        cj.simulate(*on_spring(), 0.5, outputs={"x": X})
     wanted = {name: OUTPUTS[name] for name in ("x", "turns")}
-    found = cj.sensitivities(*ball(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, progress=False)
+    found = cj.sensitivities(
+        *on_spring(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, progress=False
+    )
     np.testing.assert_allclose(found.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
     exact = -0.5 * TIMES * np.sin(10.0 * TIMES)  # d x/d log k
     np.testing.assert_allclose(found.derivatives["x"][:, 0], exact, atol=1e-8)
@@ -80,7 +77,7 @@ def test_a_run_with_derivatives_keeps_them_too_but_refuses_reductions():
 @pytest.mark.slow
 @pytest.mark.parametrize("transformed", [jax.jacfwd, jax.jit], ids=["jacfwd", "jit"])
 def test_quantities_are_evaluated_under_transformations(transformed):
-    scene, state = ball()
+    scene, state = on_spring()
 
     def reached(stiffness):
         changed = cj.set_value(scene, STIFFNESS.variation.path, stiffness)
@@ -119,7 +116,7 @@ def test_statistics_of_a_quantity_are_those_at_each_time():
     save, size = cj.Saving(TIMES, states=False), 1e-3
     options = {"draws": 200, "disturbance": size, "progress": False}
     outputs = {"x": X, "speed": OUTPUTS["speed"]}
-    found = cj.ensemble(*ball(), 0.5, None, outputs, EXACT, save=save, **options)
+    found = cj.ensemble(*on_spring(), 0.5, None, outputs, EXACT, save=save, **options)
     assert found["x"].dims == ("draw", "saved_time") and found["x_quantile"].sizes["quantile"] == 3
     np.testing.assert_array_equal(found["saved_time"], TIMES)
     np.testing.assert_allclose(found["x_mean"], 0.1 * np.cos(10.0 * TIMES), atol=1e-4)
@@ -129,6 +126,6 @@ def test_statistics_of_a_quantity_are_those_at_each_time():
 
 def test_sample_times_may_follow_the_scene():
     save = cj.Saving(lambda scene: [0.0, 1.0 / float(scene.forces["spring"].stiffness)])
-    run = cj.simulate(*ball(), 0.5, EXACT, save, outputs={"x": X}, progress=False)
+    run = cj.simulate(*on_spring(), 0.5, EXACT, save, outputs={"x": X}, progress=False)
     np.testing.assert_array_equal(run.times, [0.0, 0.01])
     np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos([0.0, 0.1]), atol=1e-9)

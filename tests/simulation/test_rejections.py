@@ -7,6 +7,7 @@ import pytest
 
 import clearjoint as cj
 from tests.support.dropped_rod import dropped_rod
+from tests.support.oscillator import on_spring
 from tests.support.rotating_mechanisms import KINDS, rotating
 
 OUTPUTS = {"rejected": cj.RejectedSteps()}
@@ -87,22 +88,16 @@ def test_a_first_step_beyond_the_onset_ends_there_and_the_tables_change_no_bit(s
     assert str(table).startswith(f"rejected steps: {table.counts['error estimate']} error estimate")
 
 
-def oscillator():
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3,) * 3)}, forces={"spring": spring})
-    return scene, cj.State({"ball": cj.body_state((0.1, 0, 0))})
-
-
 def test_a_first_step_of_periods_has_too_large_an_error():
     long = cj.Settings(first_step=6.0)
-    table, _ = rejections_of(*oscillator(), 10.0, long, start_time=2.0)
+    table, _ = rejections_of(*on_spring(), 10.0, long, start_time=2.0)
     assert (table.start[0], table.length[0], table.reason[0]) == (2.0, 6.0, "error estimate")
     assert set(table.reason) == {"error estimate"}
 
 
 @pytest.mark.slow
 def test_no_fixed_step_is_rejected():
-    scene, state = oscillator()
+    scene, state = on_spring()
     fixed = cj.Settings(controller=diffrax.ConstantStepSize(), first_step=0.01)
     table, _ = rejections_of(scene, state, 0.1, fixed)
     assert len(table) == 0 and str(table) == "rejected steps: none"
@@ -186,7 +181,7 @@ def test_runs_with_derivatives_list_their_rejected_steps_too():
 def test_rejected_steps_of_a_sweep_are_refused():
     masses = {"mass": cj.Axis(lambda s: s.bodies["ball"].mass, [1.0, 2.0])}
     with pytest.raises(ValueError, match=r"outputs\['rejected'\].*simulate\(\) for it"):
-        cj.sweep(*oscillator(), 0.1, axes=masses, outputs=OUTPUTS)
+        cj.sweep(*on_spring(), 0.1, axes=masses, outputs=OUTPUTS)
     with pytest.raises(ValueError, match="`count`"):
         cj.RejectedSteps(count=0)
     with pytest.raises(ValueError, match="`after`"):

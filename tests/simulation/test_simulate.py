@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 END = 0.05
 FEW_STAGES = cj.Settings(solver=diffrax.Bosh3())
@@ -254,9 +255,7 @@ def test_a_scene_closed_over_by_jit_runs_in_one_piece():
 
 @pytest.mark.slow
 def test_reductions_of_a_run_see_what_is_between_saved_states():
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})  # 0.1 cos(10 t)
+    scene, state = on_spring()  # 0.1 cos(10 t)
     speed = cj.quantities.Velocity("ball", "x")
     outputs = {"speed": cj.Peak(speed, "m/s"), "mean": cj.Statistics(speed, "m/s", until=0.3)}
     save, end, exact = cj.Saving([0.0, 0.5]), 0.5, cj.Settings(rtol=1e-9)

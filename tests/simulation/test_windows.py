@@ -10,6 +10,7 @@ import pytest
 
 import clearjoint as cj
 from tests.support.dropped_rod import dropped_rod
+from tests.support.oscillator import on_spring
 from tests.support.programs import primitives
 
 W = 7.0
@@ -182,10 +183,8 @@ def quarters(number):
 def test_a_window_may_follow_the_values_of_a_lane():
     """x = 0.3 cos(w t): its mean over the second quarter period is -0.6/pi, whatever the
     stiffness."""
-    stiffness, origin = [20.0, 50.0, 80.0], (0.0, 0.0, 0.0)
-    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0)
-    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
-    state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    stiffness = [20.0, 50.0, 80.0]
+    scene, state = on_spring("mass", 50.0, 2.0, 0.3)
     x = cj.quantities.Position("mass", "x")
     window = {"after": quarters(1), "until": quarters(2)}
     outputs = {"x": cj.Statistics(x, "m", **window), "top": cj.Peak(x, "m", after=quarters(3))}

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 
 class Polynomial(cj.extend.AbstractReduction):
@@ -86,9 +87,7 @@ def test_uniform_tolerances_give_the_derivatives_in_closed_form():
 @pytest.mark.slow
 def test_intervals_of_a_mechanism_hold_the_derivatives_of_the_closed_form():
     """A ball on a spring, 80 runs of two parameters on scales `Log` with deviations of 10 %."""
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(2.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    state = cj.State({"ball": cj.body_state((0.1, 0.0, 0.0))})
+    scene, state = on_spring(mass=2.0)
     uncertain = {
         "k": cj.Uncertain(
             cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log()), deviation=0.1

@@ -5,18 +5,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.oscillator import on_spring
 
 GRAVITY, LENGTH = 9.81, 0.5
-SPRING, MASS = 100.0, 1.0
-
-
-def ball(stiffness=SPRING, damping=0.0):
-    """A body of 1 kg on a spring along X, which starts at 0.1 m."""
-    spring = cj.SpringDamper(
-        "ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=stiffness, damping=damping
-    )
-    scene = cj.Scene({"ball": cj.Body(MASS, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    return scene, cj.State({"ball": cj.body_state((0.1, 0.0, 0.0))})
 
 
 def pendulum(angle):
@@ -58,7 +49,7 @@ def test_axes_with_names_of_disturbances_are_refused():
     name = "disturbed velocity x of ball"
     axes = {name: cj.Axis(lambda s: s.bodies["ball"].mass, [1.0, 2.0])}
     with pytest.raises(ValueError, match=f"`axes` must be .* but is '{name}': rename it"):
-        cj.ensemble(*ball(), 1.0, draws=2, axes=axes)
+        cj.ensemble(*on_spring(), 1.0, draws=2, axes=axes)
 
 
 def test_exponent_of_an_overdamped_pendulum_is_its_slower_rate():
@@ -73,12 +64,12 @@ def test_exponent_of_an_overdamped_pendulum_is_its_slower_rate():
 
 def test_statistics_of_a_linear_system_follow_the_distribution_of_its_starts():
     """v(t) = v0 cos(w t) - 0.1 w sin(w t), where v0 is normal with the deviation of one axis."""
-    scene, state = ball()
+    scene, state = on_spring()
     end, size, draws = 0.05, 1e-4, 400
     found = cj.ensemble(
         scene, state, end, outputs={"v": Speed()}, draws=draws, disturbance=size, seed=3
     )
-    w = np.sqrt(SPRING / MASS)
+    w = 10.0
     # The body has six free velocities, which share the mean square of the disturbance.
     deviation = size / np.sqrt(6.0) * np.cos(w * end)
     mean = -0.1 * w * np.sin(w * end)
@@ -93,7 +84,7 @@ def test_statistics_of_a_linear_system_follow_the_distribution_of_its_starts():
 
 
 def test_points_share_their_starts_and_failed_runs_are_counted():
-    scene, state = ball()
+    scene, state = on_spring()
     axes = {"stiffness": cj.Axis(lambda s: s.forces["spring"].stiffness, [100.0, 1e12])}
     settings = cj.Settings(max_steps=40)
     with pytest.warns(UserWarning, match="lanes failed"):
@@ -136,11 +127,11 @@ def test_seeds_threads_and_stores_give_the_same_bits(tmp_path):
 )
 def test_bad_arguments_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        cj.ensemble(*ball(), 0.1, **options)
+        cj.ensemble(*on_spring(), 0.1, **options)
 
 
 def test_a_scene_that_cannot_move_is_refused():
-    scene, state = ball()
+    scene, state = on_spring()
     fixed = cj.FixedJoint("ground", "ball", (0.1, 0, 0), (0, 0, 0))
     scene = cj.Scene(scene.bodies, {"fixed": fixed})
     with pytest.raises(ValueError, match="`scene` must be one that can move"):

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..points import filled, last_where, level
+from ..points import chi_squared_over, filled, last_where
 
 KEPT = 0.5
 """Effective number of points to which a step along the record may reduce the cloud, relative to the
@@ -255,7 +255,7 @@ def along_record(
             cloud = evaluated(target, cloud.points, ahead)
             continue
         # Weights by what this part of the record adds to the likelihood.
-        before, after = (level(cloud.curves, k) for k in (reached, following))
+        before, after = (chi_squared_over(cloud.curves, k) for k in (reached, following))
         weights, _ = normalised(0.5 * (before - after))
         reached, steps = following, steps + 1
         on_step(reached)
@@ -278,11 +278,11 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     The step goes to the end of the runs if the effective number of points is then at least the
     share `KEPT` of all points, or else so far that it falls to this share.
     """
-    before, last = level(curves, reached), curves.shape[1] - 1
+    before, last = chi_squared_over(curves, reached), curves.shape[1] - 1
 
     def enough(count: float) -> bool:
         with np.errstate(invalid="ignore"):
-            fall = 0.5 * (before - level(curves, count))
+            fall = 0.5 * (before - chi_squared_over(curves, count))
         # Without a point that reaches `count` times, there are no weights.
         if not np.isfinite(fall).any():
             return False
@@ -343,7 +343,9 @@ def mutated(
     reached: float,
     generator: np.random.Generator,
 ) -> Cloud:
-    """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings.
+    """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings. The
+    likelihood is that of the first `reached` sample times, a number that need not be whole (see
+    `chi_squared_over`).
 
     Moves alternate between draws from a mixture of normal distributions around the weighted points
     and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of
@@ -371,7 +373,7 @@ def mutated(
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
         # `new` has only the points inside; they are spread over the n indices.
         others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
-        before, after = (0.5 * level(c.curves, reached) for c in (moved, others))
+        before, after = (0.5 * chi_squared_over(c.curves, reached) for c in (moved, others))
         log_ratios = log_ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < log_ratios)
         moved = moved.where(accepts, others)

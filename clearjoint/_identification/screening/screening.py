@@ -19,7 +19,7 @@ from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..comparison import Comparison
 from ..levenberg_marquardt import Search, best_search
-from ..points import drawn_among, far_apart, filled, level, reached
+from ..points import chi_squared_over, drawn_among, far_apart, filled, reached
 from ..starts import half_widths
 
 LEVEL = 0.99
@@ -149,7 +149,7 @@ def screen(
             # Number of times over which enough points fit about as well as the best. It may be a
             # fraction, at which the points' chi squared is interpolated.
             count = reached(curves, screening.keep, excess)
-            misfits = level(curves, count)
+            misfits = chi_squared_over(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
             times.append(lanes.time(count))

@@ -214,14 +214,11 @@ class Run:
         stops the run after the current segment; and whether a journal has slid out of its bearing
         in the final state.
         """
-        program, start = (self.scheme, self.folded_scene), float(now.step.t)
+        start = float(now.step.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, now.step.t.dtype))  # pyright: ignore
-        samples: list[SavedRows] = []
-        saved_count, wanted = 0, 0 if save_at is None else len(save_at)
-        steps: list[TimedState] = []
-        impacts: list[tuple[str | float, ...]] = []
+        saved = _SavedBySegments(save_at)
         # No bar is shown in the first two seconds of computing (`delay`).
         bar = ProgressBar(
             total=end - start,
@@ -232,73 +229,113 @@ class Run:
             disable=not progress,
         )
         with telling_of_compiling(bar), interruptions_deferred() as stopped:
-            while True:
+            ended = interrupted = False
+            while not (ended or interrupted):
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
                 limit: Any = np.asarray(min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
-                times = None
-                if save_at is not None:
-                    # Filled up with the end time, since a segment receives a fixed number of times.
-                    following = save_at[saved_count:][:SAVES_A_SEGMENT]
-                    filling = 0, SAVES_A_SEGMENT - len(following)
-                    times = np.pad(following, filling, constant_values=end)
-                rest = self.recorders, now, times, self.end, limit, self.kept.quantities
-                now, saved = segment_compiled(*program, *rest)
-                if saved is not None:
-                    # Only the first `count` samples are kept. The others are at times that the run
-                    # has not reached yet, or belong to the filling.
-                    sampled, reached = saved
-                    count = int(np.sum(reached[: wanted - saved_count]))
-                    samples.append(_first_rows(sampled, count))
-                    saved_count += count
-                # Empty the buffers after each segment, so that their size does not limit the run.
-                if STEPS in now.records:
-                    steps.append(now.records[STEPS].filled())
-                if IMPACTS in now.records:
-                    impacts += impact_rows_of(now.records[IMPACTS])
-                now = emptied(now)
+                rest = now, saved.next_times(end), self.end, limit, self.kept.quantities
+                segment_end = segment_compiled(
+                    self.scheme, self.folded_scene, self.recorders, *rest
+                )
+                now = saved.add(*segment_end)
                 bar.update(float(now.step.t) - start - bar.n)
                 failed = result_number(now.step.result) != SUCCESSFUL
                 ended = failed or int(now.step.attempts) >= max_steps
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
-                ended = ended or (float(now.step.t) >= end and saved_count == wanted)
+                ended = ended or (float(now.step.t) >= end and saved.complete)
                 # Also in the last segment: otherwise a loop of short runs could not be interrupted.
                 interrupted = stopped()
-                if ended or interrupted:
-                    break
-        reductions = self.recorders[REDUCTIONS], now.records[REDUCTIONS]
-        final, result, slid_out, results = _end_compiled(*program, *reductions, now.step, self.end)
-        step, saved, trajectory, outputs = now.step, None, None, {}
+        solution, slid_out = self._solution(now, saved, notes)
+        return solution, interrupted, slid_out
+
+    def _solution(
+        self, now: Progress, saved: "_SavedBySegments", notes: Notes
+    ) -> tuple[Solution, bool]:
+        """Return the solution of a run that has ended in the state `now`, and whether a journal has
+        slid out of its bearing there."""
+        step, reductions = now.step, (self.recorders[REDUCTIONS], now.records[REDUCTIONS])
+        final, result, slid_out, results = _end_compiled(
+            self.scheme, self.folded_scene, *reductions, step, self.end
+        )
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
-        if save_at is not None:
-            states, outputs = _joined(samples)
-            if self.kept.save.states:
-                saved = Trajectory(save_at[:saved_count], pack(states))
-        outputs |= self.kept.recorded(now.records) | {
+        states, values = saved.samples()
+        trajectory = states if self.kept.save.states else None
+        numbers = {
             result_name(name, part): float(value)
             for name, parts in jax.device_get(results).items()
             for part, value in parts.items()
         }
-        if STEPS in now.records:
-            rows = _joined(steps)
-            trajectory = Trajectory(rows.t, pack(rows.state))
         solution = Solution(
             time=time,
             final=final,
             result=result,
             attempts=attempts,
             accepted=accepted,
-            saved=saved,
-            saved_count=None if saved is None else saved_count,
-            steps=trajectory,
-            impacts=Impacts.of_rows(impacts) if IMPACTS in now.records else None,
+            saved=trajectory,
+            saved_count=None if trajectory is None else saved.count,
+            steps=saved.steps() if STEPS in now.records else None,
+            impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in now.records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            outputs=outputs,
+            outputs={**values, **self.kept.recorded(now.records), **numbers},
             settings=notes,
         )
-        return solution, interrupted, bool(slid_out)
+        return solution, bool(slid_out)
+
+
+class _SavedBySegments:
+    """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
+    (N,) s, states after steps, and the rows of impacts."""
+
+    def __init__(self, save_at: np.ndarray | None) -> None:
+        self.save_at = save_at
+        self.count = 0
+        self.impact_rows: list[tuple[str | float, ...]] = []
+        self._samples: list[SavedRows] = []
+        self._steps: list[TimedState] = []
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run has reached all times to save at."""
+        return self.save_at is None or self.count == len(self.save_at)
+
+    def next_times(self, end: float) -> np.ndarray | None:
+        """Return the times to save at in the next segment, filled up with the end time, since a
+        segment receives a fixed number of times."""
+        if self.save_at is None:
+            return None
+        following = self.save_at[self.count :][:SAVES_A_SEGMENT]
+        return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
+
+    def add(self, now: Progress, sampled: tuple[SavedRows, jax.Array] | None) -> Progress:
+        """Take what a segment has saved, and return the run with empty buffers, whose size thus
+        does not limit the run."""
+        if sampled is not None and self.save_at is not None:
+            # Only the first samples are kept. The others are at times that the run has not reached
+            # yet, or belong to the filling.
+            rows, reached = sampled
+            count = int(np.sum(reached[: len(self.save_at) - self.count]))
+            self._samples.append(_first_rows(rows, count))
+            self.count += count
+        if STEPS in now.records:
+            self._steps.append(now.records[STEPS].filled())
+        if IMPACTS in now.records:
+            self.impact_rows += impact_rows_of(now.records[IMPACTS])
+        return emptied(now)
+
+    def samples(self) -> tuple[Trajectory | None, dict[str, Numbers]]:
+        """Return the states at the sample times, and the values of the quantities there."""
+        if self.save_at is None:
+            return None, {}
+        states, values = _joined(self._samples)
+        return Trajectory(self.save_at[: self.count], pack(states)), values
+
+    def steps(self) -> Trajectory:
+        """Return the states at the start and after accepted steps."""
+        rows = _joined(self._steps)
+        return Trajectory(rows.t, pack(rows.state))
 
 
 def _end_of(

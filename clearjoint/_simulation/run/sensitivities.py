@@ -38,9 +38,9 @@ from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .host_run import IMPACTS
 from .impact_recorder import impact_rows_of
-from .outputs import EXAMPLE, Output, kept_by
+from .outputs import EXAMPLE, Kept, Output, kept_by
 from .run_checks import derivative_scheme
-from .sampling import padded, recorded_run
+from .sampling import Sampled, padded, recorded_run
 from .saving import Saving
 from .terminal import compiling_bar
 
@@ -167,8 +167,8 @@ def sensitivities(
       tables of impacts, which are not. Reductions such as `Peak` cannot be computed.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
-    - `save`: records to keep: states at given times, and impacts. The states after every step
-      cannot be kept.
+    - `save`: states at given times and the impacts, if requested; the states after every step
+      cannot be saved.
     - `progress`: show the time spent compiling.
 
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
@@ -187,10 +187,7 @@ def sensitivities(
     >>> bool(np.allclose(found.derivatives["x"][:, 0], exact, atol=1e-6))
     True
     """
-    kept = kept_by(outputs, save)
-    require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
-    expected = f"a quantity, a Section or an ImpactTable {WITH_DERIVATIVES}"
-    kept.refuse(AbstractReduction, expected, FOR_REDUCTIONS)
+    kept = _checked_outputs(outputs, save)
     check_parameters(parameters)
     for parameter in parameters.values():
         if isinstance(parameter.variation, SeriesDelay):
@@ -200,65 +197,82 @@ def sensitivities(
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
     requested = checked_times(start_time, end_time, times, "times")
-    save, quantities = kept.save, kept.quantities
-    save.require_none(["steps"], WITH_DERIVATIVES, "take simulate() for them")
     kept.check(scene, settings.ledger)
+    save, quantities = kept.save, kept.quantities
     saved = save.times_between(scene, start_time, end_time) if save.states else None
     # One run serves both requests: quantities and states are evaluated at the times of both, and
     # selected afterwards.
     all_times = requested if saved is None else np.union1d(requested, saved)
+    # They are padded to one of few lengths, so that few programs are compiled.
+    run_times = padded(all_times, end_time)
     sensors = sensor_errors(parameters, quantities)
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
-    # The times are padded to one of few lengths, so that few programs are compiled.
     arguments = (
         scheme,
         family,
         quantities,
-        padded(all_times, end_time),
+        run_times,
         *(np.asarray(t, float) for t in span),
         np.asarray(settings.max_steps, int),
     )
     with compiling_bar(progress):
-        sampled = recorded_run(arguments, kept.recorders(), saved is not None, save.impacts)
-        values, derivatives = sampled.values, sampled.derivatives
+        run = recorded_run(arguments, kept.recorders(), saved is not None, save.impacts)
+        values, derivatives = run.values, run.derivatives
         if sensors.errors:
-            elapsed = padded(all_times, end_time) - start_time
-            numbers = values, derivatives, elapsed, coordinates
+            numbers = values, derivatives, run_times - start_time, coordinates
             values, derivatives = with_sensor_errors(sensors, *numbers)
-
-    def reached(times: Float[np.ndarray, " some"]) -> Int[np.ndarray, " reached"]:
-        rows = np.searchsorted(all_times, times)
-        return rows[sampled.reached[rows]]
-
-    rows, trajectory, impacts = reached(requested), None, None
-    if saved is not None:
-        saved_rows = reached(saved)
-        states = jax.tree.map(lambda leaf: leaf[saved_rows], sampled.states)
-        trajectory = Trajectory(saved[: len(saved_rows)], pack(states))
-    if save.impacts:
-        impacts = Impacts.of_rows(impact_rows_of(sampled.records[IMPACTS], start_time))
+    rows = _reached_rows(run, all_times, requested)
     result = Sensitivities(
         parameters=tuple(parameters),
         times=requested[: len(rows)],
         outputs={name: np.asarray(row)[rows] for name, row in values.items()}
-        | kept.recorded(sampled.records, start_time),
+        | kept.recorded(run.records, start_time),
         derivatives={name: np.asarray(row)[rows] for name, row in derivatives.items()},
-        time=float(sampled.time),
-        result=sampled.result,
-        attempts=int(sampled.attempts),
-        accepted=int(sampled.accepted),
-        saved=trajectory,
-        impacts=impacts,
+        time=float(run.time),
+        result=run.result,
+        attempts=int(run.attempts),
+        accepted=int(run.accepted),
+        saved=None if saved is None else _saved_states(run, all_times, saved),
+        impacts=Impacts.of_rows(impact_rows_of(run.records[IMPACTS], start_time))
+        if save.impacts
+        else None,
         units={n: q.unit for n, q in quantities.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
         settings=setting_notes(settings),
     )
-    _caution_amplified(np.asarray(sampled.amplification), result.parameters, settings)
+    _caution_amplified(np.asarray(run.amplification), result.parameters, settings)
     if throw:
         raise_failure(result, _growth_of_derivatives(result))
     return result
+
+
+def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Kept:
+    """Return what a run with derivatives keeps, and raise errors for what only runs without
+    them can keep."""
+    kept = kept_by(outputs, save)
+    require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
+    expected = f"a quantity, a Section or an ImpactTable {WITH_DERIVATIVES}"
+    kept.refuse(AbstractReduction, expected, FOR_REDUCTIONS)
+    kept.save.require_none(["steps"], WITH_DERIVATIVES, "take simulate() for them")
+    return kept
+
+
+def _reached_rows(
+    run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
+) -> Int[np.ndarray, " reached"]:
+    """Return the rows of those of some `times` that a run over `all_times` has reached."""
+    rows = np.searchsorted(all_times, times)
+    return rows[run.reached[rows]]
+
+
+def _saved_states(
+    run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
+) -> Trajectory:
+    rows = _reached_rows(run, all_times, times)
+    states = jax.tree.map(lambda leaf: leaf[rows], run.states)
+    return Trajectory(times[: len(rows)], pack(states))
 
 
 AMPLIFIED = 1.0

@@ -298,16 +298,11 @@ def settle(
                 # The transient has other times between crossings than the last periods.
                 waits = np.diff(crossings.times[-CONFIRMING * BLOCK :])
                 period = np.mean(waits) if len(waits) else None
-            multiple = strobe.multiple(largest_multiple, tolerance)
             # A motion at rest repeats itself too, so this is checked before periods.
-            if stillness(motion.states, PHASES * CONFIRMING) <= tolerance:
-                kind, multiple = Settling.STEADY, None
-            elif multiple is not None:
-                kind = Settling.PERIODIC
-            elif BLOCK * len(blocks) >= periods:
-                # Statistics need all periods, so they are compared only after the last block.
-                stationary = strobe.statistics_settled()
-                kind = Settling.STATIONARY if stationary else Settling.UNSETTLED
+            is_still = stillness(motion.states, PHASES * CONFIRMING) <= tolerance
+            multiple = None if is_still else strobe.multiple(largest_multiple, tolerance)
+            is_last = BLOCK * len(blocks) >= periods
+            kind = Settling.STEADY if is_still else _kind(strobe, multiple, is_last)
     changes = strobe.change(multiple or 1) if len(strobe.rows) else np.zeros(0)
     return Settled(
         kind=kind,
@@ -320,6 +315,17 @@ def settle(
         changes=changes,
         result=result,
     )
+
+
+def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | None:
+    """Return the kind of a motion that moves, after a block of periods; ``None`` if more periods
+    have to be run."""
+    if multiple is not None:
+        return Settling.PERIODIC
+    if not is_last:
+        return None
+    # Statistics need all periods, so they are compared only after the last block.
+    return Settling.STATIONARY if strobe.statistics_settled() else Settling.UNSETTLED
 
 
 def _block(

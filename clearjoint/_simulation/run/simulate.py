@@ -78,9 +78,9 @@ def simulate(
       are any (see `State`).
     - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
-    - `save`: records to keep besides the final state: states at times or after every step, and the
-      impacts. Under a transformation of JAX, only states at given times can be kept.
-    - `outputs`: results to keep by name, in `solution.outputs`: reductions such as `Peak`, which
+    - `save`: what to save besides the final state: states at given times or after every step, and
+      the impacts. Under a transformation of JAX, only states at given times can be saved.
+    - `outputs`: further results by name, in `solution.outputs`: reductions such as `Peak`, which
       are updated at every accepted step, a `Section`, an `ImpactTable`, `RejectedSteps`, and
       quantities such as `quantities.Position`, which are evaluated at the times of `save`. Under a
       transformation of JAX, only quantities.
@@ -182,9 +182,9 @@ def _causes(scene: Scene, solution: Solution) -> list[str]:
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:
-    kept = [(k.times, k.states) for k in (solution.steps, solution.saved) if k is not None]
-    if kept or left_bearing:
-        warn_of_journals_outside(scene, solution.time, solution.final, kept)
+    rows = [(t.times, t.states) for t in (solution.steps, solution.saved) if t is not None]
+    if rows or left_bearing:
+        warn_of_journals_outside(scene, solution.time, solution.final, rows)
     if solution.impacts is not None:
         for sentence in beyond_law_ranges(scene, solution.impacts):
             caution(sentence, LawRangeWarning)

@@ -17,7 +17,6 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from os.path import commonprefix
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,8 +46,6 @@ from .metadata import (
 )
 from .program import RUN, Identity, matching_lanes
 
-_SHOWN = 60
-"""Largest number of characters of a text that a message shows."""
 Part = str | int | np.ndarray
 """Part of a layout in which two sweeps may differ: a text, such as a setting or a unit; the number
 of lanes in a chunk; or an array of labels."""
@@ -113,28 +110,14 @@ def _difference(stored: Part | None, wanted: Part | None) -> str:
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
         differ = np.flatnonzero(stored != wanted)
-        first = differ[0]
-        return (
-            f"{differ.size} of {stored.size} values differ, first number {first}: "
-            f"stored {_shown(stored[first])}, now {_shown(wanted[first])}"
-        )
-    start = 0
-    if isinstance(stored, str) and isinstance(wanted, str):
-        # If the first difference would not be shown otherwise, the text begins shortly before it.
-        same = len(commonprefix((stored, wanted)))
-        start = max(same - _SHOWN // 4, 0) if same >= _SHOWN // 2 else 0
-    return f"stored {_shown(stored, start)}, now {_shown(wanted, start)}"
+        count, first = f"{differ.size} of {stored.size} values differ", differ[0]
+        return f"{count}, first number {first}: {_difference(stored[first], wanted[first])}"
+    old, new = ("nothing" if part is None else _text(part) for part in (stored, wanted))
+    return f"stored {old}, now {new}"
 
 
-def _shown(value: object, start: int = 0) -> str:
-    """At most `_SHOWN` characters of a value from the character `start` on, with "…" in place of
-    omitted ones."""
-    if value is None:
-        return "nothing"
-    text = f"{value.size} values" if isinstance(value, np.ndarray) else str(value)
-    rest = text[start:]
-    head, tail = "…" if start else "", "…" if len(rest) > _SHOWN else ""
-    return f"{head}{rest[:_SHOWN]}{tail}"
+def _text(part: Part) -> str:
+    return f"{part.size} values" if isinstance(part, np.ndarray) else str(part)
 
 
 def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
@@ -148,7 +131,7 @@ def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str
         if missing.size:
             yield (
                 f"axis {name}: {missing.size} of {stored_values.size} stored values are not among "
-                f"the {values[name].size} present values, first {_shown(missing[0])}"
+                f"the {values[name].size} present values, first {missing[0]}"
             )
     lost = matches < 0
     if lost.any():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from clearjoint._identification.points import level
+from clearjoint._identification.points import chi_squared_over
 from clearjoint._identification.posterior.posterior import modes
 from clearjoint._identification.posterior.tempering import (
     Mixture,
@@ -260,9 +260,9 @@ def test_few_points_keep_the_ends_of_a_thin_curved_region():
 
 def test_steps_along_the_record():
     curves = np.array([[0.0, 1.0, 4.0], [0.0, 3.0, np.inf]])
-    assert level(curves, 0.5).tolist() == [0.5, 1.5]
-    assert level(curves, 1.0).tolist() == [1.0, 3.0]
-    assert level(curves, 1.5).tolist() == [2.5, np.inf]
+    assert chi_squared_over(curves, 0.5).tolist() == [0.5, 1.5]
+    assert chi_squared_over(curves, 1.0).tolist() == [1.0, 3.0]
+    assert chi_squared_over(curves, 1.5).tolist() == [2.5, np.inf]
     assert next_count(np.zeros((4, 3)), 0.0) == 2.0
     steep = np.array([[0.0, 0.0], [0.0, 100.0], [0.0, 200.0], [0.0, 300.0]])
     assert 0.0 < next_count(steep, 0.0) < 0.1

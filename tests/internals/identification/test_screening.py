@@ -12,6 +12,7 @@ from clearjoint._identification import checking
 from clearjoint._identification.comparison import Comparison
 from clearjoint._identification.identify import _Problem
 from clearjoint._identification.residuals import UNREACHED, experiment, samples
+from tests.support.oscillator import on_spring
 
 STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 0.01
 TIMES = np.linspace(0.1, 20.0, 200)
@@ -19,9 +20,7 @@ LANES = 12
 FAR = {"stiffness": 20.0}
 CHANNEL = cj.quantities.Position("mass", "x")
 PARAMETERS = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-SPRING = cj.SpringDamper("ground", "mass", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), STIFFNESS)
-SCENE = cj.Scene({"mass": cj.Body(MASS, (1.0, 1.0, 1.0))}, forces={"spring": SPRING})
-STATE = cj.State({"mass": cj.body_state((START, 0.0, 0.0))})
+SCENE, STATE = on_spring("mass", STIFFNESS, MASS, START)
 
 
 def moved(stiffness):

@@ -18,6 +18,7 @@ from clearjoint._simulation.run import adjoint, recorded_runs
 from tests.internals.simulation.test_sensitivity import POSITION as REFERENCE
 from tests.internals.simulation.test_sensitivity import TIMES as REFERENCE_TIMES
 from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
+from tests.support.oscillator import on_spring
 
 SCENES = catalogue_scenes()
 SETTINGS = replace(cj.presets.derivatives, rtol=1e-9)
@@ -128,13 +129,6 @@ TIMES = np.array([0.0, 0.1, 0.1, 0.25, 0.3])
 POSITION = {"x": cj.quantities.Position("ball", "x"), "v": cj.quantities.Velocity("ball", "x")}
 
 
-def oscillator() -> tuple[cj.Scene, cj.State]:
-    """A ball of 1 kg on a spring of 100 N/m: x = 0.1 cos(10 t)."""
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    return scene, cj.State({"ball": cj.body_state((0.1, 0, 0))})
-
-
 @pytest.fixture(scope="module")
 def predict():
     """In segments of 16 steps, of which only the first are kept."""
@@ -145,7 +139,7 @@ def predict():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(adjoint, "ROWS", 16)
         patch.setattr(recorded_runs, "KEPT_BYTES", 8000)
-        yield cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, SETTINGS)
+        yield cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, SETTINGS)
 
 
 def test_closed_form_of_an_oscillator(predict):
@@ -187,9 +181,9 @@ def test_closed_forms_of_reductions():
         "stiffness": lambda scene: scene.forces["spring"].stiffness,
         "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
     }
-    predict = cj.predictor(*oscillator(), 0.3, paths, REDUCTIONS, settings=SETTINGS)
+    predict = cj.predictor(*on_spring(), 0.3, paths, REDUCTIONS, settings=SETTINGS)
     values, (jacobian,) = predict(predict.values), (jax.jacrev(predict)(predict.values),)
-    plain = cj.simulate(*oscillator(), 0.3, SETTINGS, outputs=REDUCTIONS, progress=False)
+    plain = cj.simulate(*on_spring(), 0.3, SETTINGS, outputs=REDUCTIONS, progress=False)
     at, step = (100.0, 0.1), (1e-3, 1e-6)
     assert list(values) == sorted(reduced(*at))
     for name, expected in reduced(*at).items():
@@ -234,11 +228,11 @@ def test_other_reductions_and_windows_are_refused():
     paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
     quantiles = {"x": cj.Quantiles(POSITION["x"], "m", [-1.0, 1.0])}
     with pytest.raises(ValueError, match=r"outputs\['x'\].*with derivatives in reverse mode"):
-        cj.predictor(*oscillator(), 0.3, paths, quantiles)
+        cj.predictor(*on_spring(), 0.3, paths, quantiles)
     with pytest.raises(ValueError, match=r"times.*\['x', 'v'\]"):
-        cj.predictor(*oscillator(), 0.3, paths, POSITION)
+        cj.predictor(*on_spring(), 0.3, paths, POSITION)
     with pytest.raises(ValueError, match="ledger"):
-        cj.predictor(*oscillator(), 0.3, paths, {"lost": cj.DissipatedEnergy()})
+        cj.predictor(*on_spring(), 0.3, paths, {"lost": cj.DissipatedEnergy()})
 
 
 def test_the_transpose_of_the_tangents_at_the_end(predict):
@@ -298,7 +292,7 @@ def test_a_batch_has_the_bits_of_its_elements(predict, monkeypatch, kept):
 def test_a_run_that_fails_in_a_batch_is_nan(predict):
     few = replace(SETTINGS, max_steps=40)
     paths = {"k": lambda s: s.forces["spring"].stiffness}
-    made = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    made = cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, few)
     numbers = jnp.array([1.0, 1e6, -1e400, 4.0])
     outputs = jax.vmap(made.or_nan)({"k": numbers})
     assert np.isnan(outputs["x"][1:3]).all()
@@ -383,7 +377,7 @@ class Network(cj.extend.AbstractForce):
 
 
 def with_network(seed: int) -> tuple[cj.Scene, cj.State]:
-    scene, state = oscillator()
+    scene, state = on_spring()
     network = eqx.nn.MLP(2, "scalar", 4, 1, jax.nn.tanh, key=jax.random.key(seed))
     return replace(scene, forces={**scene.forces, "network": Network(network)}), state
 
@@ -440,7 +434,7 @@ def test_errors(predict):
         predict({"stiffness": 100.0, "start": np.zeros(3)})
     with pytest.raises(ValueError, match="stiffness"):
         predict({"stiffness": np.nan, "start": 0.1})
-    scene, state = oscillator()
+    scene, state = on_spring()
     with pytest.raises(ValueError, match=r"paths.*not empty"):
         cj.predictor(scene, state, 0.3, {}, POSITION, TIMES)
     with pytest.raises(ValueError, match=r"paths\['k'\].*a function"):
@@ -453,7 +447,7 @@ def test_errors(predict):
 def test_a_run_that_fails_raises_what_simulate_raises():
     few = replace(SETTINGS, max_steps=5)
     paths = {"k": lambda s: s.forces["spring"].stiffness}
-    short = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    short = cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, few)
     with pytest.raises(cj.SimulationError, match="step limit was reached"):
         short(short.values)
     with pytest.raises(cj.SimulationError, match="step limit was reached"):
@@ -497,7 +491,7 @@ def test_minimise_by_integrals_in_reverse_mode():
     of slow starts."""
     speed = cj.Parameter.initial(lambda state: state.bodies["ball"].velocity[0])
     cost = {"cost": cj.Integral(lambda now: POSITION["x"](now) ** 2, "m^2 s")}
-    scene, state = oscillator()
+    scene, state = on_spring()
     state = cj.set_value(state, lambda s: s.bodies["ball"].position[0], 0.0)
     state = cj.set_value(state, lambda s: s.bodies["ball"].velocity[0], 1.0)
     a = (0.15 - np.sin(6.0) / 40.0) / 100.0
@@ -527,7 +521,7 @@ def test_minimise_trains_a_network():
 def test_a_run_that_fails_is_nan_for_line_searches():
     few = replace(SETTINGS, max_steps=5)
     paths = {"k": lambda s: s.forces["spring"].stiffness}
-    short = cj.predictor(*oscillator(), 0.3, paths, POSITION, TIMES, few)
+    short = cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, few)
     outputs = jax.jit(short.or_nan)(short.values)
     assert all(bool(jnp.isnan(row).all()) for row in outputs.values())
     with pytest.raises(cj.SimulationError) as failed:

@@ -13,6 +13,7 @@ from clearjoint._simulation.lanes.scheduler import Running
 from clearjoint._simulation.run import host_run, sampling, terminal
 from clearjoint._simulation.run.terminal import compiling_bar
 from clearjoint._sweeps.computing import lane_progress, show_running
+from tests.support.oscillator import on_spring
 
 LONG, TICK = 0.25, 0.02
 
@@ -130,10 +131,7 @@ def slowly(function):
 def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
     monkeypatch.setattr(terminal, "TICK", 1e-4)
     monkeypatch.setattr(terminal, "seconds_of_compiling", lambda: 12.3)
-    origin = (0.0, 0.0, 0.0)
-    spring = cj.SpringDamper("ground", "mass", origin, origin, 50.0, 0.5)
-    scene = cj.Scene({"mass": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"spring": spring})
-    state = cj.State({"mass": cj.body_state((0.3, 0.0, 0.0))})
+    scene, state = on_spring("mass", 50.0, 2.0, 0.3, 0.5)
     for module, name in ((host_run, "segment_compiled"), (sampling, "sampled_compiled")):
         monkeypatch.setattr(module, name, slowly(getattr(module, name)))
     cj.simulate(scene, state, 0.3, progress=progress)

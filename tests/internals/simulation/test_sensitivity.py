@@ -14,6 +14,7 @@ from clearjoint._simulation.run import sampling
 from clearjoint._simulation.run.run_checks import derivative_scheme
 from clearjoint._simulation.run.sampling import sampled
 from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
+from tests.support.oscillator import on_spring
 from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
 
@@ -120,14 +121,6 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
     assert [name for name in found if name.startswith(loops)] == []
 
 
-def _oscillator(mass=2.0, stiffness=50.0, start=0.3):
-    """A mass on a spring of no length along X."""
-    origin = (0.0, 0.0, 0.0)
-    spring = cj.SpringDamper("ground", "mass", origin, origin, stiffness)
-    scene = cj.Scene({"mass": cj.Body(mass, (1.0, 1.0, 1.0))}, forces={"spring": spring})
-    return scene, cj.State({"mass": cj.body_state((start, 0.0, 0.0))})
-
-
 def test_closed_forms_of_an_oscillator():
     """x = x0 cos(w t) + v0/w sin(w t), w = sqrt(k/m), on all scales and by all ways of varying."""
     kicked = cj.Parameter.change(
@@ -138,7 +131,7 @@ def test_closed_forms_of_an_oscillator():
         0.0,
     )
     found = cj.sensitivities(
-        *_oscillator(),
+        *on_spring("mass", 50.0, 2.0, 0.3),
         1.5,
         {
             "k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log()),
@@ -165,7 +158,7 @@ def test_many_times_are_looked_at_in_blocks():
     ten times as long as their run. What is seen is the same."""
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     times = np.linspace(0.0, 1.5, 301)
-    arguments = _oscillator(), parameters, {"x": Q.Position("mass", "x")}
+    arguments = on_spring("mass", 50.0, 2.0, 0.3), parameters, {"x": Q.Position("mass", "x")}
     many, few = (
         cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::step_outcome])
         for step_outcome in (1, 10)
@@ -189,7 +182,8 @@ def test_many_times_are_looked_at_in_blocks():
 def test_a_run_that_fails_keeps_what_it_reached():
     settings = replace(cj.presets.derivatives, max_steps=40)
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-    arguments = (*_oscillator(), 1.5, parameters, {"x": Q.Position("mass", "x")}, [0.001, 1.5])
+    outputs, oscillator = {"x": Q.Position("mass", "x")}, on_spring("mass", 50.0, 2.0, 0.3)
+    arguments = (*oscillator, 1.5, parameters, outputs, [0.001, 1.5])
     with pytest.raises(cj.SimulationError, match="step limit") as raised:
         cj.sensitivities(*arguments, settings)
     found = raised.value.solution
