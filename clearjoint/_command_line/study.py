@@ -49,7 +49,7 @@ from .._scene_files.schema import Catalogue, Schema, scene_properties
 from .._simulation.reductions import joints
 from .._simulation.reductions import quantities as of_quantities
 from .._simulation.reductions.base import AbstractReduction
-from .._simulation.run.outputs import RECORDED, Kept, Output
+from .._simulation.run.outputs import RECORDED, Output, Requested
 from .._simulation.run.saving import Saving
 from .._simulation.run.sections import Section
 from .._simulation.step import presets
@@ -420,15 +420,15 @@ class Study:
                 if isinstance(entry, AbstractQuantity | RECORDED):
                     entry.check(self.scene)
 
-    def outputs_of_sweep(self, part: SweepPart) -> Kept:
+    def outputs_of_sweep(self, part: SweepPart) -> Requested:
         """Return what the lanes of a sweep keep: the outputs of the section [sweep], with sample
         times for its quantities, and the Poincaré sections of [run]."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
-        kept = Kept({**sections, **part.outputs}, Saving())
-        if not kept.quantities:
-            return kept
-        return replace(kept, save=Saving(run.saved_times(self.end(part.end)), states=False))
+        requested = Requested({**sections, **part.outputs}, Saving())
+        if not requested.quantities:
+            return requested
+        return replace(requested, save=Saving(run.saved_times(self.end(part.end)), states=False))
 
 
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:

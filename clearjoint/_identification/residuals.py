@@ -35,7 +35,7 @@ from .._parametrisation.readings import (
     with_sensor_errors,
 )
 from .._result_codes import RESULTS
-from .._simulation.run.outputs import EXAMPLE, RECORDED, kept_by
+from .._simulation.run.outputs import EXAMPLE, RECORDED, requested_by
 from .._simulation.run.run_checks import derivative_scheme
 from .._simulation.run.sampling import Sampled, padded, sampled
 from .._simulation.step import presets
@@ -205,11 +205,11 @@ def experiment(
     """
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
-    kept = kept_by(outputs, None)
-    kept.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
+    requested = requested_by(outputs, None)
+    requested.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
-    kept.check(scene, settings.ledger)
+    requested.check(scene, settings.ledger)
     scheme = derivative_scheme(scene, state, settings, start_time)
     end_time = float(rising_times(times, "times")[-1])
     check_span(start_time, end_time)

@@ -20,7 +20,7 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.variations import SceneNumber
 from .._simulation.results.solution import SUCCESSFUL
-from .._simulation.run.outputs import Output, kept_by
+from .._simulation.run.outputs import Output, requested_by
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
@@ -279,7 +279,7 @@ def ensemble(
         for name, axis in axes.items()
     }
     notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
-    quantities = kept_by(outputs, options.get("save")).quantities
+    quantities = requested_by(outputs, options.get("save")).quantities
     statistics = _statistics(results, labels, (*shape, draws), levels, quantities)
     if exponents:
         rates = np.empty((count, 2))

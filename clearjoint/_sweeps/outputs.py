@@ -13,7 +13,7 @@ from .._fields.checks import require, require_array_names, require_count
 from .._math.vectors import pack
 from .._model.scene import Scene
 from .._simulation.results.solution import STATE_PARTS
-from .._simulation.run.outputs import Kept
+from .._simulation.run.outputs import Requested
 from ..quantities.base import Instant, Quantity
 
 if TYPE_CHECKING:
@@ -217,12 +217,12 @@ class PartOfStates(eqx.Module):
         return jnp.stack([pack(getattr(now.bodies[name], self.part)) for name in self.bodies])
 
 
-def sampled_channels(kept: Kept, scene: Scene) -> dict[str, Quantity]:
+def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
     """Return what is computed at the sample times of each lane, by key for `variable_name`: the
     parts of the states, and the quantities among the outputs."""
     bodies = tuple(scene.bodies)
-    channels = {f"/{name}": quantity for name, quantity in kept.quantities.items()}
-    if kept.save.states:
+    channels = {f"/{name}": quantity for name, quantity in requested.quantities.items()}
+    if requested.save.states:
         channels |= {part: PartOfStates(part, bodies) for part in STATE_PARTS}
     return channels
 

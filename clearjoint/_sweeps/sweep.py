@@ -32,7 +32,7 @@ from .._simulation.reductions.base import AbstractReduction
 from .._simulation.results.impact_table import IMPACT_UNITS
 from .._simulation.results.solution import LABELS, STATE_PARTS, contact_label
 from .._simulation.run.impact_recorder import ImpactRecorder
-from .._simulation.run.outputs import ImpactTable, Kept, Output, kept_by
+from .._simulation.run.outputs import ImpactTable, Output, Requested, requested_by
 from .._simulation.run.rejections import RejectedSteps
 from .._simulation.run.run_checks import check_numbers, check_precision, check_structure
 from .._simulation.run.saving import Saving
@@ -58,7 +58,9 @@ from .store.store import SweepMemory, SweepStore
 from .work import CONTACT, Work
 
 
-def variables_of(scene: Scene, kept: Kept) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
+def variables_of(
+    scene: Scene, requested: Requested
+) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
     """Return the variables of a sweep by name, and the labels of dimensions other than the axes.
 
     **Raises:** `ValueError` for an output whose variables have names that are already used.
@@ -82,23 +84,23 @@ def variables_of(scene: Scene, kept: Kept) -> tuple[dict[str, Variable], tuple[C
     ]
     # Tables of impacts have a dimension of contacts, which is named after the output, since its
     # labels may differ between outputs.
-    for name, table in kept.tables.items():
+    for name, table in requested.tables.items():
         labels = [contact_label(*contact) for contact in table.contacts(scene)]
         coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
-    along, times = ((), ()), kept.save.at(scene)
+    along, times = ((), ()), requested.save.at(scene)
     if times is not None:
         # Sample times are labels of a dimension if all lanes have the same. Otherwise every lane
         # has equally many, which is checked when their tasks are made.
         name, size = variable_name(SAVED, "time"), np.shape(times)
-        if callable(kept.save.times):
+        if callable(requested.save.times):
             along = (variable_name(SAVED, "number"),), size
             variables[name] = Variable(*along, unit="s", description="sample time")
         else:
             along = (name,), size
             coordinates.append(Coordinate(name, np.asarray(times, dtype=float), "s"))
-        if kept.save.states:
+        if requested.save.states:
             variables |= _states(scene, SAVED, "of the bodies", along)
-    for name, output in kept.outputs.items():
+    for name, output in requested.outputs.items():
         further = _variables_of_output(scene, name, output, along)
         twice = sorted(set(variables) & set(further))
         expected = "an output whose results have unused names"
@@ -171,7 +173,7 @@ def identifying_settings(settings: Settings, start_time: float) -> dict[str, str
 def notes_for_readers(
     settings: Settings,
     end_time: float | Callable[[Scene], float],
-    kept: Kept,
+    requested: Requested,
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
@@ -188,8 +190,8 @@ def notes_for_readers(
         # The name "coordinates" alone can't be used, because xarray itself writes an attribute of
         # this name to files.
         "method: coordinates": settings.coordinates,
-        "save": kept.save,
-        **{f"output {name}": output for name, output in kept.outputs.items()},
+        "save": requested.save,
+        **{f"output {name}": output for name, output in requested.outputs.items()},
     }
     return {
         **described(choices),
@@ -319,17 +321,17 @@ def sweep(
     settings.require_double()
     check_precision(False)  # `False`: single precision is not allowed
     scene, state = with_arrays((scene, state))
-    kept = kept_by(outputs, save)
+    requested = requested_by(outputs, save)
     remedy = 'pass for example {"clearance": cj.Axis(path, values)}'
     require_array_names("axes", axes, remedy)
     require_types("axes", axes, Axis, "an Axis", remedy)
-    save = kept.save
+    save = requested.save
     save.require_none(["steps"], "in a sweep", "pass the lane's scene to simulate() for them")
     save.require_none(["impacts"], "in a sweep", PASS_TABLE)
     remedy = "pass the lane's scene to simulate() for it"
-    kept.refuse(RejectedSteps, "another output in a sweep", remedy)
-    kept.check_names()
-    kept.check(scene, settings.ledger)
+    requested.refuse(RejectedSteps, "another output in a sweep", remedy)
+    requested.check_names()
+    requested.check(scene, settings.ledger)
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     if path is not None:
@@ -339,16 +341,16 @@ def sweep(
         remedy = "start processes by multiprocessing.get_context('spawn')"
         require(os.getpid() == _PROCESS, "path", str(path), expected, remedy)
     labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
-    variables, coordinates = variables_of(scene, kept)
+    variables, coordinates = variables_of(scene, requested)
     # Settings that change the numbers of a lane; a store with others belongs to another sweep.
     identifying = identifying_settings(settings, start_time)
     layout = Layout(labels, chunk, variables, coordinates, identifying, zipped)
     lanes = lanes_of(scene, state, axes, layout.values())
-    layout = replace(layout, notes=notes_for_readers(settings, end_time, kept, axes, lanes))
+    layout = replace(layout, notes=notes_for_readers(settings, end_time, requested, axes, lanes))
     check_numbers(scene, state)
     lanes, redundant = checked_starts(lanes, start_time, settings.coordinates)
     scheme = Scheme.of(settings, redundant)
-    common = _common_values(lanes, scheme, kept, start_time, settings.max_steps)
+    common = _common_values(lanes, scheme, requested, start_time, settings.max_steps)
     tasks = _lane_tasks(lanes, end_time, start_time, settings, save)
     if path is None:
         # Results in memory need no fingerprint, so that no program is traced for them.
@@ -405,17 +407,17 @@ def checked_starts(
 
 
 def _common_values(
-    lanes: Lanes, scheme: Scheme, kept: Kept, start_time: float, max_steps: int
+    lanes: Lanes, scheme: Scheme, requested: Requested, start_time: float, max_steps: int
 ) -> Common:
     """Return what all lanes share: recorders, the sizes of their buffers, and the scene with folded
     constants."""
-    sections, tables, saves = kept.sections, kept.tables, kept.save.times is not None
+    sections, tables, saves = requested.sections, requested.tables, requested.save.times is not None
     # Crossings, sample times and peaks of impacts lie inside of steps.
     if saves or sections or tables:
         require_dense(scheme.method.solver)
     recorders = {name: section.state_recorder for name, section in sections.items()}
     impacts = {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()}
-    plan = Plan(scheme, kept.reductions, recorders, saves, np.asarray(max_steps), impacts)
+    plan = Plan(scheme, requested.reductions, recorders, saves, np.asarray(max_steps), impacts)
     # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
     # has a log of its own, too, and each log has room for a limited number of rows.
     logs = {
@@ -427,7 +429,7 @@ def _common_values(
         for name, section in sections.items()
     }
     if saves:
-        channels[SAVED] = sampled_channels(kept, lanes.scene)
+        channels[SAVED] = sampled_channels(requested, lanes.scene)
     capacity = {name: section.count for name, section in sections.items()}
     capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
     # Zeros and ones that all lanes share may become constants of the compiled program, which

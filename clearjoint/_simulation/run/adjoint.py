@@ -126,7 +126,7 @@ class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
         self, record: RowBuffer[jax.Array], step_outcome: StepOutcome
     ) -> RowBuffer[jax.Array]:
         row = StepRow.of(step_outcome.before, step_outcome.after.t)
-        return record.with_row(in_one_array(row), step_outcome.kept)
+        return record.with_row(in_one_array(row), step_outcome.accepted)
 
 
 STEPS = "steps"
@@ -229,7 +229,7 @@ def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt
     trial = solved_step(method, system, step, t1, None)
     return Attempt(
         step=accepted_state(method, system, None, step, trial, jnp.asarray(True)),
-        kept=jnp.asarray(True),
+        accepted=jnp.asarray(True),
         t_start=step.t,
         entry_speeds_start=step.entry_speeds,
         information=trial.outcome.information,

@@ -34,7 +34,7 @@ from ..step.method import Scheme
 from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
-from .outputs import REDUCTIONS, Kept
+from .outputs import REDUCTIONS, Requested
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
 from .run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state, state_of
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
@@ -49,9 +49,9 @@ latest accepted attempt, `STEPS` the states at the start and after accepted step
 impacts of all contacts."""
 
 
-def recorders_of(kept: Kept) -> dict[str, Recorders]:
+def recorders_of(requested: Requested) -> dict[str, Recorders]:
     """Return the recorders of a single run for all that it keeps."""
-    save, recorders = kept.save, kept.recorders()
+    save, recorders = requested.save, requested.recorders()
     if save.times is not None:
         recorders[LATEST] = LatestAttempt()
     if save.steps:
@@ -161,7 +161,7 @@ class Run:
 
     folded_scene: ConstantFolded
     scheme: Scheme
-    kept: Kept
+    requested: Requested
     recorders: Recorders
     end: Scalar
     redundant: tuple[str, ...]
@@ -174,7 +174,14 @@ class Run:
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
         program = self.scheme, self.folded_scene
-        rest = self.recorders, now, times, self.end, jnp.asarray(max_steps), self.kept.quantities
+        rest = (
+            self.recorders,
+            now,
+            times,
+            self.end,
+            jnp.asarray(max_steps),
+            self.requested.quantities,
+        )
         # JAX's own error about the loops of steps does not say what to call instead.
         run = segment(*program, *rest)
         now, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
@@ -183,7 +190,7 @@ class Run:
         if saved is not None:
             # Leave out the last row, the state at the end of the run, which was added above.
             (states, values), reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
-            if self.kept.save.states:
+            if self.requested.save.states:
                 trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
         return Solution(
             time=now.step.t,
@@ -234,7 +241,7 @@ class Run:
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
                 limit: Any = np.asarray(min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
-                rest = now, saved.next_times(end), self.end, limit, self.kept.quantities
+                rest = now, saved.next_times(end), self.end, limit, self.requested.quantities
                 segment_end = segment_compiled(
                     self.scheme, self.folded_scene, self.recorders, *rest
                 )
@@ -261,7 +268,7 @@ class Run:
         )
         time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
         states, values = saved.samples()
-        trajectory = states if self.kept.save.states else None
+        trajectory = states if self.requested.save.states else None
         numbers = {
             result_name(name, part): float(value)
             for name, parts in jax.device_get(results).items()
@@ -279,7 +286,7 @@ class Run:
             impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in now.records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            outputs={**values, **self.kept.recorded(now.records), **numbers},
+            outputs={**values, **self.requested.recorded(now.records), **numbers},
             settings=notes,
         )
         return solution, bool(slid_out)

@@ -258,7 +258,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
     @override
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
-        now, system, kept = step_outcome.now, step_outcome.system, step_outcome.kept
+        now, system, accepted = step_outcome.now, step_outcome.system, step_outcome.accepted
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
         lands = step_outcome.method.landing is not None
         ends = self._instants(step_outcome.method, system, now, step_outcome.after)
@@ -272,13 +272,13 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             arguments = recorded.contact, law, t0, t1, end, lands
             contact, over, row = shared_by_many(count, ContactSoFar.after, *arguments)
             # A row is written if the contact ended in this step, and the row is to be recorded.
-            written = kept & over
+            written = accepted & over
             if self.window is not None:
                 written = written & self.window.at(now).holds(system.clock(row.onset))
             if self.wanted is not None:
                 written = written & (self.wanted[contact_label(name, label)] > recorded.rows.count)
             rows = recorded.rows.with_row(row, written)
-            return ContactRecord(choose(kept, contact, recorded.contact), rows)
+            return ContactRecord(choose(accepted, contact, recorded.contact), rows)
 
         return each_label(after, record)
 

@@ -109,8 +109,8 @@ EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
 
 
 @dataclass(frozen=True)
-class Kept:
-    """What a run keeps besides its final state: `outputs` by name, and what `save` selects.
+class Requested:
+    """What a run is asked for besides its final state: `outputs` by name, and what `save` selects.
 
     **Raises:** `ValueError` for outputs that are not of one of the kinds of `Output`, or not by
     name.
@@ -205,6 +205,6 @@ class Kept:
         return found
 
 
-def kept_by(outputs: Mapping[str, Output] | None, save: Saving | None) -> Kept:
-    """Return what a run keeps for its arguments `outputs` and `save`, and raise their errors."""
-    return Kept({} if outputs is None else outputs, saving_or_nothing(save))
+def requested_by(outputs: Mapping[str, Output] | None, save: Saving | None) -> Requested:
+    """Return what the arguments `outputs` and `save` request, and raise their errors."""
+    return Requested({} if outputs is None else outputs, saving_or_nothing(save))

@@ -27,7 +27,7 @@ from ..results.solution import SimulationError, raise_failure
 from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint
-from .outputs import EXAMPLE, ImpactTable, Kept, kept_by
+from .outputs import EXAMPLE, ImpactTable, Requested, requested_by
 from .recorded_runs import RecordedRun, Recorder, gradients, integrands_of
 from .recorders import ReductionRecorder
 from .rejections import RejectedSteps
@@ -60,7 +60,7 @@ class Predictor:
         state: State,
         span: tuple[float, float],
         paths: Mapping[str, Part],
-        outputs: Kept,
+        outputs: Requested,
         times: Float[np.ndarray, " times"],
         settings: Settings,
     ):
@@ -192,9 +192,9 @@ class Predictor:
                     if not or_nan:
                         raise
         self._runs |= runs
-        kept = sum(run.bytes_kept for run in self._runs.values())
-        while len(self._runs) > KEPT_RUNS and kept > KEPT_BYTES:
-            kept -= self._runs.popitem(last=False)[1].bytes_kept
+        total = sum(run.bytes_kept for run in self._runs.values())
+        while len(self._runs) > KEPT_RUNS and total > KEPT_BYTES:
+            total -= self._runs.popitem(last=False)[1].bytes_kept
         return [runs.get(key) for key in keys]
 
     def _recorder(self, values: dict[str, PyTree]) -> Recorder:
@@ -319,23 +319,23 @@ def predictor(
 
     **Raises:** `ValueError` for invalid arguments, as `sensitivities`.
     """
-    kept = kept_by(outputs, None)
+    requested = requested_by(outputs, None)
     expected = "a quantity or a reduction in reverse mode"
     remedy = "pass a quantity or a reduction such as cj.Peak"
-    kept.refuse(Section | ImpactTable | RejectedSteps, expected, remedy)
-    for name, reduction in kept.reductions.items():
+    requested.refuse(Section | ImpactTable | RejectedSteps, expected, remedy)
+    for name, reduction in requested.reductions.items():
         is_smooth, argument = bool(reduction.differentiated), f"outputs[{name!r}]"
         expected = "a reduction with derivatives in reverse mode"
         remedy = "pass cj.Integral, cj.Statistics, cj.Peak, cj.DissipatedEnergy or MeanPowerLost"
         require(is_smooth, argument, reduction, expected, remedy)
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
-    kept.check(scene, settings.ledger)
+    requested.check(scene, settings.ledger)
     check_span(start_time, end_time)
     checked = np.zeros(0)
-    if kept.quantities or times is not None:
+    if requested.quantities or times is not None:
         remedy = "pass the times at which quantities are evaluated"
-        require(times is not None, "times", None, f"times for {list(kept.quantities)}", remedy)
+        require(times is not None, "times", None, f"times for {list(requested.quantities)}", remedy)
         checked = checked_times(start_time, end_time, times, "times")  # pyright: ignore
     span = float(start_time), float(end_time)
-    return Predictor(scene, state, span, paths, kept, checked, settings)
+    return Predictor(scene, state, span, paths, requested, checked, settings)

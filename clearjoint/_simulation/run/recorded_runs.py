@@ -35,7 +35,7 @@ from ..step.stepping import running
 from ..step.types import Numbers
 from . import adjoint
 from .adjoint import STEPS, Adjoint, Pulled, PulledSteps, example_of, like
-from .outputs import REDUCTIONS, Kept
+from .outputs import REDUCTIONS, Requested
 from .run_loop import Progress
 
 KEPT_BYTES = 30_000_000
@@ -83,7 +83,7 @@ class Recorder:
     the start and the end of the runs, of the quantities.
     """
 
-    def __init__(self, run: Adjoint, outputs: Kept, times: np.ndarray):
+    def __init__(self, run: Adjoint, outputs: Requested, times: np.ndarray):
         # Flattening these arguments for each call took as long as a short run.
         self.run, self.outputs = keep_flattened(run), outputs
         self.times = np.asarray(times - run.origin)

@@ -87,7 +87,7 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
     @override
     def after(self, record: Attempt, step_outcome: StepOutcome) -> Attempt:
-        return choose(step_outcome.kept, replace(step_outcome.tried, rejected=None), record)
+        return choose(step_outcome.accepted, replace(step_outcome.tried, rejected=None), record)
 
 
 class TangentPeak(NamedTuple):
@@ -134,7 +134,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
     @override
     def after(self, record: DenseStep, step_outcome: StepOutcome) -> DenseStep:
-        return choose(step_outcome.kept, step_outcome.dense_step, record)
+        return choose(step_outcome.accepted, step_outcome.dense_step, record)
 
 
 class TimedState(eqx.Module):
@@ -160,7 +160,7 @@ class StepRecorder(AbstractRecorder[RowBuffer[TimedState]]):
     def after(
         self, record: RowBuffer[TimedState], step_outcome: StepOutcome
     ) -> RowBuffer[TimedState]:
-        return record.with_row(_row(step_outcome.system, step_outcome.after), step_outcome.kept)
+        return record.with_row(_row(step_outcome.system, step_outcome.after), step_outcome.accepted)
 
 
 class ReductionRecorder(AbstractRecorder[PyTree]):
@@ -174,7 +174,9 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
 
     @override
     def after(self, record: PyTree, step_outcome: StepOutcome) -> PyTree:
-        return choose(step_outcome.kept, self.reduction.update(record, step_outcome.now), record)
+        return choose(
+            step_outcome.accepted, self.reduction.update(record, step_outcome.now), record
+        )
 
     @override
     def searched(self, now: Instant) -> PyTree[Scalar]:

@@ -56,8 +56,8 @@ class RunStart:
 
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
-    """The outcome of an attempt to take a step, as recorders receive it. `kept` says whether the
-    step was accepted. If it was not, or if the lane of a sweep waits for Python to empty a full
+    """The outcome of an attempt to take a step, as recorders receive it. `accepted` says whether
+    the step was accepted. If it was not, or if the lane of a sweep waits for Python to empty a full
     buffer, time and variables are the same `before` and `after`. The properties are computed only
     if used."""
 
@@ -66,7 +66,7 @@ class StepOutcome:
     before: Step
     tried: Attempt
     after: Step
-    kept: Condition
+    accepted: Condition
 
     @cached_property
     def dense_step(self) -> DenseStep:
@@ -148,11 +148,11 @@ class RunLoop:
         family_if_any = () if self.family is None else (self.family,)
         method = self._method(now.step)
         tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
-        after, kept = tried.step, tried.kept
+        after, accepted = tried.step, tried.accepted
         if goes is not None:
             # In compiled code all lanes compute the attempt; a lane that waits discards its own.
-            after, kept = choose(goes, after, now.step), goes & kept
-        outcome = StepOutcome(self.method, self.system, now.step, tried, after, kept)
+            after, accepted = choose(goes, after, now.step), goes & accepted
+        outcome = StepOutcome(self.method, self.system, now.step, tried, after, accepted)
         records = _map_recorders(
             lambda recorder, record: recorder.after(record, outcome), self.recorders, now.records
         )

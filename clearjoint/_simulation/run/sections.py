@@ -77,9 +77,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     @override
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
-        kept, before, after = step_outcome.kept, record.level, self._level(step_outcome.now)
+        accepted, before, after = step_outcome.accepted, record.level, self._level(step_outcome.now)
         bracket = self._bracket(step_outcome, before, after)
-        rises = kept & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
+        rises = accepted & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
             row = self._crossing(step_outcome, bracket)
@@ -96,7 +96,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             time = row[TIME]
         limit = self.capacity if self.wanted is None else self.wanted
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
-        return SectionRecord(jnp.where(kept, after, before), record.rows.with_row(row, is_recorded))
+        return SectionRecord(
+            jnp.where(accepted, after, before), record.rows.with_row(row, is_recorded)
+        )
 
     @override
     def searched(self, now: Instant) -> Scalar:

@@ -38,7 +38,7 @@ from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .host_run import IMPACTS
 from .impact_recorder import impact_rows_of
-from .outputs import EXAMPLE, Kept, Output, kept_by
+from .outputs import EXAMPLE, Output, Requested, requested_by
 from .run_checks import derivative_scheme
 from .sampling import Sampled, padded, recorded_run
 from .saving import Saving
@@ -187,7 +187,7 @@ def sensitivities(
     >>> bool(np.allclose(found.derivatives["x"][:, 0], exact, atol=1e-6))
     True
     """
-    kept = _checked_outputs(outputs, save)
+    requested = _checked_outputs(outputs, save)
     check_parameters(parameters)
     for parameter in parameters.values():
         if isinstance(parameter.variation, SeriesDelay):
@@ -196,13 +196,13 @@ def sensitivities(
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
-    requested = checked_times(start_time, end_time, times, "times")
-    kept.check(scene, settings.ledger)
-    save, quantities = kept.save, kept.quantities
+    sample_times = checked_times(start_time, end_time, times, "times")
+    requested.check(scene, settings.ledger)
+    save, quantities = requested.save, requested.quantities
     saved = save.times_between(scene, start_time, end_time) if save.states else None
     # One run serves both requests: quantities and states are evaluated at the times of both, and
     # selected afterwards.
-    all_times = requested if saved is None else np.union1d(requested, saved)
+    all_times = sample_times if saved is None else np.union1d(sample_times, saved)
     # They are padded to one of few lengths, so that few programs are compiled.
     run_times = padded(all_times, end_time)
     sensors = sensor_errors(parameters, quantities)
@@ -218,17 +218,17 @@ def sensitivities(
         np.asarray(settings.max_steps, int),
     )
     with compiling_bar(progress):
-        run = recorded_run(arguments, kept.recorders(), saved is not None, save.impacts)
+        run = recorded_run(arguments, requested.recorders(), saved is not None, save.impacts)
         values, derivatives = run.values, run.derivatives
         if sensors.errors:
             numbers = values, derivatives, run_times - start_time, coordinates
             values, derivatives = with_sensor_errors(sensors, *numbers)
-    rows = _reached_rows(run, all_times, requested)
+    rows = _reached_rows(run, all_times, sample_times)
     result = Sensitivities(
         parameters=tuple(parameters),
-        times=requested[: len(rows)],
+        times=sample_times[: len(rows)],
         outputs={name: np.asarray(row)[rows] for name, row in values.items()}
-        | kept.recorded(run.records, start_time),
+        | requested.recorded(run.records, start_time),
         derivatives={name: np.asarray(row)[rows] for name, row in derivatives.items()},
         time=float(run.time),
         result=run.result,
@@ -248,15 +248,15 @@ def sensitivities(
     return result
 
 
-def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Kept:
+def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Requested:
     """Return what a run with derivatives keeps, and raise errors for what only runs without
     them can keep."""
-    kept = kept_by(outputs, save)
+    requested = requested_by(outputs, save)
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     expected = f"a quantity, a Section or an ImpactTable {WITH_DERIVATIVES}"
-    kept.refuse(AbstractReduction, expected, FOR_REDUCTIONS)
-    kept.save.require_none(["steps"], WITH_DERIVATIVES, "take simulate() for them")
-    return kept
+    requested.refuse(AbstractReduction, expected, FOR_REDUCTIONS)
+    requested.save.require_none(["steps"], WITH_DERIVATIVES, "take simulate() for them")
+    return requested
 
 
 def _reached_rows(

@@ -24,7 +24,7 @@ from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
 from .host_run import Run, begin, recorders_of
-from .outputs import RECORDED, Output, kept_by
+from .outputs import RECORDED, Output, requested_by
 from .run_checks import (
     check_numbers,
     check_precision,
@@ -106,9 +106,9 @@ def simulate(
     >>> print(f"{solution.final.bodies['ball'].position[0]:.4f} m")
     -0.1000 m
     """
-    settings, kept = settings_or(settings, presets.default), kept_by(outputs, save)
-    kept.check_names()
-    save = kept.save
+    settings, requested = settings_or(settings, presets.default), requested_by(outputs, save)
+    requested.check_names()
+    save = requested.save
     check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
     flat = flattened_arrays(scene, state)
@@ -127,13 +127,13 @@ def simulate(
     if traced:
         # Values are unknown while JAX traces: their checks become a condition of the program.
         save.require_none(EXCEPT_TIMES, UNDER_JAX, LEAVE_OUT)
-        kept.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
+        requested.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
         times, admissible = save.at(scene), in_domain(check_all_numbers)
     else:
         check_span(start_time, end_time)
         times = save.times_between(scene, start_time, end_time)
         redundant = check_start(scene, state, start_time, settings.coordinates, flat)
-    kept.check(scene, settings.ledger)
+    requested.check(scene, settings.ledger)
     # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
     # the compiled program.
     folded_scene = folded(flat.parts[0])
@@ -148,12 +148,12 @@ def simulate(
         return on_device(number) if traced else np.asarray(number, float)
 
     start, end, length = map(array, (start_time, end_time, first_step))
-    if kept.sections or kept.reductions:
+    if requested.sections or requested.reductions:
         require_dense(scheme.method.solver)
-    recorders = recorders_of(kept)
+    recorders = recorders_of(requested)
     now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
     # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
-    run = Run(folded_scene, scheme, kept, recorders, end, redundant)
+    run = Run(folded_scene, scheme, requested, recorders, end, redundant)
     if traced:
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.

@@ -154,7 +154,7 @@ class Rejected(eqx.Module):
 class Attempt(eqx.Module):
     """The state after a trial step, with the data for dense output inside this step.
 
-    - `step`: the new state if the trial was accepted (`kept`); otherwise the old one with a new
+    - `step`: the new state if the trial was `accepted`; otherwise the old one with a new
       proposal, result code and number of attempts.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
@@ -162,7 +162,7 @@ class Attempt(eqx.Module):
     """
 
     step: Step
-    kept: Condition
+    accepted: Condition
     t_start: Scalar
     entry_speeds_start: EntrySpeeds
     information: DenseInformation

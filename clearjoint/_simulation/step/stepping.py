@@ -205,7 +205,7 @@ def attempt(
     )
     return Attempt(
         step=following,
-        kept=keep,
+        accepted=keep,
         t_start=step.t,
         entry_speeds_start=step.entry_speeds,
         information=trial.outcome.information,
@@ -382,7 +382,7 @@ def blank_attempt(
             inside = TangentsInside(step.tangents.entry_speeds, like(step.tangents.y))
         example = Attempt(
             step=step,
-            kept=False,
+            accepted=False,
             t_start=step.t,
             entry_speeds_start=step.entry_speeds,
             information=like(step.y),

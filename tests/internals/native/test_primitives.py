@@ -576,7 +576,7 @@ EXACT: dict[str, tuple[Callable, Callable, np.ndarray]] = {
     "tanh": (jnp.tanh, mpmath.tanh, SIGNED),
     "log": (jnp.log, mpmath.log, np.concatenate([SIZES, NEAR_ONE])),
     "log1p": (jnp.log1p, mpmath.log1p, np.concatenate([SIZES, NEAR_ONE - 1.0])),
-    "arctan": (jnp.arctan, mpmath.atan, np.concatenate([SIGNED, NEAR_ONE])),
+    "arctan": (lax.atan, mpmath.atan, np.concatenate([SIGNED, NEAR_ONE])),
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 import clearjoint as cj
 from clearjoint._simulation.run import host_run
 from clearjoint._simulation.run.host_run import begin, recorders_of, segment, segment_compiled
-from clearjoint._simulation.run.outputs import kept_by
+from clearjoint._simulation.run.outputs import requested_by
 from clearjoint._simulation.step.landing import Landing
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.solvers import default_controller, ready_solver
@@ -34,7 +34,7 @@ def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, landing)
     scheme = Scheme(method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
-    recorders = recorders_of(kept_by(None, cj.Saving(saving)))
+    recorders = recorders_of(requested_by(None, cj.Saving(saving)))
     run = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
     arguments = scheme, scene, recorders, run, saving, times[1], jnp.asarray(9), {}
     lowered = eqx.filter_jit(segment).lower(*arguments)

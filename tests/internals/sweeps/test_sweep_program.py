@@ -13,7 +13,7 @@ from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.lanes.lane import SAVED, Plan
 from clearjoint._simulation.run import impact_recorder
 from clearjoint._simulation.run.impact_recorder import ImpactRecorder
-from clearjoint._simulation.run.outputs import kept_by
+from clearjoint._simulation.run.outputs import requested_by
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._sweeps.outputs import sampled_channels
 from clearjoint._sweeps.store.program import RUN, programs
@@ -25,18 +25,19 @@ USUAL = cj.Settings(atol=1e-9)
 
 def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     """Programs of a sweep with the given outputs."""
-    kept = kept_by(outputs, SAMPLED)
+    requested = requested_by(outputs, SAMPLED)
     plan = Plan(
         Scheme.of(settings),
-        kept.reductions,
-        {name: section.state_recorder for name, section in kept.sections.items()},
-        bool(kept.quantities),
+        requested.reductions,
+        {name: section.state_recorder for name, section in requested.sections.items()},
+        bool(requested.quantities),
         np.asarray(1000),
-        {name: ImpactRecorder(table.joint) for name, table in kept.tables.items()},
+        {name: ImpactRecorder(table.joint) for name, table in requested.tables.items()},
     )
-    channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in kept.sections.items()}
-    if kept.quantities:
-        channels[SAVED] = sampled_channels(kept, scene)
+    sections = requested.sections.items()
+    channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in sections}
+    if requested.quantities:
+        channels[SAVED] = sampled_channels(requested, scene)
     return programs(plan, fold_constants(scene), state, 0.0, channels)
 
 
