@@ -28,7 +28,7 @@ from ..step import presets
 from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint
 from .outputs import EXAMPLE, ImpactTable, Requested, requested_by
-from .recorded_runs import RecordedRun, Recorder, gradients, integrands_of
+from .recorded_runs import RecordedRun, Recorder, integrands_of
 from .recorders import ReductionRecorder
 from .rejections import RejectedSteps
 from .run_checks import derivative_scheme, is_traced
@@ -157,7 +157,7 @@ class Predictor:
         slopes: list[PyTree] = []
         for group, of_group in zip(_groups(starts), _groups(along), strict=True):
             runs = [run for run in self._recorded(group) if run is not None]
-            slopes += gradients(runs, of_group)
+            slopes += _gradients(runs, of_group)
         return _in_batch(slopes, shape)
 
     def _elements(
@@ -220,6 +220,19 @@ class Predictor:
             )
             self._recorders[redundant] = Recorder(run, self._outputs, self._times)
         return self._recorders[redundant]
+
+
+def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]]) -> list[PyTree]:
+    """Return the gradients of runs, those of one recorder together."""
+    slopes: list[PyTree] = [None] * len(runs)
+    for recorder in {run.recorder: None for run in runs}:
+        numbers = [k for k, run in enumerate(runs) if run.recorder is recorder]
+        of_recorder = recorder.gradients(
+            [runs[k] for k in numbers], [cotangents[k] for k in numbers]
+        )
+        for k, slope in zip(numbers, of_recorder, strict=True):
+            slopes[k] = slope
+    return slopes
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:

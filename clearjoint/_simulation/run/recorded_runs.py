@@ -45,6 +45,7 @@ LANE_ROWS = 256
 """Largest number of steps of a lane between two visits of Python. Eight lanes then occupy some
 megabytes, which is near to the size of the processor's second cache."""
 L = TypeVar("L")
+T = TypeVar("T")
 
 
 class _Segment(NamedTuple):
@@ -92,6 +93,8 @@ class Recorder:
             quantities |= _parts_of(name, reduction)
         self.quantities = keep_flattened(quantities)
         self._example: Step | None = None
+        # Whether runs can be computed side by side, until native code for them turns out not to be.
+        self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
         """Return a step of the structure of all steps, the same one for all runs."""
@@ -101,11 +104,35 @@ class Recorder:
 
     def recorded(self, values: Sequence[PyTree]) -> "list[RecordedRun]":
         """Return runs at values of the parameters."""
-        found = _in_lanes(self, values) if len(values) > 1 and is_native() else {}
+        recordings: dict[int, _Recording] = {}
+        if len(values) > 1 and self.has_lanes:
+            recordings = self._or_refused(lambda: _in_lanes(self, values)) or {}
         return [
-            RecordedRun(self, at, found[k] if k in found else _recorded(self, at))
+            RecordedRun(self, at, recordings[k] if k in recordings else _recorded(self, at))
             for k, at in enumerate(values)
         ]
+
+    def gradients(
+        self, runs: "Sequence[RecordedRun]", cotangents: Sequence[dict[str, np.ndarray]]
+    ) -> list[PyTree]:
+        """Return the derivatives by all parameters of the sums over outputs of runs, which may
+        occur several times, each times the cotangents of the same number."""
+
+        def seeds_of(number: int) -> Seeds:
+            return runs[number].pulled_outputs(cotangents[number])
+
+        slopes = None
+        if len(runs) > 1 and self.has_lanes and all(run.is_kept() for run in runs):
+            slopes = self._or_refused(lambda: _gradients_in_lanes(self, runs, seeds_of))
+        return slopes or [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
+
+    def _or_refused(self, function: Callable[[], T]) -> T | None:
+        try:
+            return function()
+        except UnsupportedPrimitiveError as error:
+            self.has_lanes = False
+            report_fallback(error)
+            return None
 
 
 class RecordedRun:
@@ -272,23 +299,6 @@ class Seeds(NamedTuple):
         return PulledSteps(rows, added, places)
 
 
-def gradients(
-    runs: Sequence[RecordedRun], cotangents: Sequence[dict[str, np.ndarray]]
-) -> list[PyTree]:
-    """Return the derivatives by all parameters of the sums over outputs of runs, which may occur
-    several times, each times the cotangents of the same number."""
-
-    def seeds_of(number: int) -> Seeds:
-        return runs[number].pulled_outputs(cotangents[number])
-
-    if len(runs) > 1 and is_native() and all(run.is_kept() for run in runs):
-        try:
-            return _gradients_in_lanes(runs, seeds_of)
-        except UnsupportedPrimitiveError as error:
-            report_fallback(error)
-    return [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
-
-
 def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
     """Record a run, in segments."""
     run, kept = recorder.run, 0
@@ -392,18 +402,13 @@ class _RunningLane:
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
     """Record runs side by side, and return their recordings by their numbers, without those of
-    runs that are too long to be kept; none if there is no native code for them."""
+    runs that are too long to be kept."""
     run, own = recorder.run, Cells(values[0])
-    found: dict[int, _Recording] = {}
-    try:
-        begin_rows = _begun_lane.native.bound(run, values[0])
-        numbers = own.rows(_stacked(values))
-        cells = begin_rows.results
-        first = jax.tree.map(lambda leaf: leaf[0], cells.trees(begin_rows(numbers[:1])))
-        loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
-    except UnsupportedPrimitiveError as error:
-        report_fallback(error)
-        return found
+    recordings: dict[int, _Recording] = {}
+    begin_rows = _begun_lane.native.bound(run, values[0])
+    numbers, cells = own.rows(_stacked(values)), begin_rows.results
+    first = jax.tree.map(lambda leaf: leaf[0], cells.trees(begin_rows(numbers[:1])))
+    loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
     places = cells.columns().records[STEPS]
     start, width = loop.state_cells.start, places.rows.shape[1]
     rows_from, count_at = start + int(places.rows[0, 0]), start + int(places.count)
@@ -429,11 +434,11 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         rows = np.concatenate(lane.rows)
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(np.zeros(0), piece[:, -1].copy(), piece) for piece in pieces]
-        found[lane.number] = _Recording(segments, last.step, last.records[REDUCTIONS])
+        recordings[lane.number] = _Recording(segments, last.step, last.records[REDUCTIONS])
         return False
 
     _through(loop, run, [_RunningLane(k) for k in range(len(values))], begin, serve)
-    return found
+    return recordings
 
 
 def _stacked(trees: Sequence[PyTree]) -> PyTree:
@@ -461,10 +466,10 @@ class _PulledLane:
 
 
 def _gradients_in_lanes(
-    runs: Sequence[RecordedRun], seeds_of: Callable[[int], Seeds]
+    recorder: Recorder, runs: Sequence[RecordedRun], seeds_of: Callable[[int], Seeds]
 ) -> list[PyTree]:
-    recorder, example = runs[0].recorder, runs[0].example
-    found: list[PyTree] = [None] * len(runs)
+    example = runs[0].example
+    slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
     tangents = sum(map(np.size, jax.tree.leaves(example.tangents)))
     inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
@@ -487,7 +492,9 @@ def _gradients_in_lanes(
         lane = lanes[number] = _PulledLane(run, rows, seeds, len(rows))
         steps, count = lane.next_steps(0, room)
         after = Pulled(np.asarray(count), seeds.end, seeds.total)
-        return own_cells.rows(_one((run.at, steps)))[0], state_cells.rows(_one(after))[0]
+        return own_cells.rows(_with_first_axis((run.at, steps)))[0], state_cells.rows(
+            _with_first_axis(after)
+        )[0]
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         lane, left = lanes[number], int(column[count_at : count_at + 1].view(np.int64)[0])
@@ -495,20 +502,20 @@ def _gradients_in_lanes(
             return True
         if left == 0 and lane.first == 0:
             state = state_cells.trees(column[None, loop.state_cells])
-            found[number] = lane.run.gradient_from(jax.tree.map(lambda leaf: leaf[0], state))
+            slopes[number] = lane.run.gradient_from(jax.tree.map(lambda leaf: leaf[0], state))
             del lanes[number]
             return False
         steps, count = lane.next_steps(left, room)
-        column[steps_at] = steps_cells.rows(_one(steps))[0]
+        column[steps_at] = steps_cells.rows(_with_first_axis(steps))[0]
         column[count_at : count_at + 1].view(np.int64)[0] = count
         return True
 
     lanes: dict[int, _PulledLane] = {}
     _through(loop, shared, range(len(runs)), begin, serve)
-    return found
+    return slopes
 
 
-def _one(tree: PyTree) -> PyTree:
+def _with_first_axis(tree: PyTree) -> PyTree:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[None], tree)
 
 
