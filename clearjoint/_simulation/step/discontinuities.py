@@ -19,9 +19,9 @@ from jaxtyping import PyTree
 
 from ..._compilation import program_of
 from ..._dynamics.system import System
-from ..._fields.caching import cached_by_numbers
 from ..._fields.checks import is_of_package, require
-from ..._math.vectors import Condition, Matrix, Scalar, Vector, unpack
+from ..._fields.objects import with_arrays
+from ..._math.vectors import Condition, Matrix, Scalar, Vector, fold_constants, unpack
 from ..._model.bodies import GROUND, Motion
 from ..._model.drives.functions_of_time import AbstractFunctionOfTime
 from ..._model.joints.base import (
@@ -31,6 +31,8 @@ from ..._model.joints.base import (
     AbstractForce,
 )
 from ..._model.scene import Scene
+from ..._native.functions import FlatArguments
+from ..._native.machine_code import RecentPrograms
 from .saltation import any_changes
 from .step_state import Method, Step
 from .trial_step import Trial, term_of
@@ -81,11 +83,24 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
     return [function for function in functions if type(function).breakpoints is silent]
 
 
-@cached_by_numbers
+_COMPARES: RecentPrograms[bool] = RecentPrograms()
+"""Results of `compares_time` by the form of the part. They don't depend on its numbers, which runs
+trace, but for structural zeros and ones."""
+
+
 def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     """Return whether a function of time, or the forces or constraint rates of an element, in packed
     form, may have a jump or a kink in time."""
-    part = unpack(part)
+    flat = FlatArguments.of((fold_constants(with_arrays(part)),))
+    compares = None if flat.traced else _COMPARES.recent(flat.key)
+    if compares is None:
+        compares = _compares_time(unpack(part))
+        if not flat.traced:
+            _COMPARES.add(flat.key, compares)
+    return compares
+
+
+def _compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     if isinstance(part, AbstractFunctionOfTime):
         return _depends_on_primitive(program_of(part, 0.0).jaxpr.jaxpr, [True], KINKED)
     return _depends_on_primitive(_program_of_element(part), [True, False], KINKED)
