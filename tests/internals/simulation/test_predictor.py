@@ -73,7 +73,7 @@ def differences(scene: CatalogueScene) -> float:
             reverse = np.array([gradient[name] * slopes[name] for name in chosen])
             # Derivatives far below the output itself are rounding errors, of which forward mode has
             # others.
-            size = max(np.abs(expected).max(), 1e-3 * np.abs(values[output]).max(), 1e-9)
+            size = max(np.abs(expected).max(), 0.1 * np.abs(values[output]).max(), 1e-9)
             worst = max(worst, np.abs(reverse - expected[k]).max() / size)
     return worst
 
