@@ -37,7 +37,7 @@ def with_bristles() -> Case:
     }
     parameters["clearance"] = logarithm(lambda s: s.joints[pin].clearance)
     parameters["speed"] = cj.Parameter.initial(lambda s: s.bodies["rocker"].spin[2])
-    return Case(scene, state, 0.05, 11, "rocker", parameters)
+    return Case(scene, state, 0.02, 10, "rocker", parameters)
 
 
 def between_shoulders() -> Case:
