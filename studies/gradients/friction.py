@@ -398,8 +398,8 @@ def figure(fit: Fit) -> Figure:
         label="± 2 standard deviations", linewidth=0.0,
     )  # fmt: skip
     left.axvspan(*fit.held, color=style.GREY, alpha=0.2, label="slip speeds of the records")
-    left.set_ylim(0.0, 0.4)
-    left.legend(loc="upper center", fontsize="small")
+    left.set_ylim(0.0, 0.3)
+    left.legend(loc="upper left", fontsize="small")
     style.dress(left, "slip speed, m/s", "friction / normal force")
     cases = (("before", fit.before, style.VERMILLION), ("after", fit.after, style.BLUE))
     for name, predicted, colour in cases:
