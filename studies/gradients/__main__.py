@@ -1,19 +1,25 @@
 """Gradients in reverse mode across impacts: accuracy, cost, and fits of many numbers.
 
-python -m studies.gradients [accuracy | memory | friction | wall | torque] [--quick]
+python -m studies.gradients [accuracy | joints | memory | friction | wall | torque] [--quick]
 """
 
 from collections.abc import Sequence
 
 from studies.common.output import Output, run_parts
 from studies.common.report import markdown
-from studies.gradients import accuracy, friction, memory, torque, wall
+from studies.gradients import accuracy, friction, joints, memory, torque, wall
 from studies.gradients.searches import search_table
 
 
 def accuracy_part(output: Output) -> list[str]:
     """Return the table of errors and costs by the number of parameters."""
     return [f"\n{markdown(accuracy.table(accuracy.measure(output.quick)))}"]
+
+
+def joints_part(output: Output) -> list[str]:
+    """Return the table of thirty joints with backlash."""
+    heading = "thirty joints with backlash", ""
+    return [f"\n{markdown([heading, *joints.table(output.quick)])}"]
 
 
 def memory_part(output: Output) -> list[str]:
@@ -47,6 +53,7 @@ def torque_part(output: Output) -> list[str]:
 
 PARTS = {
     "accuracy": accuracy_part,
+    "joints": joints_part,
     "memory": memory_part,
     "friction": friction_part,
     "wall": wall_part,

@@ -123,17 +123,11 @@ def row(width: int, end: float) -> Row:
     direction = jax.tree.unflatten(
         structure, [1e-3 * np.abs(leaf) * random.standard_normal(leaf.shape) for leaf in leaves]
     )
-    along = sum(jax.tree.leaves(jax.tree.map(lambda a, b: float(np.sum(a * b)), slopes, direction)))
+    along = product(slopes, direction)
     tight = cj.predictor(scene, state, end, paths, OUTPUT, times, TIGHT)
-    above, below = (
-        float(
-            tight(jax.tree.map(lambda a, b, s=s: a + s * b, predict.values, direction))["height"][
-                -1
-            ]
-        )
-        for s in (STEP, -STEP)
+    difference = central_difference(
+        lambda values: tight(values)["height"][-1], predict.values, direction
     )
-    difference = (above - below) / (2.0 * STEP)
     of_steps = derivative_of_steps(scene, state, end, paths, predict.values, direction)
 
     places, found, expected, forward = forward_mode(scene, state, end, predict.values, len(flat))
@@ -160,6 +154,22 @@ def row(width: int, end: float) -> Row:
         along=abs(along - difference) / abs(difference),
         of_steps=abs(of_steps - difference) / abs(difference),
     )
+
+
+def product(first: PyTree, second: PyTree) -> float:
+    """Return the sum of the products of the numbers of two trees."""
+    return sum(jax.tree.leaves(jax.tree.map(lambda a, b: float(np.sum(a * b)), first, second)))
+
+
+def central_difference(
+    function: Callable[[PyTree], jax.Array], values: PyTree, direction: PyTree
+) -> float:
+    """Return the derivative of a function along a direction, by steps of `STEP` of it."""
+    above, below = (
+        float(function(jax.tree.map(lambda a, b, s=s: a + s * b, values, direction)))
+        for s in (STEP, -STEP)
+    )
+    return (above - below) / (2.0 * STEP)
 
 
 def derivative_of_steps(

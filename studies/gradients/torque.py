@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -26,7 +27,7 @@ SAMPLES = np.linspace(0.0, SPAN, 4001)
 
 def high_power(now: Instant) -> jax.Array:
     """Return a high power of the contact force, as a fraction of `FORCE`."""
-    return (force(now) / FORCE) ** POWER
+    return jnp.asarray((force(now) / FORCE) ** POWER)
 
 
 OUTPUTS = {

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jaxtyping import PyTree
 from matplotlib.figure import Figure
 
 import clearjoint as cj
@@ -94,19 +95,19 @@ def smooth_steps(knots: int) -> optax.GradientTransformation:
     )
     search = optax.lbfgs(linesearch=halving)
 
-    def scaled(wall: dict[str, jax.Array], factors: np.ndarray) -> dict[str, jax.Array]:
+    def scaled(wall: PyTree, factors: np.ndarray) -> PyTree:
         return jax.tree.map(lambda row: jnp.fft.ifft(factors * jnp.fft.fft(row)).real, wall)
 
-    def update(gradient, memory, at, *, value, grad, value_fn):  # noqa: ANN001, ANN202
-        del grad
-        along = scaled(gradient, sizes)
+    # By the names of optax's protocol.
+    def update(updates, state, params=None, **extra):  # noqa: ANN001, ANN003, ANN202
+        along = scaled(updates, sizes)
         further = {
-            "value": value,
+            "value": extra["value"],
             "grad": along,
-            "value_fn": lambda at: value_fn(scaled(at, sizes)),
+            "value_fn": lambda at: extra["value_fn"](scaled(at, sizes)),
         }
-        step, memory = search.update(along, memory, scaled(at, 1.0 / sizes), **further)
-        return scaled(step, sizes), memory
+        step, state = search.update(along, state, scaled(params, 1.0 / sizes), **further)
+        return scaled(step, sizes), state
 
     return optax.GradientTransformationExtraArgs(search.init, update)
 

@@ -1,8 +1,9 @@
 """The study of gradients: its quick tables."""
 
+import numpy as np
 import pytest
 
-from studies.gradients import accuracy, memory
+from studies.gradients import accuracy, friction, joints, memory
 
 
 @pytest.mark.slow
@@ -14,14 +15,52 @@ def test_gradients_by_few_numbers_are_as_accurate_as_forward_mode():
     assert len(accuracy.table(rows)) == 3
 
 
+class Linear:
+    """A linear problem of fewer residuals than weights."""
+
+    def __init__(self, size: int):
+        random = np.random.default_rng(2)
+        self.slopes = random.standard_normal((40, size))
+        self.measured = 10.0 * random.standard_normal(40)
+
+    def residuals(self, weights):
+        return self.slopes @ weights - self.measured
+
+    def jacobian(self, weights):
+        return self.slopes
+
+
+def test_the_search_for_a_law_solves_a_linear_problem_with_its_prior():
+    first = np.asarray(friction.flattened()[0])
+    problem = Linear(len(first))
+    found = friction.fitted(problem, first, 20)[-1].weights
+    normal = problem.slopes.T @ problem.slopes + np.eye(len(first)) / friction.WEIGHT**2
+    misses = problem.slopes @ first - problem.measured
+    expected = first - np.linalg.solve(normal, problem.slopes.T @ misses)
+    # The search ends when little is left to gain.
+    gained = np.sum((expected - first) ** 2)
+    assert np.sum((found - expected) ** 2) < 1e-3 * gained
+
+
 @pytest.mark.slow
 def test_quick_friction_law(tmp_path):
-    from studies.gradients import friction
-
     fit = friction.measure(quick=True)
-    assert fit.misfits[-1] < fit.misfits[0]
+    (points,) = fit.windows
+    assert fit.last.misfit < 0.05 * points[0].misfit
     friction.figure(fit).savefig(tmp_path / "friction.png")
-    assert friction.table(fit)[0] == ("weights", "321")
+    rows = dict(friction.table(fit))
+    assert rows["weights"] == "321" and rows["iterations"] == "1"
+    # Where the record holds no slip, the law keeps the spread of the prior.
+    slow, held, fast = friction.deviations(fit.last, np.array([1e-3, 0.04, 2.0]))
+    assert held < 0.2 * fast and slow > 0.0
+
+
+@pytest.mark.slow
+def test_gradients_of_a_chain_with_backlash():
+    rows = dict(joints.table(quick=True))
+    assert rows["joints; parameters"] == "1; 4"
+    assert float(rows["difference from forward mode"]) < 1e-6
+    assert float(rows["error along a direction"]) < 1e-6
 
 
 @pytest.mark.slow

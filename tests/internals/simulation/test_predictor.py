@@ -47,17 +47,27 @@ def differences(scene: CatalogueScene) -> float:
     derivative of the same output."""
     made, state = scene.make()
     body = scene.body or list(made.bodies)[-1]
+    return difference_from_forward_mode(made, state, scene.end, body, parameters(made, body))
+
+
+def difference_from_forward_mode(
+    made: cj.Scene,
+    state: cj.State,
+    end: float,
+    body: str,
+    chosen: dict[str, cj.Parameter],
+    settings: cj.Settings = SETTINGS,
+) -> float:
+    """Return the largest difference of gradients of a body's motion, relative to the largest
+    derivative of the same output at any of the times up to the end."""
     outputs = {
         "x": cj.quantities.Position(body, "x"),
         "v": cj.quantities.Velocity(body, "y"),
         "w": cj.quantities.AngularVelocity(body, "z"),
     }
-    times = np.linspace(0.0, scene.end, 9)
-    chosen = parameters(made, body)
-    forward = cj.sensitivities(
-        made, state, scene.end, chosen, outputs, times, SETTINGS, progress=False
-    )
-    predict = cj.predictor(made, state, scene.end, chosen, outputs, times, SETTINGS)
+    times = np.linspace(0.0, end, 9)
+    forward = cj.sensitivities(made, state, end, chosen, outputs, times, settings, progress=False)
+    predict = cj.predictor(made, state, end, chosen, outputs, times, settings)
     slopes = {
         name: float(p.scale.slope(p.scale.coordinate(predict.values[name])))
         for name, p in chosen.items()
