@@ -260,14 +260,18 @@ class RecordedRun:
     def gradient(self, seeds: "Seeds") -> PyTree:
         """Return the derivatives, by all parameters, of the sum over tangents times `seeds`."""
         now = Pulled(np.asarray(0), seeds.end, seeds.total)
-        last = sum(len(segment.ends) for segment in self.segments)
+        first = sum(len(segment.ends) for segment in self.segments)
+        last = seeds.last_place(first)
         for segment in reversed(self.segments):
-            count = len(segment.ends)
-            rows = np.pad(self.rows_of(segment), ((0, adjoint.ROWS - count), (0, 0)))
-            steps = seeds.steps(rows, last - count, last, min(len(seeds.places), adjoint.ROWS))
+            first -= len(segment.ends)
+            count = min(len(segment.ends), last - first)
+            if count <= 0:
+                continue
+            rows = self.rows_of(segment)
+            rows = np.pad(rows, ((0, adjoint.ROWS - len(rows)), (0, 0)))
+            steps = seeds.steps(rows, first, first + count, min(len(seeds.places), adjoint.ROWS))
             now = now._replace(count=np.asarray(count))
             now = adjoint.backward(self.recorder.run, self.at, self.example, steps, now)
-            last -= count
         return self.gradient_from(now)
 
     def gradient_from(self, start: Pulled) -> PyTree:
@@ -286,6 +290,13 @@ class Seeds(NamedTuple):
     total: PyTree
     pulled: np.ndarray
     places: np.ndarray
+
+    def last_place(self, steps: int) -> int:
+        """Return the number of the step behind the last one, of so many, with a cotangent."""
+        if self.end.any():
+            return steps
+        places = self.places[self.pulled.any(axis=1)]
+        return int(places.max(initial=-1)) + 1
 
     def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
         """Return the steps from `first` to before `last` of the run, which begin the `rows`, with
@@ -489,7 +500,7 @@ def _gradients_in_lanes(
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
         run, seeds = runs[number], seeds_of(number)
         rows = run.rows()
-        lane = lanes[number] = _PulledLane(run, rows, seeds, len(rows))
+        lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.last_place(len(rows)))
         steps, count = lane.next_steps(0, room)
         after = Pulled(np.asarray(count), seeds.end, seeds.total)
         return own_cells.rows(_with_first_axis((run.at, steps)))[0], state_cells.rows(
