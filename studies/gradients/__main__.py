@@ -1,13 +1,13 @@
 """Gradients in reverse mode across impacts: accuracy, cost, and fits of many numbers.
 
-python -m studies.gradients [accuracy | joints | memory | friction | wall | torque] [--quick]
+python -m studies.gradients [accuracy | joints | memory | lanes | friction | wall | torque] [--quick]
 """
 
 from collections.abc import Sequence
 
 from studies.common.output import Output, run_parts
 from studies.common.report import markdown
-from studies.gradients import accuracy, friction, joints, memory, torque, wall
+from studies.gradients import accuracy, friction, joints, lanes, memory, torque, wall
 from studies.gradients.searches import search_table
 
 
@@ -26,6 +26,11 @@ def memory_part(output: Output) -> list[str]:
     """Return the tables of long runs and of first gradients."""
     tables = memory.long_run(output.quick), memory.firsts(output.quick)
     return [f"\n{markdown(table)}" for table in tables]
+
+
+def lanes_part(output: Output) -> list[str]:
+    """Return the table of batches of gradients."""
+    return [f"\n{markdown(lanes.table(lanes.measure(output.quick)))}"]
 
 
 def friction_part(output: Output) -> list[str]:
@@ -55,6 +60,7 @@ PARTS = {
     "accuracy": accuracy_part,
     "joints": joints_part,
     "memory": memory_part,
+    "lanes": lanes_part,
     "friction": friction_part,
     "wall": wall_part,
     "torque": torque_part,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.gradients import accuracy, friction, joints, memory
+from studies.gradients import accuracy, friction, joints, lanes, memory
 
 
 @pytest.mark.slow
@@ -61,6 +61,13 @@ def test_gradients_of_a_chain_with_backlash():
     assert rows["joints; parameters"] == "1; 4"
     assert float(rows["difference from forward mode"]) < 1e-6
     assert float(rows["error along a direction"]) < 1e-6
+
+
+@pytest.mark.slow
+def test_a_batch_of_gradients_has_the_bits_of_single_calls():
+    (row,) = lanes.measure(quick=True)
+    assert row.runs == 3 and row.same_bits
+    assert lanes.table([row])[1][0] == "rod, 1 parameters"
 
 
 @pytest.mark.slow
