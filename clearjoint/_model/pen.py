@@ -133,8 +133,11 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def wall(self, plane: Marker, runner: Marker) -> None:
-        """Draw a wall behind the plane through a marker, perpendicular to its axis, which points out
-        of the wall. It is as long as the path of the marker `runner`."""
+        """Draw a wall, as long as the path of the marker `runner`.
+
+        Its surface is the plane through the marker `plane`, perpendicular to the marker's axis,
+        which points out of the wall.
+        """
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:

@@ -301,9 +301,10 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates whose surfaces are at given distances from a marker along a normal, and behind
-        these, as seen from it. They are as long as the path of the marker `runner`, and somewhat
-        more: by `excess`, m, and the size of a bar at each end."""
+        """Draw plates whose surfaces, at given distances from a marker along a normal, face it.
+
+        They are longer than the path of the marker `runner` by `excess`, m, and a bar at each end.
+        """
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.

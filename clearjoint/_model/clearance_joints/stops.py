@@ -6,7 +6,7 @@ import equinox as eqx
 import numpy as np
 from typing_extensions import override
 
-from ..._fields.checks import require, require_axis, require_point
+from ..._fields.checks import require_axis, require_point
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Single, Triple
 from ..._math.rotations import unit

@@ -239,8 +239,8 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on the radii R and
     thus on the clearance R_i - R_j. For two spheres that touch from outside, as in `BallOnBall`, it
     is R_i + R_j that takes the place of the clearance, and for a sphere on a plane, as in `Stop`,
-    the square root is that of the sphere's radius (H. Hertz). For cylinders that touch along a line, choose an
-    `AbstractCylinder` instead.
+    the square root is that of the sphere's radius (H. Hertz). For cylinders that touch along a
+    line, choose an `AbstractCylinder` instead.
 
     **Arguments:** `young_modulus`, `poisson_ratio`: E, Pa, and nu of the bearing.
     `journal_young_modulus`, `journal_poisson_ratio`: of the journal; those of the bearing by
