@@ -193,10 +193,10 @@ def test_a_dropped_ball_rebounds_with_the_restitution(restitution):
     np.testing.assert_allclose(impacts.exit_speed[:count], exits, rtol=1e-4)
     onsets = fall + 2.0 * restitution * fall * np.r_[0.0, np.cumsum(powers[1:] / restitution)]
     np.testing.assert_allclose(impacts.onset[:count], onsets, atol=1e-4)
-    rigid = cj.simulate_nonsmooth(scene, state, end, cj.Saving([end]), step=1e-4)
-    flexible = cj.simulate(scene, state, end, save=cj.Saving([end]), progress=False)
-    ends = [run.states.bodies["ball"].velocity[0, 2] for run in (rigid, flexible)]
-    assert ends[0] == pytest.approx(ends[1], abs=5e-3)
+    rigid = cj.simulate_nonsmooth(scene, state, end, step=1e-4)
+    flexible = cj.simulate(scene, state, end, progress=False)
+    speeds = [run.final.bodies["ball"].velocity[2] for run in (rigid, flexible)]
+    assert speeds[0] == pytest.approx(speeds[1], abs=5e-3)
 
 
 def test_two_balls_exchange_their_speeds():
@@ -258,7 +258,7 @@ def test_a_ball_slides_then_rolls_down_an_incline(tilt, bristles):
     law = cj.frictions.RegularisedCoulomb(friction, 1e-5)
     if bristles:
         law = cj.frictions.LuGre(
-            friction, friction, stribeck_speed=1e-3, stiffness=1e6, damping=1e3
+            friction, friction, stribeck_speed=1e-3, stiffness=1e5, damping=1.0
         )
     scene, state = rolling(law, tilt, speed)
     end = 0.4
@@ -310,8 +310,8 @@ CRADLE = 1e8
 @pytest.mark.parametrize("hung", [False, True])
 def test_a_cradle_moves_as_a_chain_of_springs(count, exponent, hung):
     """The speeds after all impacts, against the chain of masses and springs. On pendulums, whose
-    balls barely leave the line in 1 ms, the mass is that of the pendulum at its ball."""
-    end, mass, gap = 1e-3, 0.1, 1e-7
+    balls barely leave the line in 2 ms, the mass is that of the pendulum at its ball."""
+    end, mass, gap = 2e-3, 0.1, 1e-7
     effective = mass + (1e-6 / 0.2**2 if hung else 0.0)
     scene, state = cradle(count, exponent, hung)
     final = cj.simulate(scene, state, end, TIGHT, progress=False).final.bodies
@@ -326,9 +326,13 @@ def test_a_cradle_moves_as_a_chain_of_springs(count, exponent, hung):
     start[count] = 1.0
     options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-15, "max_step": 1e-6}
     expected = solve_ivp(rates, (0.0, end), start, **options).y[count:, -1]
-    speeds = np.array([final[f"ball {k}"].velocity[0] for k in range(count)])
-    np.testing.assert_allclose(speeds, expected, atol=2e-5 if hung else 1e-8)
-    assert speeds[-1] > 0.8 and np.abs(speeds[:-1]).max() < 0.25
+    balls = [final[f"ball {k}"] for k in range(count)]
+    speeds = [0.2 * ball.spin[2] if hung else ball.velocity[0] for ball in balls]
+    np.testing.assert_allclose(speeds, expected, atol=2e-6 if hung else 1e-8)
+
+
+DAMPING = 6.0
+"""Of normal forces, s/m."""
 
 
 class Planar:
@@ -343,9 +347,11 @@ class Planar:
     def stopped(
         self, local: Sequence[float], origin: Any, normal: Any, friction: float
     ) -> tuple[np.ndarray, float]:
-        """Force and moment on the body, whose point `local` a plane of the ground stops: normally
-        1e6 N/m (1 + 0.3 s/m rate), across by friction that is regularised over 0.01 m/s, at a point
-        midway between the surfaces."""
+        """Force and moment on the body, whose point `local` a plane of the ground stops.
+
+        Normally it is 1e6 N/m (1 + `DAMPING` rate) times the depth, across it is friction that is
+        regularised over 0.01 m/s; they act midway between the surfaces.
+        """
         origin, normal = np.asarray(origin), np.asarray(normal)
         arm = self.turn @ local
         depth = (origin - self.place - arm) @ normal
@@ -354,7 +360,7 @@ class Planar:
         arm = arm + 0.5 * depth * normal
         sliding = self.velocity + self.spin * np.array([-arm[1], arm[0]])
         along = np.array([normal[1], -normal[0]])
-        force = 1e6 * depth * max(1.0 - 0.3 * (sliding @ normal), 0.0)
+        force = 1e6 * depth * max(1.0 - DAMPING * (sliding @ normal), 0.0)
         rubbing = -friction * math.tanh(sliding @ along / 0.01)
         push = force * (normal + rubbing * along)
         return push, arm[0] * push[1] - arm[1] * push[0]
@@ -362,7 +368,7 @@ class Planar:
 
 def stopping(first: str, second: str, friction: float, **options: Any) -> cj.Stop:
     """The stop of `Planar.stopped`."""
-    law = cj.laws.MemorylessHuntCrossley(0.8, 1e6, design_speed=1.0, exponent=1.0)
+    law = cj.laws.MemorylessHuntCrossley(0.0, 1e6, design_speed=1.5 / DAMPING, exponent=1.0)
     rub = cj.frictions.RegularisedCoulomb(friction, 0.01)
     return cj.Stop(first, second, law=law, friction=rub, **options)
 
@@ -370,7 +376,7 @@ def stopping(first: str, second: str, friction: float, **options: Any) -> cj.Sto
 def integrated(
     rates: Callable[[float, np.ndarray], np.ndarray], start: Sequence[float], times: np.ndarray
 ) -> np.ndarray:
-    options = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-13, "max_step": 1e-4}
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-15, "max_step": 1e-4}
     return solve_ivp(rates, (0.0, times[-1]), start, t_eval=times, **options).y
 
 
@@ -421,9 +427,14 @@ BEAK, LEAF, PECK = (-20.1e-3, 20e-3), 0.0056, 0.3
 move across the pole."""
 
 
-def woodpecker() -> tuple[cj.Scene, cj.State, list[float]]:
-    """The toy, its initial state, and the same as x, y, angles and their rates."""
-    start = [0.0, 0.0, -0.1, -0.27, 0.0, -0.34, 0.0, -7.4]
+STARTS = {
+    "falls and sticks": [0.0, 0.0, -0.1, -0.27, 0.0, -0.34, 0.0, -7.4],
+    "pecks": [0.0, 0.0, 0.1, 0.09, 0.0, -0.05, 0.0, 6.0],
+}
+"""Position of the sleeve, both angles, and their rates, in two phases of the toy's motion."""
+
+
+def woodpecker(start: Sequence[float]) -> tuple[cj.Scene, cj.State]:
     _, _, tilt, lean, _, fall, _, turning = start
     joints: dict[str, Any] = {
         "hinge": cj.RevoluteJoint(
@@ -466,7 +477,7 @@ def woodpecker() -> tuple[cj.Scene, cj.State, list[float]]:
             ),
         }
     )
-    return scene, state, start
+    return scene, state
 
 
 def woodpecker_rates(t: float, y: np.ndarray) -> np.ndarray:
@@ -498,16 +509,19 @@ def woodpecker_rates(t: float, y: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_woodpecker_pecks_down_its_pole():
-    scene, state, start = woodpecker()
-    times = np.linspace(0.0, 0.06, 7)
+@pytest.mark.parametrize("phase", STARTS)
+def test_a_woodpecker_pecks_down_its_pole(phase):
+    """The sleeve rattles down the pole and sticks on two edges; the beak pecks at the pole."""
+    scene, state = woodpecker(STARTS[phase])
+    times = np.linspace(0.0, 0.02, 6)
     save = cj.Saving(times, impacts=True)
     solution = cj.simulate(scene, state, times[-1], TIGHT, save, progress=False)
-    expected = integrated(woodpecker_rates, start, times)
+    expected = integrated(woodpecker_rates, STARTS[phase], times)
     found = solution.states.bodies
-    np.testing.assert_allclose(found["sleeve"].position[:, :2].T, expected[:2], atol=1e-7)
-    np.testing.assert_allclose(found["bird"].spin[:, 2], expected[7], atol=1e-3)
-    assert set(solution.impacts.joint) >= {"edge 1.0", "edge -1.0"}
+    np.testing.assert_allclose(found["sleeve"].position[:, :2].T, expected[:2], atol=2e-9)
+    np.testing.assert_allclose(found["bird"].spin[:, 2], expected[7], atol=1e-5)
+    expected = {"beak", "edge -1.0"} if phase == "pecks" else {"edge 1.0", "edge -1.0"}
+    assert set(solution.impacts.joint) == expected
 
 
 def tumbling(friction: Any = ROUGH) -> tuple[cj.Scene, cj.State]:
