@@ -132,8 +132,8 @@ class AbstractPen(abc.ABC):
         """
 
     @abc.abstractmethod
-    def wall(self, plane: Marker, runner: Marker) -> None:
-        """Draw a wall, as long as the path of the marker `runner`.
+    def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:
+        """Draw a wall, as long as the path of a ball of a `radius`, m, at the marker `runner`.
 
         Its surface is the plane through the marker `plane`, perpendicular to the marker's axis,
         which points out of the wall.

@@ -289,9 +289,9 @@ class SketchingPen(AbstractPen):
         self._plates(middle, runner, normal, (-half, half), 2.0 * half)
 
     @override
-    def wall(self, plane: Marker, runner: Marker) -> None:
-        behind = -plane.along()
-        self._plates(plane._replace(axis=None), runner, behind, (0.0,), 6.0 * self._bar)
+    def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:
+        behind, excess = -plane.along(), 4.0 * self._bar + float(radius)
+        self._plates(plane._replace(axis=None), runner, behind, (0.0,), excess)
 
     def _plates(
         self,
@@ -315,7 +315,8 @@ class SketchingPen(AbstractPen):
         low, high = self._range(middle, runner, along)
         centre = np.asarray(middle.point) + along * (0.5 * (low + high))
         # The plates are deep along the line of sight.
-        plate = meshes.box((high - low + 2.0 * (excess + self._bar), self._bar, 8.0 * self._bar))
+        deep = max(8.0 * self._bar, 2.0 * excess)
+        plate = meshes.box((high - low + 2.0 * (excess + self._bar), self._bar, deep))
         for surface in surfaces:
             at = centre + across * (surface + math.copysign(0.5 * self._bar, surface))
             self.shape(middle.body, plate.moved(pose_at(at, frame)))

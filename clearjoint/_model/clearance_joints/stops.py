@@ -152,9 +152,10 @@ class Stop(AbstractPair, AbstractFrictionJoint):
         if self.end_point_second is not None:
             tips.append(Marker(self.second, self.end_point_second))
             pen.rod(*tips)
-        pen.wall(Marker(self.first, self.point, self.normal), tips[0])
+        radius = 0.0 if self.radius is None else self.radius
+        pen.wall(Marker(self.first, self.point, self.normal), tips[0], radius=radius)
         for tip in tips:
-            pen.mark(tip) if self.radius is None else pen.sphere(tip, radius=self.radius)
+            pen.mark(tip) if self.radius is None else pen.sphere(tip, radius=radius)
 
 
 class BallOnBall(AbstractPair, AbstractFrictionJoint):
