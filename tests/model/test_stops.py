@@ -229,6 +229,101 @@ def test_two_balls_exchange_their_speeds():
     np.testing.assert_allclose(right, speed * direction, atol=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_fast_balls_do_not_pass_through_each_other(seed):
+    """In flight a step may be as long as the run, and both its ends far from the other ball: onsets
+    against the quadratic equation, from hits along the line of centres to grazing ones."""
+    rng = np.random.default_rng(seed)
+    radii, far, speed = (
+        10 ** rng.uniform(-3, -1, 2),
+        10 ** rng.uniform(0, 2),
+        10 ** rng.uniform(0, 2),
+    )
+    reach = radii.sum()
+    beside = reach * (1.0 - 10 ** rng.uniform(-4, 0))
+    turn = Rotation.random(random_state=rng)
+    joint = cj.BallOnBall(
+        *("a", "b"),
+        radius_first=radii[0],
+        radius_second=radii[1],
+        law=cj.laws.ExactRestitution(0.5, 1e9),
+    )
+    body = cj.Body(0.1, (1e-5,) * 3)
+    gravity = None if seed % 2 else (0.0, 0.0, -G)
+    scene = cj.Scene({"a": body, "b": body}, {"balls": joint}, gravity=gravity)
+    start = turn.apply([-far, beside, 0.0])
+    velocity = turn.apply([speed, 0.0, 0.0])
+    state = cj.State({"a": cj.body_state(start, velocity=velocity), "b": cj.body_state((0, 0, 0))})
+    end = 10.0 * far / speed
+    onsets = cj.simulate(
+        scene, state, end, save=cj.Saving(impacts=True), progress=False
+    ).impacts.onset
+    along = math.sqrt(reach**2 - beside**2)
+    np.testing.assert_allclose(onsets, [(far - along) / speed], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_rigid_balls_part_as_newton_says():
+    """Unequal balls without friction, struck aside: along the line of centres the momentum is kept
+    and the balls part with e times the speed of approach, across it nothing changes; in
+    `simulate_nonsmooth` and, on a stiff law, in `simulate`."""
+    restitution, masses, radii = 0.5, np.array([0.3, 0.7]), np.array([0.02, 0.03])
+    joint = cj.BallOnBall(
+        *("a", "b"),
+        radius_first=radii[0],
+        radius_second=radii[1],
+        law=cj.laws.ExactRestitution(restitution, 1e12),
+    )
+    bodies = {name: cj.Body(m, (1e-4,) * 3) for name, m in zip("ab", masses, strict=True)}
+    scene = cj.Scene(bodies, {"balls": joint})
+    centres = np.array([0.03, 0.04, 0.0])  # from the first to the second, when they touch
+    velocity = np.array([2.0, 0.5, 0.3])
+    time = 0.01
+    state = cj.State(
+        {
+            "a": cj.body_state(-time * velocity, velocity=velocity),
+            "b": cj.body_state(centres),
+        }
+    )
+    normal = centres / radii.sum()
+    exchanged = (1.0 + restitution) * (velocity @ normal) / (1.0 / masses).sum()
+    expected = [velocity - exchanged / masses[0] * normal, exchanged / masses[1] * normal]
+    rigid = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-6).final
+    flexible = cj.simulate(scene, state, 0.02, progress=False).final
+    # The line of centres turns by 6e-4 rad during the flexible contact.
+    for final, close in ((rigid, 2e-4), (flexible, 1e-3)):
+        found = [final.bodies[name].velocity for name in "ab"]
+        np.testing.assert_allclose(found, expected, atol=close)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_bodies_that_start_inside_are_moved_out_or_to_rest(seed):
+    """To where they just touch; or to where the contacts carry the weight, in any orientation."""
+    rng = np.random.default_rng(seed)
+    up = rng.normal(size=3)
+    up /= np.linalg.norm(up)
+    across = np.cross(up, rng.normal(size=3))
+    across /= np.linalg.norm(across)
+    # The ends of the edge are equally far from the centre of mass, and share the weight.
+    ends = {"point_second": 0.1 * across, "end_point_second": -0.1 * across}
+    cases = [
+        (stop("ground", "b", normal=up, radius=0.02), 0.02, 1),
+        (stop("ground", "b", normal=up, radius=0.02, **ends), 0.02, 2),
+        (stop("ground", "b", normal=up), 0.0, 1),
+        (balls("ground", "b"), 0.03, 1),
+    ]
+    for joint, touching, count in cases:
+        scene = cj.Scene({"b": cj.Body(1.0, (1e-3,) * 3)}, {"it": joint}, gravity=-G * up)
+        state = cj.State({"b": cj.body_state((touching - 1e-3) * up)})
+        height = cj.assemble(scene, state).bodies["b"].position @ up
+        assert height == pytest.approx(touching, abs=1e-12)
+        height = cj.assemble(scene, state, resting=["it"]).bodies["b"].position @ up
+        depth = (G / count / 1e9) ** (2.0 / 3.0)
+        assert height == pytest.approx(touching - depth, abs=1e-9)
+
+
 def rolling(friction: Any, tilt: float, speed: float) -> tuple[cj.Scene, cj.State]:
     """A ball on an inclined plane, at its static depth, which slides down without spin."""
     radius, mass = 0.05, 2.0
