@@ -113,8 +113,7 @@ def test_the_law_receives_the_radii(seed):
         assert float(joint.law.elastic_force(contact.gap)) == pytest.approx(force, rel=1e-9)
         # Where the load of this force holds it.
         resting = joint.resting_joint(-force * normal)
-        point = resting.point_first
-        assert np.linalg.norm(point) == pytest.approx(distance - depth, abs=1e-13)
+        np.testing.assert_allclose(resting.point_first, (distance - depth) * normal, atol=1e-13)
         assert joint.resting_joint(np.zeros(3)) is None
     assert on_plane.resting_joint(force * normal) is None, "pulled off the plane"
 

@@ -35,11 +35,10 @@ to compare it."""
 class Stop(AbstractPair, AbstractFrictionJoint):
     """A plane of the first body that stops a point, a sphere or an edge of the second body.
 
-    The plane bounds a wall, which is on the side to which `normal` does not point. It has no edges,
-    and moves with the first body. Give `radius` for a sphere, `end_point_second` for a straight
+    The plane is unbounded and moves with the first body; the wall is behind it, on the side to
+    which `normal` does not point. Give `radius` for a sphere, `end_point_second` for a straight
     edge, whose two end points strike the plane independently, and both for a capsule. The contacts
-    are called "point" and, for the other end of an edge, "end point". Between them, a run has no
-    limits: the second body may fly away as far as it likes.
+    are called "point" and, for the other end of an edge, "end point".
 
     **Arguments:**
 
