@@ -145,6 +145,8 @@ from ._model.clearance_joints.gear_backlash import GearBacklash as GearBacklash
 from ._model.clearance_joints.lubricated import LubricatedJoint as LubricatedJoint
 from ._model.clearance_joints.lubricated import carried_journal as carried_journal
 from ._model.clearance_joints.massless_link import MasslessLink as MasslessLink
+from ._model.clearance_joints.stops import BallOnBall as BallOnBall
+from ._model.clearance_joints.stops import Stop as Stop
 from ._model.drives.drivers import DriveTorque as DriveTorque
 from ._model.drives.drivers import Motor as Motor
 from ._model.drives.drivers import PrescribedAngle as PrescribedAngle

@@ -132,12 +132,24 @@ class AbstractPen(abc.ABC):
         """
 
     @abc.abstractmethod
+    def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:
+        """Draw a wall, as long as the path of a ball of a `radius`, m, at the marker `runner`.
+
+        Its surface is the plane through the marker `plane`, perpendicular to the marker's axis,
+        which points out of the wall.
+        """
+
+    @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
         """Draw a block with its length along the marker's axis and its height along `normal`."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:
         """Draw a cylinder with a `radius`, m, and its axis along the line of sight."""
+
+    @abc.abstractmethod
+    def sphere(self, centre: Marker, *, radius: Single) -> None:
+        """Draw a sphere with a `radius`, m."""
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:

@@ -56,9 +56,9 @@ class SurveyingPen(AbstractPen):
         self.bores.append(Bore(None if radius is None else float(radius), float(clearance)))
 
     # The other methods of a pen, by what the survey needs of them: points, pairs, or also bores.
-    rod = spring = load = roller = gear = mark
+    rod = spring = load = roller = sphere = gear = mark
     pin = ball = slide = plane = weld
-    walls = cross
+    walls, wall = cross, block
     socket = bearing
 
 

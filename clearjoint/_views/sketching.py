@@ -1,5 +1,6 @@
 """Make the solids of a view: bodies, symbols of joints, and journals with enlarged clearances."""
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import cycle
@@ -284,6 +285,26 @@ class SketchingPen(AbstractPen):
 
     @override
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
+        half = 0.5 * float(distance)
+        self._plates(middle, runner, normal, (-half, half), 2.0 * half)
+
+    @override
+    def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:
+        behind, excess = -plane.along(), 4.0 * self._bar + float(radius)
+        self._plates(plane._replace(axis=None), runner, behind, (0.0,), excess)
+
+    def _plates(
+        self,
+        middle: Marker,
+        runner: Marker,
+        normal: ArrayLike,
+        surfaces: tuple[float, ...],
+        excess: float,
+    ) -> None:
+        """Draw plates whose surfaces, at given distances from a marker along a normal, face it.
+
+        They are longer than the path of the marker `runner` by `excess`, m, and a bar at each end.
+        """
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -293,11 +314,11 @@ class SketchingPen(AbstractPen):
         frame = np.stack([along, across, np.cross(along, across)], axis=1)
         low, high = self._range(middle, runner, along)
         centre = np.asarray(middle.point) + along * (0.5 * (low + high))
-        gap = float(distance)
-        # The plates are somewhat longer than the path, and deep along the line of sight.
-        plate = meshes.box((high - low + 2.0 * (gap + self._bar), self._bar, 8.0 * self._bar))
-        for side in (-0.5, 0.5):
-            at = centre + across * (side * (gap + self._bar))
+        # The plates are deep along the line of sight.
+        deep = max(8.0 * self._bar, 2.0 * excess)
+        plate = meshes.box((high - low + 2.0 * (excess + self._bar), self._bar, deep))
+        for surface in surfaces:
+            at = centre + across * (surface + math.copysign(0.5 * self._bar, surface))
             self.shape(middle.body, plate.moved(pose_at(at, frame)))
         self._hold(middle._replace(point=centre))
 
@@ -316,6 +337,11 @@ class SketchingPen(AbstractPen):
         axis = self._components(centre.body, self._sizes.front)
         pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
+        self._hold(centre)
+
+    @override
+    def sphere(self, centre: Marker, *, radius: Single) -> None:
+        self.shape(centre.body, meshes.ball(float(radius)).moved(pose_at(centre.point)))
         self._hold(centre)
 
     @override

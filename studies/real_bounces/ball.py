@@ -1,6 +1,6 @@
 """Ball that bounces on a floor: flights in closed form, and the scene that simulates it.
 
-Floor, drag and law are user-defined: short subclasses of base classes in `clearjoint.extend`.
+Drag and law are user-defined: short subclasses of base classes in `clearjoint.extend`.
 """
 
 from collections.abc import Mapping
@@ -13,19 +13,16 @@ from scipy.optimize import root_scalar
 
 import clearjoint as cj
 from clearjoint.extend import (
-    UNIT_Y,
-    Contact,
     Motion,
     Scalar,
     Vector,
     Wrench,
     norm_and_direction,
     quantity,
-    require_positive,
 )
 
 GRAVITY = 9.81
-BALL, FLOOR, LOWEST = "ball", "floor", "lowest point"
+BALL, FLOOR, LOWEST = "ball", "floor", "point"
 SLOWEST = 1e-3
 """Speed below which impacts have constant damping, m/s."""
 START_HEIGHT = 1e-7
@@ -69,37 +66,6 @@ def rise_speed(height: Any, terminal: float) -> Any:
     if np.isinf(terminal):
         return np.sqrt(2.0 * GRAVITY * height)
     return terminal * np.sqrt(np.expm1(2.0 * GRAVITY * height / terminal**2))
-
-
-class Floor(cj.extend.AbstractContactJoint):
-    """Contact of a ball's lowest point with the ground's plane y = 0, without friction."""
-
-    ball: str = eqx.field(static=True)
-    radius: Any = quantity("m")
-    law: cj.extend.AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
-
-    def __check_init__(self):
-        require_positive("radius", self.radius, "give it in m")
-
-    def pair(self) -> tuple[str, str]:
-        """Return the ground and the ball."""
-        return cj.GROUND, self.ball
-
-    def laws(self) -> dict[str, cj.extend.AbstractContactLaw]:
-        """Return the law of the one contact."""
-        return {LOWEST: self.law}
-
-    def contacts(self, motions: Mapping[str, Motion]) -> dict[str, Contact]:
-        """Return the contact; its force acts on the vertical through the centre."""
-        ball = motions[self.ball]
-        gap = cj.extend.Gap(self.radius - ball.position.y, -ball.velocity.y)
-        below = Vector(ball.position.x, 0.0, ball.position.z)
-        on_ball = ball.components(UNIT_Y * -self.radius)
-        return {LOWEST: Contact(gap, -UNIT_Y, below, on_ball, None)}
-
-    def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> None:
-        """Return no friction."""
-        del name, contact, normal_force
 
 
 class Drag(cj.extend.AbstractForce):
@@ -171,7 +137,7 @@ def scene(
     )
     return cj.Scene(
         bodies={BALL: cj.Body(mass, (0.4 * mass * radius**2,) * 3)},
-        joints={FLOOR: Floor(BALL, radius, law)},
+        joints={FLOOR: cj.Stop(cj.GROUND, BALL, normal=(0.0, 1.0, 0.0), radius=radius, law=law)},
         forces=drag,
         gravity=(0.0, -GRAVITY, 0.0),
     )
@@ -182,7 +148,7 @@ def simulated_intervals(made: cj.Scene, first: float, terminal: float, count: in
     s.
     """
     floor = made.joints[FLOOR]
-    assert isinstance(floor, Floor)
+    assert isinstance(floor, cj.Stop) and floor.radius is not None
     launch = launch_speed(first, terminal)
     start = cj.State(
         {

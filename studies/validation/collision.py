@@ -21,14 +21,11 @@ EXACT = {"x1": 1.0, "x2": 0.0, "v1": END - 0.5 * CONTACT, "v2": 0.5 * CONTACT}
 
 def collision() -> list[Check]:
     """Check the derivatives of the second ball's final position by the initial state."""
-    gap = cj.PinInSlot(
+    gap = cj.BallOnBall(
         "first",
         "second",
-        slot_point=(2.0 * RADIUS + 5.0, 0.0, 0.0),
-        slot_axis=(0.0, 1.0, 0.0),
-        slot_normal=(1.0, 0.0, 0.0),
-        play=10.0,
-        pin_radius=RADIUS,
+        radius_first=RADIUS,
+        radius_second=RADIUS,
         law=cj.laws.Hertz(STIFFNESS, exponent=1.0),
     )
     ball = cj.Body(1.0, (0.004, 0.004, 0.004))

@@ -300,6 +300,7 @@ ONE_SIDED: dict[type, str] = {
     cj.LubricatedJoint: "the journal has ends, the bearing has none",
     cj.MasslessLink: "the journal has ends, the bearing has none",
     cj.PinInSlot: "the pin is round, the slot is flat",
+    cj.Stop: "the plane belongs to the first body, the point to the second",
     cj.SliderInGuide: "the slider has corners, the guide has none",
 }
 """Elements that are another element if their two bodies are exchanged, and the reason."""

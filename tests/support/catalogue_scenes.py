@@ -109,6 +109,43 @@ def in_slot() -> tuple[cj.Scene, cj.State]:
     return cj.Scene({"b": cj.Body(0.5, (1e-4, 1e-4, 1e-4))}, {"joint": joint}), state
 
 
+def on_plate() -> tuple[cj.Scene, cj.State]:
+    """A rod that falls on a plate, which is free, and slips there on its two round ends."""
+    law, rub = cj.laws.ExactRestitution(0.6, 1e8), cj.frictions.RegularisedCoulomb(0.2, 1e-2)
+    plate = cj.Stop(
+        *("plate", "rod"),
+        point=(0.0, 0.0, 0.02),
+        normal=(0.1, -0.2, 1.0),
+        point_second=(-0.1, 0.0, 0.0),
+        end_point_second=(0.1, 0.01, 0.0),
+        radius=0.01,
+        law=law,
+        friction=rub,
+    )
+    bodies = {"plate": cj.Body(3.0, (0.02, 0.03, 0.025)), "rod": cj.Body(0.5, (1e-4, 2e-3, 2e-3))}
+    states = {
+        "plate": cj.body_state(REST, spin=(0.3, 0.2, -0.1)),
+        "rod": cj.body_state((0.0, 0.0, 0.045), velocity=(0.3, -0.2, -1.0), spin=(2.0, -1.0, 3.0)),
+    }
+    return cj.Scene(bodies, {"plate": plate}, gravity=(0.5, 0.0, -9.81)), cj.State(states)
+
+
+def billiards() -> tuple[cj.Scene, cj.State]:
+    """Three balls of steel, two of which are struck by the third, with bristles."""
+    law = cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3))
+    friction, _ = frictions.BRISTLES["LuGre"]
+    places = {"cue": (-0.06, 0.004, 0.0), "one": (0.0, 0.03, 0.0), "two": (0.0, -0.03, 0.0)}
+    sizes = {"radius_first": 0.025, "radius_second": 0.025}
+    joints = {
+        f"on {name}": cj.BallOnBall("cue", name, **sizes, law=law, friction=friction)
+        for name in ("one", "two")
+    }
+    bodies = {name: cj.Body(0.5, (1.2e-4,) * 3) for name in places}
+    states = {name: cj.body_state(place) for name, place in places.items()}
+    states["cue"] = cj.body_state(places["cue"], velocity=(3.0, 0.0, 0.0), spin=(0.0, 20.0, 10.0))
+    return cj.Scene(bodies, joints), cj.State(states)
+
+
 def _laws() -> dict[str, cj.extend.AbstractContactLaw]:
     found = {name: make(0.5) for name, (_, make) in laws.BY_INTEGRATION.items()}
     with warnings.catch_warnings():
@@ -163,6 +200,8 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
         "Backlash": (lambda: plays.shafts(0.6), 0.02),
         "gear_pair": (lambda: cj.mechanisms.gear_pair(), 0.02),
         "PinInSlot": (in_slot, 0.01),
+        "Stop": (on_plate, 0.03),
+        "BallOnBall": (billiards, 0.01),
         "guided_slider_crank": (lambda: cj.mechanisms.guided_slider_crank(), 4e-3),
         "double_pendulum": (lambda: cj.mechanisms.double_pendulum(), 0.02),
         "slider_crank": (lambda: cj.mechanisms.slider_crank(0.1e-3), 2e-3),

@@ -209,6 +209,7 @@ def contacts(lossless: bool) -> dict[str, Case]:
     collars = cj.EndPlay(0.1e-3, law(lossless), **face)
     near = {"rotation": 0.02, "shift": 1.5 * PLAY}
     pair = FIRST, SECOND
+    plane = {"point": ON_FIRST, "normal": ACROSS, "point_second": ON_SECOND}
     found = {
         "bearing": case(cj.ClearanceJoint(*pair, **bearing, **shared), **near),
         "bearing along its length": case(
@@ -258,6 +259,27 @@ def contacts(lossless: bool) -> dict[str, Case]:
                 slider_normal=ACROSS,
                 **shared,
             ),
+            **near,
+        ),
+        "point on a plane": case(cj.Stop(*pair, **plane, **shared), **near),
+        "sphere on a plane": case(
+            cj.Stop(*pair, **plane, **shared, radius=0.02),
+            apart=ON_FIRST - ON_SECOND + 0.02 * ACROSS,
+            **near,
+        ),
+        "edge on a plane": case(
+            cj.Stop(*pair, **plane, **shared, end_point_second=ON_SECOND + 0.03 * AXIS), **near
+        ),
+        "ball on ball": case(
+            cj.BallOnBall(
+                *pair,
+                radius_first=0.01,
+                radius_second=0.02,
+                point_first=ON_FIRST,
+                point_second=ON_SECOND,
+                **shared,
+            ),
+            apart=ON_FIRST - ON_SECOND + 0.03 * ACROSS,
             **near,
         ),
         "backlash": case(

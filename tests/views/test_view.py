@@ -178,6 +178,9 @@ ELEMENTS = (
     cj.SliderInGuide(
         "ground", "ball", half_length=0.05, half_height=0.02, clearance=1e-3, law=FLAT
     ),
+    cj.Stop("ground", "ball", normal=Z, radius=0.02, law=FLAT),
+    cj.Stop("ground", "ball", normal=Z, end_point_second=(0.1, 0.0, 0.0), law=FLAT),
+    cj.BallOnBall("ground", "ball", radius_first=0.2, radius_second=0.1, law=FLAT),
     cj.GearBacklash("ground", "ball", *AXES, 20, -60, 3e-3, 1e-4, FLAT),
     cj.SpringDamper("ground", "ball", ORIGIN, ORIGIN, 1e3),
     cj.AppliedLoad("ball", (0.0, 5.0, 0.0)),

@@ -218,6 +218,7 @@ def resting_depth(
     deepest: Scalar,
     bearing_radius: Scalar | None = None,
     clearance: Scalar | None = None,
+    reduced_radius: Scalar | None = None,
 ) -> float:
     """Return the penetration, m, at most `deepest`, at which contacts side by side carry a load, N,
     at rest."""
@@ -230,7 +231,7 @@ def resting_depth(
 
     def excess(logarithm: float) -> float:
         """Return the logarithm of force over load, which is nearly linear for a power law."""
-        gap = Gap(np.exp(logarithm) - ahead, 0.0, bearing_radius, clearance)
+        gap = Gap(np.exp(logarithm) - ahead, 0.0, bearing_radius, clearance, reduced_radius)
         force = sum(float(law.elastic_force(gap)) for law in laws)
         return float(np.log(max(force, LEAST_FORCE) / load))
 
@@ -259,11 +260,13 @@ class FlatWall:
     - `normal`: unit vector in the first body's axes, from the origin to the wall.
     - `room`: distance along the normal from the origin to the part's centre, when the part touches
       the wall, m.
+    - `reduced_radius`: of the part, if it is a sphere whose law may depend on it, m.
     """
 
     origin: Vector
     normal: Vector
     room: Scalar
+    reduced_radius: Scalar | None = None
 
     def contact(
         self, first: Motion, second: Motion, centre: Vector, radius: Scalar, has_friction: bool
@@ -275,7 +278,7 @@ class FlatWall:
         centre_in_first = self.origin + first.components(apart)
         # Relative to the first body's point at the centre, so that a common rotation doesn't count.
         sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
-        gap = Gap(depth, sliding.dot(normal))
+        gap = Gap(depth, sliding.dot(normal), reduced_radius=self.reduced_radius)
         # With friction, the force acts on both bodies at one point, midway between the surfaces, so
         # that it has no net moment. Without friction, it acts along the normal through the part's
         # centre. The last two arguments of `Contact` are points on this line that don't depend on

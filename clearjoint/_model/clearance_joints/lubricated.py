@@ -1,5 +1,6 @@
 """A revolute joint with clearance and a lubricant film, and the equilibrium of its journal."""
 
+from dataclasses import replace
 from functools import wraps
 from typing import NamedTuple
 
@@ -69,7 +70,7 @@ class BlendedContactLaw(AbstractLawAround):
             depth = end * node * node
             ratio = depth / self.transition
             slope = 6.0 * ratio * (1.0 - ratio) / self.transition
-            node_gap = Gap(depth, gap.rate, gap.bearing_radius, gap.clearance)
+            node_gap = replace(gap, depth=depth)
             energy = self.law.stored_energy(node_gap)
             removed = removed + weight * 2.0 * node * end * slope * energy
         return self._factor(gap) * self.law.stored_energy(gap) - removed

@@ -26,21 +26,25 @@ from ..._math.vectors import Scalar, Vector
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Penetration of a contact, its rate, and the bearing radius and clearance.
+    """Penetration of a contact, its rate, and the radii of the surfaces.
 
     - `depth`: penetration, m, negative without contact.
     - `rate`: its time derivative, m/s, positive while the surfaces approach.
-    - `bearing_radius` and radial `clearance`: m, ``None`` for flat surfaces. The clearance is given
+    - `bearing_radius` and radial `clearance`: m, ``None`` without a bearing. The clearance is given
       instead of the journal's radius, because a difference of radii would lose digits.
+    - `reduced_radius`: m, for spheres that touch from outside: R1 R2/(R1 + R2) of two, and the
+      radius of a sphere on a plane; otherwise ``None``.
 
-    >>> extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
-    Gap(depth=1e-06, rate=0.05, bearing_radius=0.01, clearance=0.0005)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> print(f"{gap.journal_radius:.4f} m")
+    0.0095 m
     """
 
     depth: Scalar
     rate: Scalar
     bearing_radius: Scalar | None = None
     clearance: Scalar | None = None
+    reduced_radius: Scalar | None = None
 
     @property
     def journal_radius(self) -> Scalar:
@@ -228,13 +232,15 @@ class AbstractMaterialPair(AbstractConverting):
 
 
 class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
-    r"""Internal contact of two spherical surfaces (P. Ravn 1998; Flores et al. 2006, section 4).
+    r"""Contact of two spherical surfaces (P. Ravn 1998; Flores et al. 2006, section 4).
 
     $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
     Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on the radii R and
-    thus on the clearance R_i - R_j. For cylinders that touch along a line, choose an
-    `AbstractCylinder` instead.
+    thus on the clearance R_i - R_j. For two spheres that touch from outside, as in `BallOnBall`, it
+    is R_i + R_j that takes the place of the clearance, and for a sphere on a plane, as in `Stop`,
+    the square root is that of the sphere's radius (H. Hertz). For cylinders that touch along a
+    line, choose an `AbstractCylinder` instead.
 
     **Arguments:** `young_modulus`, `poisson_ratio`: E, Pa, and nu of the bearing.
     `journal_young_modulus`, `journal_poisson_ratio`: of the journal; those of the bearing by
@@ -247,8 +253,11 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
 
     @override
     def value(self, gap: Gap) -> Scalar:
-        bearing, journal, clearance = radii_of(gap)
-        return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(bearing * journal / clearance)
+        reduced = gap.reduced_radius
+        if reduced is None:
+            bearing, journal, clearance = radii_of(gap)
+            reduced = bearing * journal / clearance
+        return 4.0 / (3.0 * self.compliance()) * jnp.sqrt(reduced)
 
 
 def as_stiffness(value: object) -> AbstractElasticity:
@@ -430,6 +439,18 @@ def require_flat_law(law: object, surfaces: str) -> None:
         remedy = f"{surfaces} are flat, so pass a number in N/m^n as the law's stiffness"
         expected = "a law with an explicit stiffness"
         require_type("law", law.stiffness, GivenStiffness, expected, remedy)
+
+
+def require_round_law(law: object) -> None:
+    """Raise a `ValueError` unless a law can be used between spheres that touch from outside.
+
+    A stiffness by material must be a `RavnStiffness`; the others are those of cylinders.
+    """
+    require_instance("law", law, AbstractContactLaw)
+    if isinstance(law, AbstractElasticLaw) and isinstance(law.stiffness, AbstractMaterialPair):
+        remedy = "pass RavnStiffness(E, nu) or a number in N/m^n as the law's stiffness"
+        expected = "a law with a stiffness of spheres"
+        require_type("law", law.stiffness, RavnStiffness, expected, remedy)
 
 
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:

@@ -6,7 +6,7 @@ and its end. The penetration, negative where the surfaces are apart, is also cal
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import equinox as eqx
 import jax
@@ -88,7 +88,7 @@ def peak_in_step(
 
     def force(x: Scalar) -> Scalar:
         rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))
-        gap = Gap(quintic.value(x), rate, start.gap.bearing_radius, start.gap.clearance)
+        gap = replace(start.gap, depth=quintic.value(x), rate=rate)
         return contact_normal_force(law, gap, start.entry_speed)
 
     return _largest(force), _largest(quintic.value).value

@@ -1,0 +1,255 @@
+"""One-sided contacts: a point, an edge or a sphere against a plane, and two spheres."""
+
+from dataclasses import KW_ONLY
+
+import equinox as eqx
+import numpy as np
+from typing_extensions import override
+
+from ..._fields.checks import require_axis, require_point
+from ..._fields.objects import optional_quantity, quantity
+from ..._fields.types import Single, Triple
+from ..._math.rotations import unit
+from ..._math.smoothing import norm_and_direction
+from ..._math.vectors import Scalar, add
+from ..contact.friction import FrictionLaw
+from ..contact.laws import AbstractContactLaw, Gap, Limit, require_flat_law, require_round_law
+from ..joints.base import AbstractConstraint, AbstractPair, Contact, Motions
+from ..joints.ideal import DistanceJoint, LineInPlaneJoint, PointInPlaneJoint, SphericalJoint
+from ..pen import AbstractPen, Marker
+from .common import (
+    LEAST_TRANSVERSE_LOAD,
+    AbstractFrictionJoint,
+    FlatWall,
+    resting_depth,
+    slip_at,
+)
+
+POINT, END_POINT, BALLS = "point", "end point", "balls"
+"""Labels of the contacts of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
+DEEPEST_POINT = 0.01
+"""Default penetration of a point or an edge at which a run ends, m: points have no size with which
+to compare it."""
+
+
+class Stop(AbstractPair, AbstractFrictionJoint):
+    """A plane of the first body that stops a point, a sphere or an edge of the second body.
+
+    The plane is unbounded and moves with the first body; the wall is behind it, on the side to
+    which `normal` does not point. Give `radius` for a sphere, `end_point_second` for a straight
+    edge, whose two end points strike the plane independently, and both for a capsule. The contacts
+    are called "point" and, for the other end of an edge, "end point".
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `point`: any point of the plane, (3,) m from the first body's centre of mass in its axes; on
+      the ground from the origin.
+    - `normal`: of the plane, out of the wall, (3,) in the first body's axes, any length.
+    - `point_second`: the point that strikes, the centre of the sphere, or one end of the edge, (3,)
+      m from the second body's centre of mass in its axes.
+    - `end_point_second`: the other end of the edge; ``None``, the default, for a point or sphere.
+    - `radius`: m; ``None``, the default, for a point or a sharp edge.
+    - `law`: normal law of each contact. For a sphere its stiffness may be a `RavnStiffness`, which
+      is then Hertz's for a sphere on a plane; otherwise it must be a number.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``. It acts at the
+      point of contact.
+    - `thickness`: m, of the wall: a run ends at a deeper penetration. By default the radius, or 10
+      mm without one.
+
+    >>> law = cj.laws.LankaraniNikravesh(0.8, cj.laws.RavnStiffness(207e9, 0.3))
+    >>> floor = cj.Stop("ground", "ball", point=(0, 0, 0), normal=(0, 0, 1), radius=0.02, law=law)
+    >>> bumper = cj.laws.HuntCrossley(0.5, 1e8)
+    >>> edge = cj.Stop("case", "door", normal=(0, 1, 0), law=bumper, end_point_second=(0, 0, 2))
+    >>> list(floor.laws()), list(edge.laws())
+    (['point'], ['point', 'end point'])
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    _: KW_ONLY
+    normal: Triple = quantity("1", check=require_axis)
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    point_second: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    end_point_second: Triple | None = optional_quantity("m", shape=(3,), check=require_point)
+    radius: Single | None = optional_quantity("m", positive=True)
+    friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
+    thickness: Single | None = optional_quantity("m", positive=True)
+    point_fields = {"point": "first", "point_second": "second"}
+
+    @override
+    def _check_together(self) -> None:
+        if self.radius is None:
+            require_flat_law(self.law, "a point and a plane")
+        else:
+            require_round_law(self.law)
+
+    @override
+    def contact_labels(self) -> tuple[str, ...]:
+        return (POINT,) if self.end_point_second is None else (POINT, END_POINT)
+
+    @override
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        _, first, second = self._between(motions)
+        radius, has_friction = (
+            0.0 if self.radius is None else self.radius,
+            self.friction is not None,
+        )
+        # The wall begins where the centre of the sphere is a radius before the plane.
+        wall = FlatWall(self.point, -unit(self.normal), -radius, self.radius)
+        points = {POINT: self.point_second}
+        if self.end_point_second is not None:
+            points[END_POINT] = self.end_point_second
+        return {
+            label: wall.contact(first, second, point, radius, has_friction)
+            for label, point in points.items()
+        }
+
+    @override
+    def deepest_penetration(self) -> Scalar:
+        if self.thickness is not None:
+            return self.thickness
+        return DEEPEST_POINT if self.radius is None else self.radius
+
+    @override
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        return self.law.limits(Gap(depth, 0.0, reduced_radius=self.radius))
+
+    @override
+    def centred_joint(self) -> AbstractConstraint:
+        """Return a joint that keeps the point, or the edge, where it just touches the plane."""
+        return self._ideal(0.0)
+
+    @override
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        # The load is the force on the first body, which must push into the wall.
+        into_wall = -np.asarray(self.normal) / np.linalg.norm(self.normal)
+        size = float(load @ into_wall)
+        if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+            return None
+        laws = list(self.laws().values())
+        return self._ideal(
+            resting_depth(laws, size, self.deepest_penetration(), reduced_radius=self.radius)
+        )
+
+    def _ideal(self, depth: Scalar) -> AbstractConstraint:
+        outward = np.asarray(self.normal) / np.linalg.norm(self.normal)
+        height = (0.0 if self.radius is None else self.radius) - depth
+        bodies, points = (
+            (self.first, self.second),
+            (self.point + height * outward, self.point_second),
+        )
+        if self.end_point_second is None:
+            return PointInPlaneJoint(*bodies, *points, self.normal)
+        along = np.asarray(self.end_point_second) - np.asarray(self.point_second)
+        return LineInPlaneJoint(*bodies, *points, self.normal, along)
+
+    @override
+    def draw(self, pen: AbstractPen) -> None:
+        tips = [Marker(self.second, self.point_second)]
+        if self.end_point_second is not None:
+            tips.append(Marker(self.second, self.end_point_second))
+            pen.rod(*tips)
+        radius = 0.0 if self.radius is None else self.radius
+        pen.wall(Marker(self.first, self.point, self.normal), tips[0], radius=radius)
+        for tip in tips:
+            pen.mark(tip) if self.radius is None else pen.sphere(tip, radius=radius)
+
+
+class BallOnBall(AbstractPair, AbstractFrictionJoint):
+    """Two spheres that strike each other from outside.
+
+    The joint has one contact, "balls", along the line of centres. Its penetration is the sum of the
+    radii less the distance of the centres.
+
+    **Arguments:**
+
+    - `first`, `second`: names of the bodies; one may be the ground.
+    - `radius_first`, `radius_second`: m.
+    - `point_first`, `point_second`: centres, (3,) m from each body's centre of mass in its axes; on
+      the ground from the origin.
+    - `law`: normal law of the contact. Its stiffness may be a number, or a `RavnStiffness`, which
+      is then Hertz's for two spheres.
+    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+
+    >>> law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
+    >>> balls = cj.BallOnBall("left", "right", radius_first=0.02, radius_second=0.03, law=law)
+    >>> print(f"{balls.deepest_penetration():.3f} m")
+    0.012 m
+    """
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    _: KW_ONLY
+    radius_first: Single = quantity("m", positive=True)
+    radius_second: Single = quantity("m", positive=True)
+    law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
+    point_first: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    point_second: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
+    friction: FrictionLaw | None = None  # pyright: ignore[reportGeneralTypeIssues]
+    point_fields = {"point_first": "first", "point_second": "second"}
+
+    @override
+    def _check_together(self) -> None:
+        require_round_law(self.law)
+
+    @override
+    def contact_labels(self) -> tuple[str, ...]:
+        return (BALLS,)
+
+    def reduced_radius(self) -> Scalar:
+        """Return R1 R2/(R1 + R2), m, of the two radii."""
+        return self.radius_first * self.radius_second / add(self.radius_first, self.radius_second)
+
+    @override
+    def contacts(self, motions: Motions) -> dict[str, Contact]:
+        _, first, second = self._between(motions)
+        apart = first.point(self.point_first) - second.point(self.point_second)
+        distance, normal = norm_and_direction(apart)
+        depth = add(self.radius_first, self.radius_second) - distance
+        closing = second.velocity_at(self.point_second) - first.velocity_at(self.point_first)
+        gap = Gap(depth, closing.dot(normal), reduced_radius=self.reduced_radius())
+        # Friction acts on both bodies at one point, midway between the surfaces.
+        shift = 0.5 * depth
+        on_first = self.point_first - first.components(normal * (self.radius_first - shift))
+        on_second = self.point_second + second.components(normal * (self.radius_second - shift))
+        slip = None
+        if self.friction is not None:
+            slip = slip_at(first, second, on_first, on_second, normal)
+        # Without friction the force acts at the two centres, which are on its line of action.
+        centres = self.point_first, self.point_second
+        return {BALLS: Contact(gap, normal, on_first, on_second, slip, *centres)}
+
+    @override
+    def deepest_penetration(self) -> Scalar:
+        """Return the reduced radius, at which no centre is in the other sphere."""
+        return self.reduced_radius()
+
+    @override
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        return self.law.limits(Gap(depth, 0.0, reduced_radius=self.reduced_radius()))
+
+    @override
+    def centred_joint(self) -> AbstractConstraint:
+        """Return a joint that keeps the balls where they just touch."""
+        distance = self.radius_first + self.radius_second
+        return DistanceJoint(
+            self.first, self.second, self.point_first, self.point_second, length=distance
+        )
+
+    @override
+    def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
+        size = float(np.linalg.norm(load))
+        if not size > 0.0:
+            return None
+        radius = self.reduced_radius()
+        depth = resting_depth([self.law], size, radius, reduced_radius=radius)
+        # The load pushes the first ball away from the centre of the second.
+        away = load * ((self.radius_first + self.radius_second - depth) / size)
+        return SphericalJoint(self.first, self.second, self.point_first - away, self.point_second)
+
+    @override
+    def draw(self, pen: AbstractPen) -> None:
+        pen.sphere(Marker(self.first, self.point_first), radius=self.radius_first)
+        pen.sphere(Marker(self.second, self.point_second), radius=self.radius_second)
