@@ -32,15 +32,21 @@ class Gap:
     - `rate`: its time derivative, m/s, positive while the surfaces approach.
     - `bearing_radius` and radial `clearance`: m, ``None`` for flat surfaces. The clearance is given
       instead of the journal's radius, because a difference of radii would lose digits.
+    - `factor` and `factor_rate`: factor of the law's force and its time derivative, 1/s, for a
+      stiffness that varies with the pose, such as that of meshing teeth; ``None`` for 1. A joint
+      that sets it applies its law through a `VaryingLaw`.
 
-    >>> extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
-    Gap(depth=1e-06, rate=0.05, bearing_radius=0.01, clearance=0.0005)
+    >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
+    >>> gap.journal_radius
+    0.0095
     """
 
     depth: Scalar
     rate: Scalar
     bearing_radius: Scalar | None = None
     clearance: Scalar | None = None
+    factor: Scalar | None = None
+    factor_rate: Scalar | None = None
 
     @property
     def journal_radius(self) -> Scalar:
@@ -464,13 +470,12 @@ class AbstractLawAround(AbstractContactLaw):
         return self.law.limits(gap)
 
 
-class WeightedLaw(AbstractLawAround):
-    """A contact law times a weight, for one of several contacts that together form a line contact.
+class AbstractFactorLaw(AbstractLawAround):
+    """Base class of a contact law times a factor that does not depend on the penetration."""
 
-    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
-    """
-
-    weight: float = eqx.field(static=True)
+    @abc.abstractmethod
+    def factor(self, gap: Gap) -> Scalar:
+        """Return the factor of the law's force and energy at a gap."""
 
     @property
     @override
@@ -479,15 +484,15 @@ class WeightedLaw(AbstractLawAround):
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        return self.weight * self.law.force(gap, entry_speed)
+        return self.factor(gap) * self.law.force(gap, entry_speed)
 
     @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        return self.weight * self.law.elastic_force(gap)
+        return self.factor(gap) * self.law.elastic_force(gap)
 
     @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        return self.weight * self.law.stored_energy(gap)
+        return self.factor(gap) * self.law.stored_energy(gap)
 
     @override
     def onset_offset(self) -> Scalar:
@@ -501,6 +506,27 @@ class WeightedLaw(AbstractLawAround):
     def delivered_restitution(self) -> Callable[[], Scalar]:
         """Method of the law; a property, so that ``hasattr`` tells whether the law has it."""
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
+
+
+class WeightedLaw(AbstractFactorLaw):
+    """A contact law times a weight, for one of several contacts that together form a line contact.
+
+    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
+    """
+
+    weight: float = eqx.field(static=True)
+
+    @override
+    def factor(self, gap: Gap) -> Scalar:
+        return self.weight
+
+
+class VaryingLaw(AbstractFactorLaw):
+    """A contact law times the `factor` of each gap: a stiffness that varies with the pose."""
+
+    @override
+    def factor(self, gap: Gap) -> Scalar:
+        return 1.0 if gap.factor is None else gap.factor
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:

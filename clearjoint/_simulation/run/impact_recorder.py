@@ -86,9 +86,15 @@ def peak_in_step(
     # cubic through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
+    def factor(x: Scalar) -> Scalar | None:
+        if start.gap.factor is None:
+            return None
+        first, last = (Slope(at.gap.factor, at.gap.factor_rate) for at in (start, end))
+        return hermite_value(x, first, last, h)
+
     def force(x: Scalar) -> Scalar:
         rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))
-        gap = Gap(quintic.value(x), rate, start.gap.bearing_radius, start.gap.clearance)
+        gap = Gap(quintic.value(x), rate, start.gap.bearing_radius, start.gap.clearance, factor(x))
         return contact_normal_force(law, gap, start.entry_speed)
 
     return _largest(force), _largest(quintic.value).value
