@@ -109,9 +109,9 @@ def in_slot() -> tuple[cj.Scene, cj.State]:
     return cj.Scene({"b": cj.Body(0.5, (1e-4, 1e-4, 1e-4))}, {"joint": joint}), state
 
 
-def meshing_gears() -> tuple[cj.Scene, cj.State]:
+def meshing_gears(law: cj.extend.AbstractContactLaw | None = None) -> tuple[cj.Scene, cj.State]:
     """Gears that rattle under torques, with a contact ratio and a transmission error."""
-    law = cj.laws.HuntCrossley(0.7, 4e8, exponent=1.0)
+    law = law or cj.laws.HuntCrossley(0.7, 4e8, exponent=1.0)
     scene, state = cj.mechanisms.gear_pair(law=law, speeds=(60.0, -24.0))
     mesh = replace(
         scene.joints["mesh"],
