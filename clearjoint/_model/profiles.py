@@ -162,7 +162,9 @@ def sum_of_waves(cosines: Column, sines: Column, angle: NumberOrArray) -> Deviat
 
 
 def spline_at(
-    angle: NumberOrArray, count: int, coefficients_around: Callable[[Any], jax.Array]
+    angle: NumberOrArray,
+    count: int,
+    coefficients_around: Callable[[jax.Array | np.ndarray], jax.Array],
 ) -> Deviation:
     """Return a periodic cubic spline with `count` evenly spaced knots, and two derivatives."""
     per_knot = count / (2.0 * np.pi)

@@ -11,6 +11,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from .._dynamics.contact_forces import LoadedContact, contact_force
+from .._math.interpolation import Slope
 from .._math.rotations import rotation_matrix, turned
 from .._math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, Motion
@@ -47,7 +48,7 @@ def check_contact_joint(
 
     - the joint's methods `laws` and `contacts` name the same contacts;
     - normals are unit vectors, or zero without contact, and the `rate` of each contact's gap is the
-      time derivative of its penetration, as its `factor_rate` is that of its `factor`;
+      time derivative of its penetration, as the rate of its `factor` is that of the factor;
     - the forces on the two bodies are equal and opposite, with a common line of action, or the
       couples on them are equal and opposite;
     - the power of the normal force, or of the couples, agrees with the penetration rate, and the
@@ -289,11 +290,11 @@ def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
 
 
 def _force_failures(
-    loaded: LoadedContact, first: Motion, second: Motion, factor_rate: Scalar | None
+    loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
 ) -> dict[str, jax.Array]:
     """Whether each condition on normal force and friction of one contact without couples fails.
 
-    `factor_rate` is the time derivative of the factor of its law, ``None`` if there is none.
+    `factor` has the time derivatives of the factor of its law; ``None`` if there is none.
     """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
@@ -319,9 +320,9 @@ def _force_failures(
         failures["the forces beside the normal force do not act at one point"] = _is_nonzero(
             between
         )
-        if contact.gap.factor is not None:
-            failures["its `factor_rate` is not the time derivative of its factor"] = _differ(
-                factor_rate, contact.gap.factor_rate
+        if contact.gap.factor is not None and factor is not None:
+            failures["the rate of its factor is not the time derivative of the factor"] = _differ(
+                factor.value, contact.gap.factor.rate
             )
     if friction is not None:
         failures |= {

@@ -76,7 +76,7 @@ def test_gears_of_a_constant_mesh_have_the_given_law_and_no_force_beside_the_nor
     joint = gears()
     assert all(law is joint.law for law in joint.laws().values())
     for contact in unpack(joint).contacts(meshing(joint)).values():
-        assert (contact.side, contact.gap.factor, contact.gap.factor_rate) == (None, None, None)
+        assert (contact.side, contact.gap.factor) == (None, None)
 
 
 def test_a_constant_transmission_error_shifts_the_flanks():

@@ -26,8 +26,8 @@ FINE = cj.Settings(rtol=1e-11, atol=1e-13, ledger=True)
 END, MODULE, ALPHA = 6e-3, 3e-3, math.radians(20.0)
 TIMES = np.linspace(0.0, END, 61)
 NAMES = "pinion", "wheel"
-Closed = dict[float, bool]
-"""Whether the upper flank (1) and the lower one (-1) touch."""
+SENSES = 1.0, -1.0
+"""Of the upper and the lower flank."""
 
 
 class ShiftedError(cj.extend.AbstractProfile):
@@ -168,32 +168,31 @@ class Pair:
         return sense * moved - 0.5 * self.backlash * math.cos(ALPHA)
 
     def flank(self, y: np.ndarray, sense: float) -> tuple[float, float]:
-        """Normal force of a flank that touches, and its stored energy over the factor."""
+        """Normal force of a flank, and its stored energy over the factor."""
         x, rate = self.teeth[0] * (y[0] - self.phase), self.teeth[0] * y[2]
         moving = self.radii[0] * y[2] + self.radii[1] * y[3] - self._error(x)[1] * rate
-        depth = self.depth(y, sense)
+        depth = max(self.depth(y, sense), 0.0)
         spring = self.stiffness * depth
         damped = max(1.0 + self.damping * sense * moving, 0.0)
         return self.factor(x) * spring * damped, 0.5 * spring * depth
 
-    def rates(self, t: float, y: np.ndarray, closed: Closed, moment: float) -> list[float]:
+    def rates(self, t: float, y: np.ndarray, moment: float) -> list[float]:
         """Lagrange's equations, or the classical ones, which lack the `moment` on the first
         gear."""
         first, second = self.torques
         x, step = self.teeth[0] * (y[0] - self.phase), 1e-5
         slope = (self.factor(x + step) - self.factor(x - step)) / (2.0 * step)
-        for sense in (sense for sense, touches in closed.items() if touches):
+        for sense in SENSES:
             force, energy = self.flank(y, sense)
             of_cycle = sense * force * self._error(x)[1] - slope * energy
             first -= sense * force * self.radii[0] - moment * self.teeth[0] * of_cycle
             second -= sense * force * self.radii[1]
         return [y[2], y[3], first / self.inertias[0], second / self.inertias[1]]
 
-    def integrated(self, moment: float = 1.0) -> list[tuple[Closed, Any]]:
-        """The motion piece by piece, from one change of a contact to the next, with the flanks that
-        touch."""
+    def integrated(self, moment: float = 1.0) -> list[Any]:
+        """The motion piece by piece, from one change of a contact to the next."""
         t, y, pieces = 0.0, self.start, []
-        closed = {sense: self.depth(y, sense) > 0.0 for sense in (1.0, -1.0)}
+        closed = {sense: self.depth(y, sense) > 0.0 for sense in SENSES}
         while t < END:
 
             def changes(t: float, y: np.ndarray, *_: Any, sense: float) -> float:
@@ -208,23 +207,23 @@ class Pair:
                 rtol=1e-12,
                 atol=1e-15,
                 max_step=4e-6,
-                # So that no event is missed in a flight shorter than the largest step.
+                # A flight may be shorter than the largest step.
                 first_step=min(1e-8, END - t),
                 dense_output=True,
                 events=events,
-                args=(closed, moment),
+                args=(moment,),
             )
-            pieces.append((closed, run.sol))
+            pieces.append(run.sol)
             fired = zip(closed.items(), run.t_events, strict=True)
             closed = {sense: touches != (len(times) > 0) for (sense, touches), times in fired}
             t, y = run.t[-1], run.y[:, -1]
         return pieces
 
 
-def at(pieces: list[tuple[Closed, Any]], times: np.ndarray) -> np.ndarray:
+def at(pieces: list[Any], times: np.ndarray) -> np.ndarray:
     """The states at times, (N, 4)."""
-    ends = [motion.t_max for _, motion in pieces]
-    return np.array([pieces[min(np.searchsorted(ends, t), len(ends) - 1)][1](t) for t in times])
+    ends = [motion.t_max for motion in pieces]
+    return np.array([pieces[min(np.searchsorted(ends, t), len(ends) - 1)](t) for t in times])
 
 
 @pytest.mark.parametrize(
@@ -256,10 +255,10 @@ def test_gears_move_as_lagranges_equations_say(seed, oriented):
     assert hits is not None and len(hits) > 0
     forces = [
         pair.flank(piece(t), sense)[0]
-        for closed, piece in motion
-        for sense, touches in closed.items()
+        for piece in motion
         for t in np.linspace(piece.t_min, piece.t_max, 300)
-        if touches and piece.t_max <= hits.separation.max() + 1e-9
+        for sense in SENSES
+        if piece.t_max <= hits.separation.max() + 1e-9
     ]
     assert hits.peak_force.max() == pytest.approx(max(forces), rel=1e-4)
     if oriented:

@@ -9,6 +9,7 @@ from typing_extensions import override
 from ..._fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Single, Triple
+from ..._math.interpolation import Slope
 from ..._math.rotations import transverse_axes, unit
 from ..._math.smoothing import cosine, norm_and_direction, polar_angle, sine, where, wrapped
 from ..._math.vectors import ZERO, Scalar, Vector, add, square_root
@@ -91,7 +92,7 @@ class MeshCycle:
         if self.factor is not None:
             factor, factor_slope = self.factor
             elastic = self.gradient * (-factor_slope * law.stored_energy(gap))
-            gap = replace(gap, factor=factor, factor_rate=factor_slope * self.rate)
+            gap = replace(gap, factor=Slope(factor, factor_slope * self.rate))
         return gap, SideForce(*self.arms, slope, elastic)
 
 

@@ -19,6 +19,7 @@ from ..._fields.cautions import LawRangeWarning, caution
 from ..._fields.checks import concrete, require, require_numbers, require_type
 from ..._fields.objects import AbstractConverting, optional_quantity, quantity
 from ..._fields.types import Single
+from ..._math.interpolation import Slope
 from ..._math.smoothing import positive_power
 from ..._math.vectors import Scalar, Vector
 
@@ -32,9 +33,9 @@ class Gap:
     - `rate`: its time derivative, m/s, positive while the surfaces approach.
     - `bearing_radius` and radial `clearance`: m, ``None`` for flat surfaces. The clearance is given
       instead of the journal's radius, because a difference of radii would lose digits.
-    - `factor` and `factor_rate`: factor of the law's force and its time derivative, 1/s, for a
-      stiffness that varies with the pose, such as that of meshing teeth; ``None`` for 1. A joint
-      that sets it applies its law through a `VaryingLaw`.
+    - `factor`: factor of the law's force and its time derivative, 1/s, for a stiffness that varies
+      with the pose, such as that of meshing teeth; ``None`` for 1. A joint that sets it applies its
+      law through a `VaryingLaw`.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
     >>> gap.journal_radius
@@ -45,8 +46,7 @@ class Gap:
     rate: Scalar
     bearing_radius: Scalar | None = None
     clearance: Scalar | None = None
-    factor: Scalar | None = None
-    factor_rate: Scalar | None = None
+    factor: Slope | None = None
 
     @property
     def journal_radius(self) -> Scalar:
@@ -526,7 +526,7 @@ class VaryingLaw(AbstractFactorLaw):
 
     @override
     def factor(self, gap: Gap) -> Scalar:
-        return 1.0 if gap.factor is None else gap.factor
+        return 1.0 if gap.factor is None else gap.factor.value
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:

@@ -86,11 +86,11 @@ def peak_in_step(
     # cubic through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
-    def factor(x: Scalar) -> Scalar | None:
-        if start.gap.factor is None:
+    def factor(x: Scalar) -> Slope | None:
+        first, last = start.gap.factor, end.gap.factor
+        if first is None or last is None:
             return None
-        first, last = (Slope(at.gap.factor, at.gap.factor_rate) for at in (start, end))
-        return hermite_value(x, first, last, h)
+        return Slope(hermite_value(x, first, last, h), 0.0)
 
     def force(x: Scalar) -> Scalar:
         rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))

@@ -1,5 +1,6 @@
 """What files hold of a class, and the first difference of two objects."""
 
+import dataclasses
 import inspect
 import json
 import math
@@ -181,6 +182,8 @@ def scene_with(element: Any) -> cj.Scene:
         joints["pin"] = cj.ClearanceJoint(
             "a", "b", **PIN, bearing_profile=element, journal_profile=element
         )
+    elif isinstance(element, cj.extend.AbstractMeshStiffness):
+        joints["mesh"] = dataclasses.replace(example("GearBacklash"), stiffness=element)
     elif isinstance(element, cj.PiecewiseConstant):
         return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
     elif isinstance(element, cj.extend.AbstractFunctionOfTime):
