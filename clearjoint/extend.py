@@ -48,6 +48,7 @@ from ._model.bodies import NO_WRENCH as NO_WRENCH
 from ._model.bodies import Motion as Motion
 from ._model.bodies import Wrench as Wrench
 from ._model.clearance_joints.clearance import AbstractAxialPolicy as AbstractAxialPolicy
+from ._model.clearance_joints.mesh_stiffness import AbstractMeshStiffness as AbstractMeshStiffness
 from ._model.contact.cylinders import AbstractCylinder as AbstractCylinder
 from ._model.contact.dashpots import AbstractDashpotLaw as AbstractDashpotLaw
 from ._model.contact.friction import AbstractBristleFriction as AbstractBristleFriction

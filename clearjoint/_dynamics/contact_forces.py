@@ -150,6 +150,16 @@ def contact_wrenches(
     # that take less arithmetic.
     on_first, on_second = contact.points_of_force(friction is not None)
     moment = None if friction_moment is None else contact.normal * friction_moment
+    if contact.side is not None:
+        beside = contact.side.on_second(normal_force)
+        for name, point, force, beside_point, sense in (
+            (second, on_second, push, contact.side.arm_second, 1.0),
+            (first, on_first, -push, contact.side.arm_first, -1.0),
+        ):
+            if name != GROUND:
+                own = motions[name]
+                yield name, own.wrench(force, point) + own.wrench(beside * sense, beside_point)
+        return
     if second != GROUND:
         yield second, motions[second].wrench(push, on_second)
         if moment is not None:

@@ -339,6 +339,8 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
             if loaded.contact.turning is None and loaded.contact.lever is None:
                 on_second = on_second - loaded.contact.normal * loaded.normal_force
                 on_second = on_second if loaded.friction is None else on_second + loaded.friction
+            if loaded.contact.side is not None:
+                on_second = on_second + loaded.contact.side.on_second(loaded.normal_force)
         film_force = joint.film_wrenches(now.motions).get(self.body, NO_WRENCH).force
         return (on_second if self.body == joint.pair()[1] else -on_second) + film_force
 

@@ -11,10 +11,11 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from .._dynamics.contact_forces import LoadedContact, contact_force
+from .._math.interpolation import Slope
 from .._math.rotations import rotation_matrix, turned
 from .._math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, Motion
-from .._model.joints.base import AbstractContactJoint, ByLabel, Motions
+from .._model.joints.base import AbstractContactJoint, ByLabel, Motions, SideForce
 from .conformance import ensure
 from .continuity import at_rest
 
@@ -47,7 +48,7 @@ def check_contact_joint(
 
     - the joint's methods `laws` and `contacts` name the same contacts;
     - normals are unit vectors, or zero without contact, and the `rate` of each contact's gap is the
-      time derivative of its penetration;
+      time derivative of its penetration, as the rate of its `factor` is that of the factor;
     - the forces on the two bodies are equal and opposite, with a common line of action, or the
       couples on them are equal and opposite;
     - the power of the normal force, or of the couples, agrees with the penetration rate, and the
@@ -231,7 +232,7 @@ def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
     """Whether each condition on normals, rates, slips, forces, couples and power fails."""
-    first, second = (motions[name] for name in joint.pair())
+    first, second = pair = [motions[name] for name in joint.pair()]
     failures = {}
     for label, (loaded, _) in contacts.items():
         contact, gap, normal = loaded.contact, loaded.contact.gap, loaded.contact.normal
@@ -239,15 +240,20 @@ def _failures(
         size = normal.dot(normal)
         # In the middle of a bearing, the eccentricity has no direction: the normal may be zero.
         flies_centred = (size == 0.0) & (gap.depth < 0.0)
+        expected_power = loaded.elastic_force * gap.rate
+        if contact.side is not None:
+            # At constant penetration, the stored energy changes by the work of the elastic force
+            # beside the normal force.
+            expected_power = expected_power - contact.side.elastic.dot(_beside(contact.side, *pair))
         failed = {
             "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
             "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
             "the rate of its stored energy is not the power of the elastic force": _differ(
-                power, loaded.elastic_force * gap.rate
+                power, expected_power
             ),
         }
         if contact.turning is None:
-            failed |= _force_failures(loaded, first, second)
+            failed |= _force_failures(loaded, first, second, rates[label][0].contact.gap.factor)
         else:
             # The vectors in `turning`, m in body axes, are the derivatives of the penetration rate
             # by the spins, and the couples are minus the normal force times these vectors.
@@ -278,8 +284,18 @@ def _failures(
     return failures
 
 
-def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dict[str, jax.Array]:
-    """Whether each condition on normal force and friction of one contact without couples fails."""
+def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
+    """Velocity of the second body's point of a force beside the normal, relative to the first's."""
+    return second.velocity_at(side.arm_second) - first.velocity_at(side.arm_first)
+
+
+def _force_failures(
+    loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
+) -> dict[str, jax.Array]:
+    """Whether each condition on normal force and friction of one contact without couples fails.
+
+    `factor` has the time derivatives of the factor of its law; ``None`` if there is none.
+    """
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -288,14 +304,26 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     # force. The relative velocity along the normal is the rate of the penetration.
     apart = second.point(on_second) - first.point(on_first)
     velocity = second.velocity_at(on_second) - first.velocity_at(on_first)
+    rate, side = velocity.dot(contact.normal), contact.side
+    if side is not None:
+        rate = rate + side.slope.dot(_beside(side, first, second))
     failures = {
         "the forces on both bodies leave a moment: they do not act on one line": (
             _is_nonzero(apart.cross(contact.normal))
         ),
         "the power of the normal force does not agree with the rate of the penetration": (
-            _differ(velocity.dot(contact.normal), contact.gap.rate)
+            _differ(rate, contact.gap.rate)
         ),
     }
+    if side is not None:
+        between = second.point(side.arm_second) - first.point(side.arm_first)
+        failures["the forces beside the normal force do not act at one point"] = _is_nonzero(
+            between
+        )
+        if contact.gap.factor is not None and factor is not None:
+            failures["the rate of its factor is not the time derivative of the factor"] = _differ(
+                factor.value, contact.gap.factor.rate
+            )
     if friction is not None:
         failures |= {
             # The energy ledger would omit the power of the friction.

@@ -11,6 +11,7 @@ from scipy.special import beta
 
 import clearjoint as cj
 from clearjoint.plot import style
+from studies.catalogue import gear_rattle
 from studies.catalogue.check import Check
 
 TIGHT = cj.Settings(rtol=1e-10, atol=1e-12)
@@ -24,10 +25,12 @@ FIGURE = "[clearance joints](plays.png)"
 
 
 def checks(quick: bool) -> list[Check]:
-    """Check each clearance joint; none is quick."""
+    """Check each clearance joint; quick is only the gears' rattle, at one speed."""
+    rattle = gear_rattle.check(quick)
     if quick:
-        return []
-    return [*(_backlash(), _gears(), _ball(), _pin(), _slider()), _clearance(), _lobes(), _line()]
+        return [rattle]
+    plays = _backlash(), _gears(), rattle, _ball(), _pin(), _slider()
+    return [*plays, _clearance(), _lobes(), _line()]
 
 
 def impacts(scene: cj.Scene, state: cj.State, end: float) -> cj.results.Impacts:
@@ -195,8 +198,9 @@ def _line() -> Check:
 
 
 def figure() -> Figure:
-    """Draw the relative angle and the remaining energy of two shafts with backlash."""
-    drawn, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
+    """Draw the relative angle and the remaining energy of two shafts with backlash, and the
+    amplitude of gear rattle."""
+    drawn, (left, right, last) = plt.subplots(1, 3, figsize=(13.0, 4.2), layout="constrained")
     times = np.linspace(0.0, 0.012, 1500)
     for restitution, colour in ((1.0, style.BLUE), (0.6, style.VERMILLION)):
         scene, state = shafts(restitution)
@@ -215,5 +219,7 @@ def figure() -> Figure:
     style.dress(right, "time, ms", "kinetic energy, mJ")
     right.set_ylim(bottom=0.0)
     handles = left.get_legend_handles_labels()
-    drawn.legend(*handles, loc="outside lower center", ncols=3, frameon=False)
+    drawn.legend(*handles, loc="outside lower left", ncols=3, frameon=False)
+    gear_rattle.draw(last)
+    last.legend(frameon=False)
     return drawn

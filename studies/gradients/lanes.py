@@ -77,7 +77,9 @@ def row(scene: str, predict: cj.Predictor, count: int) -> Row:
     same = all(
         np.array_equal(leaf, np.stack(leaves))
         for leaf, *leaves in zip(
-            jax.tree.leaves(together), *(jax.tree.leaves(of_run) for of_run in expected), strict=True
+            jax.tree.leaves(together),
+            *(jax.tree.leaves(of_run) for of_run in expected),
+            strict=True,
         )
     )
     return Row(scene, count, single / count, batch / count, same)

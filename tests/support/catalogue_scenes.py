@@ -146,6 +146,22 @@ def billiards() -> tuple[cj.Scene, cj.State]:
     return cj.Scene(bodies, joints), cj.State(states)
 
 
+def meshing_gears(law: cj.extend.AbstractContactLaw | None = None) -> tuple[cj.Scene, cj.State]:
+    """Gears that rattle under torques, with a contact ratio and a transmission error."""
+    law = law or cj.laws.HuntCrossley(0.7, 4e8, exponent=1.0)
+    scene, state = cj.mechanisms.gear_pair(law=law, speeds=(60.0, -24.0))
+    mesh = replace(
+        scene.joints["mesh"],
+        stiffness=cj.profiles.TeethInMesh(1.6),
+        transmission_error=cj.profiles.Harmonics([4e-6, 1e-6], [0.0, 2e-6]),
+    )
+    forces = {
+        name: cj.DriveTorque("ground", name, (0.0, 0.0, 1.0), torque)
+        for name, torque in (("pinion", 20.0), ("wheel", 50.0))
+    }
+    return cj.Scene(scene.bodies, {**scene.joints, "mesh": mesh}, forces), state
+
+
 def _laws() -> dict[str, cj.extend.AbstractContactLaw]:
     found = {name: make(0.5) for name, (_, make) in laws.BY_INTEGRATION.items()}
     with warnings.catch_warnings():
@@ -199,6 +215,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
         ),
         "Backlash": (lambda: plays.shafts(0.6), 0.02),
         "gear_pair": (lambda: cj.mechanisms.gear_pair(), 0.02),
+        "gear_pair with a mesh that varies": (meshing_gears, 0.01),
         "PinInSlot": (in_slot, 0.01),
         "Stop": (on_plate, 0.03),
         "BallOnBall": (billiards, 0.01),

@@ -2,22 +2,25 @@
 
 import math
 import operator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from typing_extensions import override
 
 from ..._fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Single, Triple
+from ..._math.interpolation import Slope
 from ..._math.rotations import transverse_axes, unit
 from ..._math.smoothing import cosine, norm_and_direction, polar_angle, sine, where, wrapped
 from ..._math.vectors import ZERO, Scalar, Vector, add, square_root
 from ..bodies import Motion
-from ..contact.laws import AbstractContactLaw, Gap
-from ..joints.base import AbstractPairAtPoints, Contact, Motions, Row
+from ..contact.laws import AbstractContactLaw, Gap, VaryingLaw, require_instance
+from ..joints.base import AbstractPairAtPoints, Contact, Motions, Row, SideForce
 from ..joints.constraint_rows import Pose, rows_from_residual
 from ..pen import AbstractPen
+from ..profiles import AbstractProfile
 from .common import FLANKS, AbstractFlankJoint
+from .mesh_stiffness import AbstractMeshStiffness, require_positive_factor
 
 LARGEST_MODULE = 0.1
 """Module above which a warning is issued, m, since it may have been given in mm."""
@@ -57,6 +60,42 @@ class LineOfCentres:
         return polar_angle(line.dot(quarter), line.dot(start))
 
 
+@dataclass(frozen=True)
+class MeshCycle:
+    """What varies over the mesh cycle, at one instant.
+
+    - `arms`: the second gear's centre, m from each body's centre of mass in its axes.
+    - `gradient`: global vector, rad/m, whose product with the velocity there of the second gear
+      relative to the first is `rate`, the rate of the mesh angle, rad/s.
+    - `error_slope`: derivative of the transmission error, m/rad; ``None`` without one.
+    - `factor`: of the law's force, and its derivative, 1/rad; ``None`` if it does not vary.
+    """
+
+    arms: tuple[Vector, Vector]
+    gradient: Vector
+    rate: Scalar
+    error_slope: Scalar | None
+    factor: tuple[Scalar, Scalar] | None
+
+    def varied(self, gap: Gap, side: float, law: AbstractContactLaw) -> tuple[Gap, SideForce]:
+        """Return the gap of a flank, with the parts due to the mesh cycle, and the force beside its
+        normal force.
+
+        **Arguments:** `gap`: its depth includes the transmission error, its rate does not; `side`:
+        of the flank, as in `FLANKS`; `law`: that of the mesh, without the factor.
+        """
+        slope = elastic = ZERO
+        if self.error_slope is not None:
+            by_angle = -side * self.error_slope
+            gap = replace(gap, rate=gap.rate + by_angle * self.rate)
+            slope = self.gradient * by_angle
+        if self.factor is not None:
+            factor, factor_slope = self.factor
+            elastic = self.gradient * (-factor_slope * law.stored_energy(gap))
+            gap = replace(gap, factor=Slope(factor, factor_slope * self.rate))
+        return gap, SideForce(*self.arms, slope, elastic)
+
+
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a number of teeth")
     require_numbers(
@@ -87,8 +126,19 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     gears in the ratio of their teeth, and loads their bearings with its radial component too. The
     centres may move, in bearings with clearance or on a planet carrier: the backlash changes with
     their distance. One law represents all tooth pairs in mesh (A. Kahraman, R. Singh, Non-linear
-    dynamics of a spur gear pair, J. Sound Vib. 142, 1990). The model has no contact ratio and no
-    friction, and assumes that other joints keep the axes parallel.
+    dynamics of a spur gear pair, J. Sound Vib. 142, 1990). There is no friction, and other joints
+    have to keep the axes parallel.
+
+    The force may vary over the mesh cycle, as a function of the mesh angle phi = z1 (theta1 -
+    phase): a `stiffness` multiplies the force of the law by a factor k, and a `transmission_error`
+    e shifts the flanks along the line of action, so that s - e replaces s in delta. The stored
+    energy k U(delta) then depends on phi too, and so do the forces that are its gradient: in
+    addition to the normal force F, a moment z1 (F' de/dphi - U dk/dphi) acts on the first gear,
+    where F' is F on the upper flank and -F on the lower. Its reaction acts on the centres, across
+    the line between them. Energy is thus conserved (S. Oh, K. Grosh, J. R. Barber, Energy
+    conserving equations of motion for gear systems, J. Vib. Acoust. 127, 2005). Classical equations
+    of the relative displacement, such as those of Kahraman and Singh, prescribe phi as a function
+    of time and lack the moment. They are exact if the first gear turns at constant speed.
 
     **Arguments:**
 
@@ -108,6 +158,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
       phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
       centre to the second has the direction x of the frame of which the axis is z (see
       `clearjoint.quantities.JournalOffset`).
+    - `stiffness`: the factor k over the mesh cycle, such as `clearjoint.profiles.TeethInMesh` for a
+      contact ratio; ``None``, the default, for 1.
+    - `transmission_error`: the static transmission error e over the mesh cycle, m, positive where
+      the teeth of the first gear are behind, such as `clearjoint.profiles.Harmonics` or
+      `clearjoint.profiles.PeriodicSpline`, at the angle phi; ``None``, the default, for none.
 
     **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2
     times the pitch.
@@ -135,9 +190,16 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         remedy="give it in rad; 20 degrees are 0.349 rad",
     )
     phase: Single = quantity("rad", shape=(), default=0.0)
+    stiffness: AbstractMeshStiffness | None = None
+    transmission_error: AbstractProfile | None = None
 
     @override
     def _check_together(self) -> None:
+        if self.stiffness is not None:
+            require_instance("stiffness", self.stiffness, AbstractMeshStiffness)
+            require_positive_factor(self.stiffness)
+        if self.transmission_error is not None:
+            require_instance("transmission_error", self.transmission_error, AbstractProfile)
         require_numbers(
             lambda second, first: (first > 0.0) & ((second > 0.0) | (-second > first)),
             "teeth_second",
@@ -172,7 +234,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return half * self.teeth_first, half * self.teeth_second
 
     def displacement(self, first: Motion, second: Motion) -> Scalar:
-        """Return the displacement s along the line of action from the middle of the play, m."""
+        """Return the displacement s - e along the line of action from the middle of the play, m."""
         line = self._line(first, second)
         axis = second.direction(unit(self.axis_second))
         # The second axis may be antiparallel to the first: its angle then counts backwards.
@@ -181,7 +243,15 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         rolled = radius_first * (line.angle_in(first, self.axis_first) + self.phase)
         rolled = rolled + radius_second * sense * line.angle_in(second, self.axis_second)
         # The angle of the line in a gear is minus the angle of the gear from the line.
-        return wrapped(-rolled, self._base_pitch())
+        displacement = -rolled
+        if self.transmission_error is not None:
+            error = self.transmission_error.at(self._mesh_angle(line, first)).value
+            displacement = displacement - error
+        return wrapped(displacement, self._base_pitch())
+
+    def _mesh_angle(self, line: LineOfCentres, first: Motion) -> Scalar:
+        """Return the angle of the mesh cycle, rad, whose period is 2 pi."""
+        return -self.teeth_first * (line.angle_in(first, self.axis_first) + self.phase)
 
     def _line(self, first: Motion, second: Motion) -> LineOfCentres:
         axis = first.direction(unit(self.axis_first))
@@ -220,6 +290,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
         change = involute(radial, tangential) - involute(*nominal)
         opening = radii * change + 0.5 * self.backlash * nominal[1]
+        cycle = self._mesh_cycle(line, first, second)
         contacts = {}
         for label, side in FLANKS.items():
             # `push` is a unit vector along the line of action, which has the angle alpha' from the
@@ -230,10 +301,34 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
-            gap = Gap(depth, sliding.dot(normal))
+            gap, beside = Gap(depth, sliding.dot(normal)), None
+            if cycle is not None:
+                gap, beside = cycle.varied(gap, side, self.law)
             # The mesh has no friction, so that its slip is ``None``.
-            contacts[label] = Contact(gap, normal, at_first, at_second, None)
+            contacts[label] = Contact(gap, normal, at_first, at_second, None, side=beside)
         return contacts
+
+    @override
+    def laws(self) -> dict[str, AbstractContactLaw]:
+        law = self.law if self.stiffness is None else VaryingLaw(self.law)
+        return dict.fromkeys(self.contact_labels(), law)
+
+    def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> "MeshCycle | None":
+        """Return the state of the mesh cycle; ``None`` if nothing varies with it."""
+        if self.stiffness is None and self.transmission_error is None:
+            return None
+        angle = self._mesh_angle(line, first)
+        # The mesh angle changes as the second centre moves across the line in the first gear.
+        to_second = line.along * line.distance + line.axis * line.height
+        arms = self.point_first + first.components(to_second), self.point_second
+        gradient = line.across * (-self.teeth_first / line.distance)
+        relative = second.velocity_at(arms[1]) - first.velocity_at(arms[0])
+        slope, factor = None, None
+        if self.transmission_error is not None:
+            slope = self.transmission_error.at(angle).slope
+        if self.stiffness is not None:
+            factor = self.stiffness.factor_and_slope(angle)
+        return MeshCycle(arms, gradient, gradient.dot(relative), slope, factor)
 
     @override
     def centred_rows(self, motions: Motions) -> dict[str, Row]:

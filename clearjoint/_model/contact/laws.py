@@ -19,6 +19,7 @@ from ..._fields.cautions import LawRangeWarning, caution
 from ..._fields.checks import concrete, require, require_numbers, require_type
 from ..._fields.objects import AbstractConverting, optional_quantity, quantity
 from ..._fields.types import Single
+from ..._math.interpolation import Slope
 from ..._math.smoothing import positive_power
 from ..._math.vectors import Scalar, Vector
 
@@ -34,6 +35,9 @@ class Gap:
       instead of the journal's radius, because a difference of radii would lose digits.
     - `reduced_radius`: m, for spheres that touch from outside: R1 R2/(R1 + R2) of two, and the
       radius of a sphere on a plane; otherwise ``None``.
+    - `factor`: factor of the law's force and its time derivative, 1/s, for a stiffness that varies
+      with the pose, such as that of meshing teeth; ``None`` for 1. A joint that sets it applies its
+      law through a `VaryingLaw`.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{gap.journal_radius:.4f} m")
@@ -45,6 +49,7 @@ class Gap:
     bearing_radius: Scalar | None = None
     clearance: Scalar | None = None
     reduced_radius: Scalar | None = None
+    factor: Slope | None = None
 
     @property
     def journal_radius(self) -> Scalar:
@@ -485,13 +490,12 @@ class AbstractLawAround(AbstractContactLaw):
         return self.law.limits(gap)
 
 
-class WeightedLaw(AbstractLawAround):
-    """A contact law times a weight, for one of several contacts that together form a line contact.
+class AbstractFactorLaw(AbstractLawAround):
+    """Base class of a contact law times a factor that does not depend on the penetration."""
 
-    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
-    """
-
-    weight: float = eqx.field(static=True)
+    @abc.abstractmethod
+    def factor(self, gap: Gap) -> Scalar:
+        """Return the factor of the law's force and energy at a gap."""
 
     @property
     @override
@@ -500,15 +504,15 @@ class WeightedLaw(AbstractLawAround):
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        return self.weight * self.law.force(gap, entry_speed)
+        return self.factor(gap) * self.law.force(gap, entry_speed)
 
     @override
     def elastic_force(self, gap: Gap) -> Scalar:
-        return self.weight * self.law.elastic_force(gap)
+        return self.factor(gap) * self.law.elastic_force(gap)
 
     @override
     def stored_energy(self, gap: Gap) -> Scalar:
-        return self.weight * self.law.stored_energy(gap)
+        return self.factor(gap) * self.law.stored_energy(gap)
 
     @override
     def onset_offset(self) -> Scalar:
@@ -522,6 +526,27 @@ class WeightedLaw(AbstractLawAround):
     def delivered_restitution(self) -> Callable[[], Scalar]:
         """Method of the law; a property, so that ``hasattr`` tells whether the law has it."""
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
+
+
+class WeightedLaw(AbstractFactorLaw):
+    """A contact law times a weight, for one of several contacts that together form a line contact.
+
+    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
+    """
+
+    weight: float = eqx.field(static=True)
+
+    @override
+    def factor(self, gap: Gap) -> Scalar:
+        return self.weight
+
+
+class VaryingLaw(AbstractFactorLaw):
+    """A contact law times the `factor` of each gap: a stiffness that varies with the pose."""
+
+    @override
+    def factor(self, gap: Gap) -> Scalar:
+        return 1.0 if gap.factor is None else gap.factor.value
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:

@@ -202,6 +202,33 @@ class AbstractForce(AbstractElement):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
+class SideForce:
+    """A force beside the normal force of a contact whose penetration or stiffness also varies with
+    an angle of the joint, such as that of meshing teeth.
+
+    The stored energy then changes with the angle, and its gradient has a part beside the normal: a
+    pair of opposite forces at a common point, in addition to the normal force.
+
+    - `arm_first`, `arm_second`: the point, m from each body's centre of mass in its axes.
+    - `slope`: global vector; its product with the velocity of the second body's point relative to
+      the first's is the part of the penetration's rate that is not along the normal. A normal force
+      F therefore acts on the second body with -F times this vector.
+    - `elastic`: force on the second body, N in global axes, by which the stored energy changes at
+      constant penetration.
+    """
+
+    arm_first: Vector
+    arm_second: Vector
+    slope: Vector
+    elastic: Vector
+
+    def on_second(self, normal_force: Scalar) -> Vector:
+        """Return the force on the second body, N in global axes, beside a normal force, N."""
+        return self.elastic - self.slope * normal_force
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, slots=True)
 class Contact:
     """Geometry of one possible contact between two surfaces.
 
@@ -225,6 +252,8 @@ class Contact:
     - `lever`: ``None``, except for friction in an ideal hinge or ball: the radius, m, by which the
       friction F acts as a couple with the moment `lever` F. `slip` is then `lever` times the
       angular velocity of the second body relative to the first.
+    - `side`: ``None``, except for a contact whose penetration or stiffness also varies with an
+      angle of the joint: the force beside the normal force. There is then no friction.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
@@ -243,6 +272,7 @@ class Contact:
     turning: tuple[Vector, Vector] | None = None
     face_radius: Scalar | None = None
     lever: Scalar | None = None
+    side: SideForce | None = None
 
     def points_of_force(self, has_friction: bool) -> tuple[Vector, Vector]:
         """Return the points where the force acts on both bodies, m in body axes."""

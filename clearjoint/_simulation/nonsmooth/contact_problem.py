@@ -30,7 +30,7 @@ from ..._fields.checks import require, require_range
 from ..._math.linear_solvers import inner
 from ..._math.rotations import transverse_axes
 from ..._math.smoothing import norm_and_direction
-from ..._math.vectors import Condition, Scalar, Vector, add, multiply
+from ..._math.vectors import ZERO, Condition, Scalar, Vector, add, multiply
 from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
 from ..._model.joints.joint_friction import JointFriction
 from ..._model.scene import Scene
@@ -135,8 +135,11 @@ def _touch(
     # opens in the opposite direction.
     normal = row(-contact.normal)
     # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
-    # force along the normal.
-    if contact.turning is not None:
+    # force along the normal. So has one with a force beside the normal, of which the part that is
+    # elastic has no impulse.
+    if contact.side is not None:
+        contact = replace(contact, side=replace(contact.side, elastic=ZERO))
+    if contact.turning is not None or contact.side is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
     touch = Touch(
         joint=name,

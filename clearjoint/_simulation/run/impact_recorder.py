@@ -86,9 +86,15 @@ def peak_in_step(
     # cubic through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
+    def factor(x: Scalar) -> Slope | None:
+        first, last = start.gap.factor, end.gap.factor
+        if first is None or last is None:
+            return None
+        return Slope(hermite_value(x, first, last, h), 0.0)
+
     def force(x: Scalar) -> Scalar:
         rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))
-        gap = replace(start.gap, depth=quintic.value(x), rate=rate)
+        gap = replace(start.gap, depth=quintic.value(x), rate=rate, factor=factor(x))
         return contact_normal_force(law, gap, start.entry_speed)
 
     return _largest(force), _largest(quintic.value).value

@@ -1,5 +1,6 @@
 """What files hold of a class, and the first difference of two objects."""
 
+import dataclasses
 import inspect
 import json
 import math
@@ -61,8 +62,22 @@ EXAMPLES = {
     ),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
     "GearBacklash": lambda: cj.GearBacklash(
-        *("a", "b"), (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2), 18, -57, 2e-3, 1e-4 / 3, LAW
+        *("a", "b"),
+        (0, 0, 0),
+        (0, 0, 1 / 3),
+        (0, 0, 1),
+        (0, 1, 2),
+        18,
+        -57,
+        2e-3,
+        1e-4 / 3,
+        LAW,
+        stiffness=cj.profiles.TeethInMesh(4 / 3),
+        transmission_error=cj.profiles.Harmonics([1e-6 / 3]),
     ),
+    "TeethInMesh": lambda: cj.profiles.TeethInMesh(4 / 3, middle=1 / 3),
+    "StiffnessHarmonics": lambda: cj.profiles.StiffnessHarmonics([0.1 / 3], [-0.0]),
+    "StiffnessSpline": lambda: cj.profiles.StiffnessSpline.through(1.0 + np.arange(5) / 30),
     "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
@@ -167,6 +182,8 @@ def scene_with(element: Any) -> cj.Scene:
         joints["pin"] = cj.ClearanceJoint(
             "a", "b", **PIN, bearing_profile=element, journal_profile=element
         )
+    elif isinstance(element, cj.extend.AbstractMeshStiffness):
+        joints["mesh"] = dataclasses.replace(example("GearBacklash"), stiffness=element)
     elif isinstance(element, cj.PiecewiseConstant):
         return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
     elif isinstance(element, cj.extend.AbstractFunctionOfTime):
