@@ -47,7 +47,7 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """Warns that an imported file (URDF) contains data that a scene cannot represent, and that are
+    """Warns that an imported file (URDF, MJCF) contains data that a scene cannot represent, and that are
     left out or replaced.
 
     >>> import warnings

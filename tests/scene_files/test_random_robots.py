@@ -100,27 +100,23 @@ def read(tmp_path):
     def read(robot: str, **options):
         path = tmp_path / "robot.urdf"
         path.write_text(robot)
-        return *cj.load_urdf(path, **options), path
+        return cj.load_robot(path, **options)
 
     return read
 
 
-def moved(scene: cj.Scene, state: cj.State, motion: Motion):
+def moved(robot: cj.results.Robot, motion: Motion, scene: cj.Scene | None = None):
     """The equations of motion, and the variables of a motion."""
-    system = system_of(scene, JOINT)
-    in_scalars = cj.extend.unpack(jax.tree.map(np.asarray, state))
-    variables = dict(system.encode(in_scalars.bodies))
-    for name, position in motion.positions.items():
-        body = getattr(scene.joints[name], "second", None)
-        variables[body] = cj.extend.JointState(position, (motion.speeds[name],))
-    return system, variables
+    system = system_of(scene or robot.scene, JOINT)
+    state = robot.state(motion.positions, motion.speeds)
+    return system, dict(system.encode(cj.extend.unpack(state).bodies))
 
 
-def accelerations(scene: cj.Scene, state: cj.State, motion: Motion) -> dict[str, float]:
+def accelerations(robot: cj.results.Robot, motion: Motion) -> dict[str, float]:
     """Second time derivatives of the joints' positions, by name."""
-    system, variables = moved(scene, state, motion)
-    rates = system.dynamics(variables, {}, 0.0).variable_rates
-    return {name: float(rates[scene.joints[name].second].speeds[0]) for name in motion.positions}
+    system, variables = moved(robot, motion)
+    rates, joints = system.dynamics(variables, {}, 0.0).variable_rates, robot.scene.joints
+    return {name: float(rates[joints[name].second].speeds[0]) for name in robot.joints}
 
 
 def close(found: Mapping[str, float], expected: Mapping[str, float], tolerance: float) -> None:
@@ -162,10 +158,10 @@ def poses(robot: str, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
 def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, read):
     robot = random_robot(seed)
     motion = random_motion(robot, seed)
-    scene, state, path = read(robot, merge_fixed=merge_fixed)
-    system, variables = moved(scene, state, motion)
+    loaded = read(robot, merge_fixed=merge_fixed)
+    system, variables = moved(loaded, motion)
     bodies = JOINT.decode(system.scene, variables)
-    frames = cj.urdf_links(path, merge_fixed=merge_fixed)
+    frames = loaded.links
     assert frames.keys() == poses(robot, {}).keys()
     for name, expected in poses(robot, motion.positions).items():
         frame = frames[name]
@@ -185,10 +181,10 @@ def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, rea
 def test_merged_links_move_as_fixed_ones(seed, read):
     robot = random_robot(seed)
     motion = random_motion(robot, seed)
-    merged, unmerged = (read(robot, merge_fixed=merge)[:2] for merge in (True, False))
-    assert len(merged[0].bodies) <= len(unmerged[0].bodies)
-    assert not any(isinstance(joint, cj.FixedJoint) for joint in merged[0].joints.values())
-    close(accelerations(*merged, motion), accelerations(*unmerged, motion), 1e-11)
+    merged, unmerged = (read(robot, merge_fixed=merge) for merge in (True, False))
+    assert len(merged.scene.bodies) <= len(unmerged.scene.bodies)
+    assert not any(isinstance(joint, cj.FixedJoint) for joint in merged.scene.joints.values())
+    close(accelerations(merged, motion), accelerations(unmerged, motion), 1e-11)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -203,13 +199,12 @@ def test_mujoco_computes_the_same_accelerations(seed, read):
         data.joint(name).qpos, data.joint(name).qvel = position, motion.speeds[name]
     mujoco.mj_forward(model, data)
     expected = {name: float(data.joint(name).qacc[0]) for name in motion.positions}
-    scene, state, _ = read(robot)
-    close(accelerations(scene, state, motion), expected, 1e-9)
+    close(accelerations(read(robot), motion), expected, 1e-9)
 
 
-def angles(scene: cj.Scene, state: cj.State, motion: Motion) -> dict[str, float]:
+def angles(robot: cj.results.Robot, scene: cj.Scene, motion: Motion) -> dict[str, float]:
     """Angles of all elements that have one (`quantities.JointAngle`), by name."""
-    system, variables = moved(scene, state, motion)
+    system, variables = moved(robot, motion, scene)
     now = cj.extend.Instant(system, 0.0, variables, entry_speeds={}, work={})
     names = [name for name, one in scene.joints.items() if hasattr(one, "relative_angle")]
     return {name: float(cj.quantities.JointAngle(name)(now)) for name in names}
@@ -220,7 +215,8 @@ def test_angles_of_hinges_backlash_and_drives_are_those_of_the_file(seed, read):
     robot = random_robot(seed, kinds=("revolute", "continuous"))
     motion = random_motion(robot, seed)
     play = {name: {"backlash": 1e-3, "torsional_stiffness": 1e4} for name in motion.positions}
-    scene, state, _ = read(robot, play=play)
+    loaded = read(robot, play=play)
+    scene = loaded.scene
     hinges = {name: scene.joints[name] for name in motion.positions}
     drives = {
         f"{name} drive": cj.PrescribedRotation(hinge.first, hinge.second, hinge.axis_first, 1.0)
@@ -228,7 +224,7 @@ def test_angles_of_hinges_backlash_and_drives_are_those_of_the_file(seed, read):
     }
     driven = cj.Scene(scene.bodies, scene.joints | drives)
     for positions in (motion.positions, dict.fromkeys(motion.positions, 0.0)):
-        found = angles(driven, state, Motion(positions, motion.speeds))
+        found = angles(loaded, driven, Motion(positions, motion.speeds))
         assert len(found) == 3 * len(hinges)
         for name, angle in found.items():
             expected = positions[name.removesuffix(" drive").removesuffix(" backlash")]
@@ -247,9 +243,9 @@ def test_robots_without_gravity_stay_at_rest_in_their_play(seed, read):
     }
     backlash = {"backlash": 1e-3, "torsional_stiffness": 1e4}
     for play in (backlash, clearance):
-        scene, state, _ = read(robot, play=dict.fromkeys(names, play), gravity=None)
-        system, variables = moved(scene, state, Motion({}, {}))
-        speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in scene.laws().items()}
+        loaded = read(robot, play=dict.fromkeys(names, play), gravity=None)
+        system, variables = moved(loaded, Motion({}, {}))
+        speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in loaded.scene.laws().items()}
         found = system.dynamics(variables, speeds, 0.0).accelerations
         assert np.abs(jax.tree.leaves(found)).max() < 1e-9
 
@@ -263,7 +259,7 @@ def test_backlash_at_a_turned_origin_stays_at_rest(read):
         '<origin rpy="0 0 0.3"/><axis xyz="0 0 1"/><limit effort="10" velocity="1"/>'
         "</joint></robot>"
     )
-    scene, state, _ = read(robot, play={"j1": {"backlash": "1 deg"}})
-    assert angles(scene, state, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
-    end = cj.simulate(scene, state, 0.05, progress=False).final
+    loaded = read(robot, play={"j1": {"backlash": "1 deg"}})
+    assert angles(loaded, loaded.scene, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
+    end = cj.simulate(loaded.scene, loaded.state(), 0.05, progress=False).final
     assert np.abs(end.bodies["arm"].spin).max() < 1e-12  # was 8.7 rad/s
