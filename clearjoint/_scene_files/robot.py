@@ -174,7 +174,12 @@ class Robot:
                 (own,), (others,) = torques[mimic.leader], torques[name]
                 torques[mimic.leader] = (own + _polynomial(mimic, leader.position)[1] * others,)
             torques[name] = (0.0,)
-        return {name: _number(parts) for name, parts in torques.items() if parts}
+        return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
+
+    def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the numbers of hinges and sliders in the order of the file, then the others."""
+        names = dict.fromkeys((*self.joints, *by_joint))
+        return {name: by_joint[name] for name in names}
 
     def _body_of(self, joint: str | None) -> str:
         names = {b.joint: b.body for b in self._branches if isinstance(b, JointedBranch)}
@@ -271,8 +276,7 @@ class Robot:
                 value = value - TURN * np.round((value - middle) / TURN)
                 value = value if motion is states else np.unwrap(value)
             positions[branch.joint], speeds[branch.joint] = value, _number(variable.speeds)
-        ordered = [*self.joints, *positions.keys() - {*self.joints}]
-        return {n: positions[n] for n in ordered}, {n: speeds[n] for n in ordered}
+        return self._ordered(positions), self._ordered(speeds)
 
 
 def _zero(branch: JointedBranch) -> JointState:

@@ -150,6 +150,8 @@ def scene_of(
     carriers = tree.moving()
     if not carriers:
         remedy = "pass free_root=True, which makes the root a body, or correct the joints"
+        if tree.links[tree.root].inertial is None:
+            remedy = "add a joint that moves"
         location.refuse(f"no link that moves relative to {tree.root!r}", "some", remedy)
     bodies, elements = bodies_of(tree, carriers), Elements(tree)
     for name, ideal in elements.ideal.items():
@@ -183,8 +185,8 @@ def ideal_joint(joint: RobotJoint, tree: LinkTree) -> AbstractConstraint | None:
     if parent is child or joint.kind == FLOATING:
         return None
     # The frame of the joint is that of the child link, which begins its carrier.
-    in_parent = tree.poses[joint.parent] @ joint.pose
-    points = tree.in_body(parent, in_parent[:3, 3]), tree.in_body(child, np.zeros(3))
+    in_parent = moved(tree.poses[joint.parent] @ joint.pose, joint.point)
+    points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
     # All bodies are parallel at zero, so that the axis has the same components in both.
     axis = rounded(rounded(child.pose[:3, :3]) @ joint.axis)
     make, axes = IDEAL[joint.kind]

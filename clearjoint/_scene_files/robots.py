@@ -103,6 +103,7 @@ class RobotJoint(NamedTuple):
 
     - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
     - `axis`: (3,) in the child's axes, any length.
+    - `point`: (3,) m, of the joint in the child's frame, the origin by default.
     - `friction`: N m or N, dry. `damping`: N m s/rad or N s/m. `stiffness`: N m/rad or N/m, of a
       spring that is relaxed at `rest`, rad or m.
     """
@@ -119,6 +120,7 @@ class RobotJoint(NamedTuple):
     damping: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
+    point: np.ndarray = np.zeros(3)
 
 
 class Loop(NamedTuple):

@@ -5,6 +5,7 @@ NumPy evaluates the equations of motion, so that nothing is compiled.
 """
 
 import math
+import operator
 from collections.abc import Mapping
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -263,3 +264,127 @@ def test_backlash_at_a_turned_origin_stays_at_rest(read):
     assert angles(loaded, loaded.scene, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
     end = cj.simulate(loaded.scene, loaded.state(), 0.05, progress=False).final
     assert np.abs(end.bodies["arm"].spin).max() < 1e-12  # was 8.7 rad/s
+
+
+def resisting(robot: str, seed: int, mimics: int = 0) -> str:
+    """The robot with damping, and with some joints that follow others."""
+    generator = np.random.default_rng(seed + 2)
+    root = ElementTree.fromstring(robot)
+    joints = [joint for joint in root.findall("joint") if joint.attrib["type"] != "fixed"]
+    for joint in joints:
+        ElementTree.SubElement(joint, "dynamics", damping=repr(generator.uniform(0.1, 2.0)))
+    chosen = generator.permutation(len(joints))
+    for k in range(min(mimics, len(joints) - 1)):
+        offset, ratio = generator.uniform(-0.3, 0.3), generator.uniform(-1.5, 1.5)
+        attributes = {"multiplier": repr(ratio), "offset": repr(offset)}
+        leader = joints[chosen[k + 1]].attrib["name"]  # which may follow another one
+        ElementTree.SubElement(joints[chosen[k]], "mimic", joint=leader, **attributes)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+class Reference(NamedTuple):
+    """Pinocchio's model of a robot, at a motion."""
+
+    inertia: dict[tuple[str, str], float]
+    torques: dict[str, float]
+    accelerations: dict[str, float]
+
+
+def pinocchio_of(robot: str, motion: Motion, rates: Mapping[str, float]) -> Reference:
+    """Mass matrix, torques for given accelerations, accelerations without torques, by joint; all
+    without damping, and as if no joint followed another."""
+    pinocchio = pytest.importorskip("pinocchio")
+    model = pinocchio.buildModelFromXML(robot)
+    data, q = model.createData(), pinocchio.neutral(model)
+    v, a = np.zeros(model.nv), np.zeros(model.nv)
+    at = {name: model.joints[model.getJointId(name)] for name in motion.positions}
+    for name, joint in at.items():
+        x = motion.positions[name]
+        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [np.cos(x), np.sin(x)]
+        v[joint.idx_v], a[joint.idx_v] = motion.speeds[name], rates.get(name, 0.0)
+    matrix = pinocchio.crba(model, data, q)
+    matrix = np.triu(matrix) + np.triu(matrix, 1).T
+    torques = pinocchio.rnea(model, data, q, v, a)
+    free = pinocchio.aba(model, data, q, v, np.zeros(model.nv))
+    indices = {name: joint.idx_v for name, joint in at.items()}
+    return Reference(
+        {(a, b): matrix[indices[a], indices[b]] for a in at for b in at},
+        {name: torques[k] for name, k in indices.items()},
+        {name: free[k] for name, k in indices.items()},
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_pinocchio_computes_the_same_accelerations_and_torques(seed, read):
+    robot = random_robot(seed)
+    motion = random_motion(robot, seed)
+    rates = random_motion(robot, seed + 50).positions
+    expected, loaded = pinocchio_of(robot, motion, rates), read(robot)
+    close(accelerations(loaded, motion), expected.accelerations, 1e-9)
+    torques = loaded.torques(motion.positions, motion.speeds, rates)
+    close({name: float(torque) for name, torque in torques.items()}, expected.torques, 1e-9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_damped_joints_that_follow_others_move_as_pinocchios_equations_say(seed, read):
+    """With q = S z + offset of the independent joints z: S^T M S z'' = S^T (torques)."""
+    robot = resisting(random_robot(seed), seed, mimics=2)
+    loaded = read(robot)
+    joints = {j.attrib["name"]: j for j in ElementTree.fromstring(robot).findall("joint")}
+    names = [*loaded.joints]
+    leaders = {
+        n: joints[n].find("mimic").attrib for n in names if joints[n].find("mimic") is not None
+    }
+    assert {name: mimic["joint"] for name, mimic in leaders.items()} == loaded.leaders
+    assert leaders or len(names) == 1
+    free = [name for name in names if name not in leaders]
+    given = random_motion(robot, seed)
+    given = Motion(*({name: 0.2 * part[name] for name in free} for part in given))
+    state = loaded.state(*given)
+    motion = Motion(
+        *({n: float(x) for n, x in part(state).items()} for part in (loaded.angles, loaded.speeds))
+    )
+
+    def slope(name: str, of: str) -> float:
+        if name not in leaders:
+            return float(name == of)
+        return float(leaders[name]["multiplier"]) * slope(leaders[name]["joint"], of)
+
+    matrix = np.array([[slope(name, of) for of in free] for name in names])
+    for name, mimic in leaders.items():
+        expected = (
+            float(mimic["offset"]) + float(mimic["multiplier"]) * motion.positions[mimic["joint"]]
+        )
+        assert motion.positions[name] == pytest.approx(expected, abs=1e-12)
+    reference = pinocchio_of(robot, motion, {})
+    inertia = np.array([[reference.inertia[a, b] for b in names] for a in names])
+    damping = [float(joints[n].find("dynamics").attrib["damping"]) for n in names]
+    resisted = [
+        reference.torques[n] + d * motion.speeds[n] for n, d in zip(names, damping, strict=True)
+    ]
+    independent = np.linalg.solve(matrix.T @ inertia @ matrix, matrix.T @ -np.array(resisted))
+    expected = dict(zip(names, (matrix @ independent).tolist(), strict=True))
+    close(accelerations(loaded, motion), expected, 1e-9)
+    # Without torques the joints move like this, so that inverse dynamics gives no torques for it.
+    rates = dict(zip(free, independent.tolist(), strict=True))
+    torques = loaded.torques(*given, rates)
+    scale = np.abs(resisted).max()
+    assert np.abs([torques[name] for name in names]).max() < 1e-9 * scale
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_states_of_angles_are_inverted(seed, read):
+    robot = random_robot(seed)
+    loaded, generator = read(robot), np.random.default_rng(seed)
+    count = len(loaded.joints)
+    q, qd = generator.uniform(-3.1, 3.1, (2, 7, count))
+    states = loaded.state(q, qd)
+    for k in range(7):
+        at_once = jax.tree.map(operator.itemgetter(k), states)
+        single = loaded.state(q[k], dict(zip(loaded.joints, qd[k], strict=True)))
+        for a, b in zip(jax.tree.leaves(at_once), jax.tree.leaves(single), strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-14)
+    positions, speeds = loaded.angles(states), loaded.speeds(states)
+    assert tuple(positions) == tuple(speeds) == loaded.joints
+    np.testing.assert_allclose(np.transpose([*positions.values()]), q, atol=1e-12)
+    np.testing.assert_allclose(np.transpose([*speeds.values()]), qd, atol=1e-12)
