@@ -4,11 +4,13 @@ A body of MJCF is a link here, fixed to its parent unless it has joints. If it h
 follows the other, with links without mass between them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TypeAlias
 
 import numpy as np
+from jaxtyping import PyTree
 
 from .documents import FileLocation
 from .robots import (
@@ -20,12 +22,14 @@ from .robots import (
     Content,
     Inertial,
     JointLimits,
-    Loop,
+    LoopJoint,
     Mimic,
     RobotJoint,
     RobotLink,
 )
 
+Model: TypeAlias = PyTree
+"""A compiled model of MuJoCo, whose package has no annotations of it."""
 KINDS = FLOATING, BALL, SLIDER, "continuous"
 """Types of joints, in the order of MuJoCo's numbers for free, ball, slide and hinge."""
 CONNECT, WELD, COUPLE = range(3)
@@ -77,7 +81,7 @@ def read_mjcf(path: Path) -> Content:
     return Content(links, joints, omitted, loops, actuators, gravity)
 
 
-def _mujoco(location: FileLocation) -> Any:
+def _mujoco(location: FileLocation) -> ModuleType:
     try:
         import mujoco
     except ImportError as error:
@@ -86,7 +90,7 @@ def _mujoco(location: FileLocation) -> Any:
     return mujoco
 
 
-def _compiled(path: Path) -> Any:
+def _compiled(path: Path) -> Model:
     """Return MuJoCo's model. If files of shapes are missing, all shapes are left out, provided that
     the file gives the inertias."""
     location = FileLocation(str(path))
@@ -95,18 +99,14 @@ def _compiled(path: Path) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
         try:
             return spec.compile()
-        except ValueError as error:
+        except ValueError:
             bodies = [body for body in spec.bodies if body.name != "world" and len(body.geoms)]
             if not all(body.explicitinertial for body in bodies):
                 raise
-            first = error
         for elements in (getattr(spec, name, ()) for name in WITH_FILES):
             for element in [*elements]:
                 spec.delete(element)
-        try:
-            return spec.compile()
-        except ValueError:
-            raise first from None
+        return spec.compile()
     except ValueError as error:
         reason = " ".join(str(error).split())
         return location.refuse(reason, "an MJCF file that MuJoCo reads", "correct the file")
@@ -119,7 +119,7 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
     return np.round(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), 15)
 
 
-def _inertial(model: Any, body: int) -> Inertial | None:
+def _inertial(model: Model, body: int) -> Inertial | None:
     if body == 0 or not model.body_mass[body] > 0.0:
         return None
     axes = _rotation(model.body_iquat[body])
@@ -127,11 +127,11 @@ def _inertial(model: Any, body: int) -> Inertial | None:
     return Inertial(float(model.body_mass[body]), model.body_ipos[body].copy(), tensor)
 
 
-def _joint_name(model: Any, joint: int) -> str:
+def _joint_name(model: Model, joint: int) -> str:
     return model.joint(joint).name or f"joint {joint}"
 
 
-def _joint(model: Any, j: int, parent: str, child: str, pose: np.ndarray) -> RobotJoint:
+def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> RobotJoint:
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
     if kind in (FLOATING, BALL):
@@ -170,10 +170,10 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
 
 
 def _equalities(
-    model: Any, names: list[str]
-) -> tuple[tuple[Loop, ...], dict[str, Mimic], dict[str, list[str]]]:
+    model: Model, names: list[str]
+) -> tuple[tuple[LoopJoint, ...], dict[str, Mimic], dict[str, list[str]]]:
     """Return constraints that close loops, what joints follow, and the names of others."""
-    loops: list[Loop] = []
+    loops: list[LoopJoint] = []
     followers: dict[str, Mimic] = {}
     others: list[str] = []
     for k in range(model.neq):
@@ -197,12 +197,13 @@ def _equalities(
             frames[0][:3, 3], frames[1][:3, 3] = data[:3], data[3:6]
         else:
             frames[0][:3, :3], frames[0][:3, 3] = _rotation(data[6:10]), data[3:6]
-        ends = [names[body] for body in ids]
-        loops.append(Loop(name, BALL if kind == CONNECT else FIXED, *ends, *frames))
+        first, second = (names[body] for body in ids)
+        of_loop = BALL if kind == CONNECT else FIXED
+        loops.append(LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
     return tuple(loops), followers, {"equalities": others}
 
 
-def _mimic(model: Any, follower: int, leader: int, coefficients: np.ndarray) -> Mimic:
+def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> Mimic:
     """Return what a joint follows: q - ref is a polynomial of the leader's q - ref."""
     start = model.qpos0[model.jnt_qposadr[follower]]
     if leader < 0:
@@ -212,7 +213,7 @@ def _mimic(model: Any, follower: int, leader: int, coefficients: np.ndarray) -> 
     return Mimic(_joint_name(model, leader), tuple(whole.coef.tolist()))
 
 
-def _actuators(model: Any) -> tuple[dict[str, Actuator], list[str]]:
+def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
     """Return the actuators of joints by name, and the names of others."""
     actuators: dict[str, Actuator] = {}
     others: list[str] = []
@@ -241,7 +242,7 @@ def _actuators(model: Any) -> tuple[dict[str, Actuator], list[str]]:
     return actuators, others
 
 
-def _of_joints(model: Any) -> Mapping[str, list[str]]:
+def _of_joints(model: Model) -> dict[str, list[str]]:
     """Return the names of joints with properties that a robot lacks."""
 
     def named(joints: Iterable[int]) -> list[str]:
@@ -259,7 +260,7 @@ def _of_joints(model: Any) -> Mapping[str, list[str]]:
     }
 
 
-def _of_the_world(model: Any, names: list[str]) -> Mapping[str, list[str]]:
+def _of_the_world(model: Model, names: list[str]) -> dict[str, list[str]]:
     compensated = [name for name, part in zip(names, model.body_gravcomp, strict=True) if part]
     has_fluid = model.opt.density or model.opt.viscosity
     return {"gravity compensation": compensated} | ({"fluid": []} if has_fluid else {})

@@ -11,6 +11,7 @@ from typing import Literal, Protocol, TypeAlias
 import jax
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._dynamics.coordinates import free_motion
 from .._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, JointedBranch, TreeBranch
@@ -19,7 +20,7 @@ from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
-from .._model.contact.friction import Dahl, FrictionLaw
+from .._model.contact.friction import ElastoPlastic, FrictionLaw
 from .._model.joints.motion_subspaces import REST, JointState, Relative
 from .._model.scene import Scene
 from .documents import FileLocation, read_bytes
@@ -45,8 +46,10 @@ Positions: TypeAlias = PyTree
 Turns: TypeAlias = tuple[Scalar, ...]
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
-FRICTION = Dahl(1.0, stiffness=1e4)
-"""Law of the dry friction of joints: it sticks, and yields by 1e-4 rad or m before it slips."""
+REST_OF_A_JOINT = JointState(0.0, (0.0,))
+FRICTION = ElastoPlastic(1.0, 1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4)
+"""Law of the dry friction of joints: they stick, without any drift at up to 0.7 of the friction,
+and yield by 1e-4 rad or m before they slip."""
 FOLLOWS = 1e-6
 """Largest distance, rad or m, of a given position of a joint that follows another from where it
 follows to."""
@@ -92,8 +95,9 @@ class Robot:
     leaders: Mapping[str, str]
     _branches: Sequence[TreeBranch]
     _start: State
-    _mimics: Mapping[str, Mimic]
+    _mimics: dict[str, Mimic]
 
+    @override
     def __repr__(self) -> str:
         return f"Robot with {len(self.scene.bodies)} bodies, joints {', '.join(self.joints)}"
 
@@ -160,19 +164,22 @@ class Robot:
         """
         variables, motions, _ = self._moved(q, qd, NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)
+        bodies = {b.joint: b.body for b in self._branches if isinstance(b, JointedBranch)}
+        slopes = {}
         for name, mimic in self._mimics.items():
-            # The rate of slope * speed: the follower's acceleration has a term of the curvature.
-            leader = variables[self._body_of(mimic.leader)]
-            _, slope, curvature = _polynomial(mimic, leader.position)
-            leader_rate = rates.get(mimic.leader, (0.0,))[0]
-            rates[name] = (slope * leader_rate + curvature * leader.speeds[0] ** 2,)
+            leader = variables[bodies[mimic.leader]] if mimic.leader else REST_OF_A_JOINT
+            assert isinstance(leader, JointState)
+            _, slopes[name], curvature = _polynomial(mimic, leader.position)
+            change = slopes[name] * rates.get(mimic.leader or "", (0.0,))[0]
+            rate = change + curvature * leader.speeds[0] ** 2
+            _require_following("qdd", rates, name, mimic, rate)
+            rates[name] = (rate,)
         loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
         torques = _carried(self._branches, variables, motions, loads)
         for name, mimic in reversed(self._mimics.items()):
             if mimic.leader is not None:
-                leader = variables[self._body_of(mimic.leader)]
                 (own,), (others,) = torques[mimic.leader], torques[name]
-                torques[mimic.leader] = (own + _polynomial(mimic, leader.position)[1] * others,)
+                torques[mimic.leader] = (own + slopes[name] * others,)
             torques[name] = (0.0,)
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
@@ -180,10 +187,6 @@ class Robot:
         """Return the numbers of hinges and sliders in the order of the file, then the others."""
         names = dict.fromkeys((*self.joints, *by_joint))
         return {name: by_joint[name] for name in names}
-
-    def _body_of(self, joint: str | None) -> str:
-        names = {b.joint: b.body for b in self._branches if isinstance(b, JointedBranch)}
-        return names[joint or ""]
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, Turns]:
         """Return the numbers of each joint: those of its position, or of its speeds."""

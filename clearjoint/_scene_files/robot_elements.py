@@ -43,7 +43,7 @@ from .robots import (
     HINGES,
     SLIDER,
     LinkTree,
-    Loop,
+    LoopJoint,
     Mimic,
     RobotJoint,
     bodies_of,
@@ -136,7 +136,7 @@ class Additions(NamedTuple):
 
 def scene_of(
     tree: LinkTree,
-    loops: tuple[Loop, ...],
+    loops: tuple[LoopJoint, ...],
     additions: Additions,
     gravity: TripleLike | None,
 ) -> tuple[Scene, State, Elements]:
@@ -155,14 +155,14 @@ def scene_of(
         location.refuse(f"no link that moves relative to {tree.root!r}", "some", remedy)
     bodies, elements = bodies_of(tree, carriers), Elements(tree)
     for name, ideal in elements.ideal.items():
-        settings, joint = play.get(name), tree.joints[name]
+        settings, at = play.get(name), location.at(name)
         # A clearance replaces the ideal joint, a backlash is added to it.
-        has_clearance = settings is not None and BACKLASH not in settings
-        elements.joints[name] = (
-            _clearance(ideal, settings, location.at(name)) if has_clearance else ideal
-        )
-        if settings is not None and not has_clearance:
-            elements.add(_backlash(joint, ideal, settings, location.at(name)), name, BACKLASH)
+        if settings is not None and BACKLASH not in settings:
+            elements.joints[name] = _clearance(ideal, settings, at)
+            continue
+        elements.joints[name] = ideal
+        if settings is not None:
+            elements.add(_backlash(tree.joints[name], ideal, settings, at), name, BACKLASH)
     _add_loops(elements, loops)
     _add_couplings(elements)
     _add_resistances(elements, additions.friction)
@@ -266,7 +266,7 @@ def _checked(
     }
 
 
-def _add_loops(elements: Elements, loops: tuple[Loop, ...]) -> None:
+def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
     tree = elements.tree
     for loop in loops:
         first, second = tree.carriers[loop.first], tree.carriers[loop.second]

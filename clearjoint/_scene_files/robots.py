@@ -123,7 +123,7 @@ class RobotJoint(NamedTuple):
     point: np.ndarray = np.zeros(3)
 
 
-class Loop(NamedTuple):
+class LoopJoint(NamedTuple):
     """A joint that closes a loop: links by name, and frames (4, 4), m, in each, which coincide.
 
     `kind`: as of a `RobotJoint`, `FIXED` or "spherical".
@@ -171,7 +171,7 @@ class Content(NamedTuple):
     links: list[RobotLink]
     joints: list[RobotJoint]
     omitted: dict[str, list[str]]
-    loops: tuple[Loop, ...] = ()
+    loops: tuple[LoopJoint, ...] = ()
     actuators: Mapping[str, Actuator] = MappingProxyType({})
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 

@@ -158,10 +158,10 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
         links[tag] = _attribute(element, "link", location.at(tag))
     limit, dynamics = joint.find("limit"), joint.find("dynamics")
     mimic = joint.find("mimic")
-    resistances = {
-        key: 0.0 if dynamics is None else _number(dynamics, key, "0", location)
-        for key in ("damping", "friction")
-    }
+    friction, damping = (
+        0.0 if dynamics is None else _number(dynamics, key, "0", location)
+        for key in ("friction", "damping")
+    )
     return RobotJoint(
         name,
         _attribute(joint, "type", location),
@@ -171,7 +171,8 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
         axis=_numbers(joint.find("axis"), "xyz", "1 0 0", 3, location),
         limits=None if limit is None else _limits(limit, location),
         mimic=None if mimic is None else _mimic(mimic, location),
-        **resistances,
+        friction=friction,
+        damping=damping,
     )
 
 

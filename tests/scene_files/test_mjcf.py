@@ -1,8 +1,5 @@
 """Robots from MJCF files: MuJoCo computes the same accelerations, of random robots too."""
 
-import math
-import sys
-
 import jax
 import numpy as np
 import pytest
@@ -40,10 +37,12 @@ def random_joint(generator: np.random.Generator, name: str) -> str:
     kind = generator.choice(["hinge", "slide"])
     axis, point = generator.uniform(-1, 1, (2, 3))
     ref, rest = generator.uniform(-1, 1, 2)
-    stiffness, damping = generator.uniform(0, 5, 2) * generator.integers(0, 2, 2)
+    resistances = generator.uniform(0, 5, 2) * generator.integers(0, 2, 2)
+    stiffness, damping = map(text, resistances)
     return (
-        f'<joint name="{name}" type="{kind}" axis="{text(axis)}" pos="{text(point)}" ref="{text(ref)}" '
-        f'springref="{text(rest)}" stiffness="{text(stiffness)}" damping="{text(damping)}"/>'
+        f'<joint name="{name}" type="{kind}" axis="{text(axis)}" pos="{text(point)}" '
+        f'ref="{text(ref)}" springref="{text(rest)}" stiffness="{stiffness}" '
+        f'damping="{damping}"/>'
     )
 
 
