@@ -153,6 +153,7 @@ def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> R
         damping=float(model.dof_damping[dof]),
         stiffness=float(model.jnt_stiffness[j]),
         rest=float(model.qpos_spring[first]),
+        armature=float(model.dof_armature[dof]),
     )
 
 
@@ -250,14 +251,12 @@ def _of_joints(model: Model) -> dict[str, list[str]]:
 
     of_dof, dofs = model.dof_jntid, range(model.nv)
     is_single = [model.jnt_type[j] >= 2 for j in of_dof]
-    resisting = model.dof_damping + model.dof_frictionloss
+    resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
     springs = [j for j in range(model.njnt) if model.jnt_type[j] < 2 and model.jnt_stiffness[j]]
     limited = [j for j in range(model.njnt) if model.jnt_type[j] < 2 and model.jnt_limited[j]]
     resisted = [of_dof[d] for d in dofs if resisting[d] and not is_single[d]]
-    return {
-        "armatures": named(of_dof[d] for d in dofs if model.dof_armature[d]),
-        "limits, damping, friction and springs": named([*limited, *resisted, *springs]),
-    }
+    title = "limits, damping, armature, friction and springs"
+    return {title: named([*limited, *resisted, *springs])}
 
 
 def _of_the_world(model: Model, names: list[str]) -> dict[str, list[str]]:

@@ -38,6 +38,7 @@ from .robots import (
     LinkTree,
     Mimic,
     Options,
+    with_rotors,
 )
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
@@ -47,7 +48,9 @@ Turns: TypeAlias = tuple[Scalar, ...]
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
-FRICTION = ElastoPlastic(1.0, 1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4)
+FRICTION = ElastoPlastic(
+    breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
+)
 """Law of the dry friction of joints: they stick, without any drift at up to 0.7 of the friction,
 and yield by 1e-4 rad or m before they slip."""
 FOLLOWS = 1e-6
@@ -184,8 +187,10 @@ class Robot:
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the numbers of hinges and sliders in the order of the file, then the others."""
-        names = dict.fromkeys((*self.joints, *by_joint))
+        """Return the numbers of hinges and sliders in the order of the file, then the others, but
+        those of rotors."""
+        others = (name for name in by_joint if name not in self._mimics)
+        names = dict.fromkeys((*self.joints, *others))
         return {name: by_joint[name] for name in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, Turns]:
@@ -464,6 +469,8 @@ def load_robot(
     - "elbow coupling": a `JointCoupling` if it follows another joint (``mimic``, ``equality``).
     - "elbow damping", or "elbow spring" with a stiffness: a `TorsionalSpring` or, for sliders, a
       `Bushing`.
+    - "elbow armature": a hinge on the ground of the body "elbow rotor", which has the armature of
+      the file, and "elbow armature coupling", by which it turns with the joint.
     - "elbow friction": a `JointFriction`, with the dry friction of the file as its load.
     - The constraints ``connect`` and ``weld`` of MJCF: a `SphericalJoint` and a `FixedJoint`.
 
@@ -509,7 +516,7 @@ def load_robot(
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
     options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    tree = LinkTree(content.links, content.joints, location, options)
+    tree = LinkTree(*with_rotors(content.links, content.joints), location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     additions = Additions(play, stops, friction)
     scene, state, elements = scene_of(tree, content.loops, additions, acceleration)
@@ -536,15 +543,17 @@ def _robot(
         parent = tree.carriers[joint.parent].body
         subspace = unpack(elements.ideal[joint.name]).motion_subspace(parent)
         branches.append(JointedBranch(carrier.body, parent, joint.name, subspace))
-    moving = [j for j in tree.joints.values() if j.name in elements.ideal]
+    moving = [j for j in content.joints if j.name in elements.ideal]
+    names = tuple(j.name for j in moving if j.kind in (*HINGES, SLIDER))
     mimics = elements.mimics()
+    followed = {name: mimic.leader for name, mimic in mimics.items() if name in names}
     return Robot(
         scene,
-        tuple(j.name for j in moving if j.kind in (*HINGES, SLIDER)),
+        names,
         {j.name: j.limits for j in moving if j.limits is not None},
-        {name: tree.frame(name) for name in tree.links},
+        {link.name: tree.frame(link.name) for link in content.links},
         dict(content.actuators),
-        {name: mimic.leader for name, mimic in mimics.items() if mimic.leader is not None},
+        {name: leader for name, leader in followed.items() if leader is not None},
         branches,
         state,
         mimics,

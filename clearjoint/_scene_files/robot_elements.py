@@ -150,7 +150,7 @@ def scene_of(
     carriers = tree.moving()
     if not carriers:
         remedy = "pass free_root=True, which makes the root a body, or correct the joints"
-        if tree.links[tree.root].inertial is None:
+        if not tree.massive(tree.carriers[tree.root]):
             remedy = "add a joint that moves"
         location.refuse(f"no link that moves relative to {tree.root!r}", "some", remedy)
     bodies, elements = bodies_of(tree, carriers), Elements(tree)

@@ -37,12 +37,12 @@ def random_joint(generator: np.random.Generator, name: str) -> str:
     kind = generator.choice(["hinge", "slide"])
     axis, point = generator.uniform(-1, 1, (2, 3))
     ref, rest = generator.uniform(-1, 1, 2)
-    resistances = generator.uniform(0, 5, 2) * generator.integers(0, 2, 2)
-    stiffness, damping = map(text, resistances)
+    resistances = generator.uniform(0, 5, 3) * generator.integers(0, 2, 3)
+    stiffness, damping, armature = map(text, resistances)
     return (
         f'<joint name="{name}" type="{kind}" axis="{text(axis)}" pos="{text(point)}" '
         f'ref="{text(ref)}" springref="{text(rest)}" stiffness="{stiffness}" '
-        f'damping="{damping}"/>'
+        f'damping="{damping}" armature="{armature}"/>'
     )
 
 
@@ -126,8 +126,10 @@ def test_mujoco_computes_the_same_accelerations(seed, read):
         assert angle == pytest.approx(q[name], abs=1e-12)
         assert loaded.speeds(state)[name] == pytest.approx(qd[name], abs=1e-12)
     accelerations = dynamics(loaded, state).accelerations
-    for name, found in accelerations.items():
-        link = loaded.links[name]
+    rotors = [name for name in accelerations if name.endswith(" rotor")]
+    assert len(rotors) == np.count_nonzero(model.dof_armature)
+    for name in accelerations.keys() - {*rotors}:
+        found, link = accelerations[name], loaded.links[name]
         assert link.body == name
         # MuJoCo's is that of the body alone; here fixed bodies are parts of the body.
         expected = np.zeros(6)
