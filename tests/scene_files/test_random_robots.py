@@ -365,6 +365,15 @@ def test_damped_joints_that_follow_others_move_as_pinocchios_equations_say(seed,
     independent = np.linalg.solve(matrix.T @ inertia @ matrix, matrix.T @ -np.array(resisted))
     expected = dict(zip(names, (matrix @ independent).tolist(), strict=True))
     close(accelerations(loaded, motion), expected, 1e-9)
+    bodies, (some, others) = (
+        cj.extend.unpack(state).bodies,
+        (system_of(loaded.scene, coordinates) for coordinates in (JOINT, cj.AbsoluteCoordinates())),
+    )
+    pair = (
+        system.dynamics(system.encode(bodies), {}, 0.0).accelerations for system in (some, others)
+    )
+    first, second = (np.array(jax.tree.leaves(part)) for part in pair)
+    assert np.abs(first - second).max() < 1e-9 * np.abs(first).max()
     # Without torques the joints move like this, so that inverse dynamics gives no torques for it.
     rates = dict(zip(free, independent.tolist(), strict=True))
     torques = loaded.torques(*given, rates)

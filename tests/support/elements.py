@@ -127,15 +127,11 @@ def gears(lossless: bool) -> dict[str, Case]:
         cj.GearBacklash(*between, 20, teeth, **mesh, phase=1e-3 - (1.0 + teeth / 20) * line)
         for teeth in (51, -51)
     )
-    leader = cj.RevoluteJoint(FIRST, SECOND, ON_FIRST, NOWHERE, AXIS, AXIS)
-    follower = cj.RevoluteJoint(FIRST, THIRD, -ON_FIRST, NOWHERE, ACROSS, ACROSS)
-    coupling = cj.JointCoupling(leader, follower, cj.Polynomial((0.1, -0.7, 0.4)))
     # The distances of the axes are a little larger than 3 mm (20 +- 51)/2.
     apart, inside = (ON_FIRST + distance * ACROSS for distance in (0.1066, 0.0466))
     return {
         "gears": geared(bevel, *on_carrier),
         "ring gear": geared(ring, *on_carrier),
-        "coupling of hinges": geared(coupling, *on_carrier),
         "backlash of gears": geared(outer, ON_FIRST, apart, AXIS, AXIS, 0.015),
         "backlash in a ring gear": geared(inner, ON_FIRST, inside, AXIS, AXIS, 0.015),
     }

@@ -27,7 +27,6 @@ from ..drives.functions_of_time import (
     FunctionOfTime,
     as_function_of_time,
     require_continuous,
-    value_at,
 )
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
@@ -388,12 +387,12 @@ class JointCoupling(AbstractConstraint):
         function = as_function_of_time(self.function)
 
         def slope(x: Scalar) -> Scalar:
-            return jax.jvp(lambda x: value_at(function, x), (x,), (jnp.ones_like(x),))[1]
+            return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
 
         x = jnp.asarray(leader.value, dtype=float)
         factor, curvature = jax.jvp(slope, (x,), (jnp.ones_like(x),))
         row = plus_multiple(follower, leader, -factor)
-        value = follower.value - value_at(function, x)
+        value = follower.value - function(x)
         if isinstance(self.follower, RevoluteJoint):
             value = wrapped(value, 2.0 * math.pi)
         bias = row.bias - curvature * rate_of(leader, motions) ** 2
