@@ -432,6 +432,7 @@ def load_robot(
     *,
     stops: Mapping[str, Play] = NOTHING,
     friction: FrictionLaw | None = FRICTION,
+    armature: bool = True,
     merge_fixed: bool = True,
     free_root: bool = False,
     balance_inertia: bool = False,
@@ -494,6 +495,8 @@ def load_robot(
       stop". Other limits have no effect on the motion (`Robot.limits` has them).
     - `friction`: law of dry friction, over the file's friction, with speeds in rad/s or m/s;
       ``None`` leaves dry friction out.
+    - `armature`: False leaves the armatures of MJCF joints out. Each adds a body and a constraint:
+      with twenty, a first answer takes three times as long.
     - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
       whose reaction can then be observed. Merged links make runs faster.
     - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
@@ -516,7 +519,10 @@ def load_robot(
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
     options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    tree = LinkTree(*with_rotors(content.links, content.joints), location, options)
+    joints = content.joints
+    if not armature:
+        joints = [joint._replace(armature=0.0) for joint in joints]
+    tree = LinkTree(*with_rotors(content.links, joints), location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     additions = Additions(play, stops, friction)
     scene, state, elements = scene_of(tree, content.loops, additions, acceleration)
