@@ -207,3 +207,29 @@ def test_equalities_accelerate_as_mujocos_jacobian_says(seed, read):
         linear = np.array(jax.tree.leaves(found[name].linear))
         scale = max(np.abs(expected).max(), 10.0)
         assert np.abs(linear - (expected[3:] + model.opt.gravity)).max() < 1e-8 * scale
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+@pytest.mark.parametrize("seed", range(5))
+def test_equalities_of_sites_are_those_of_bodies(seed, kind, read):
+    generator = np.random.default_rng(seed)
+    bodies = [
+        random_body(generator, name, f"<freejoint/><site name='on {name}' {frame(generator)}/>", "")
+        for name in ("a", "b")
+    ]
+    sites = f'<equality><{kind} name="e" site1="on a" site2="on b"/></equality>'
+    robot = file_of("".join(bodies), generator, sites)
+    model, data = model_of(robot)
+    mujoco.mj_forward(model, data)
+    loaded = read(robot)
+    joint, start = loaded.scene.joints["e"], loaded.state()
+    for body, point in (("a", joint.point_first), ("b", joint.point_second)):
+        # At the start, the axes of all bodies are the world's.
+        place = np.asarray(start.bodies[body].position) + np.asarray(point)
+        assert place == pytest.approx(data.site(f"on {body}").xpos, abs=1e-12)
+    if kind == "weld":
+        first, second = (
+            Rotation.from_matrix(data.site(f"on {body}").xmat.reshape(3, 3)) for body in "ab"
+        )
+        turn = Rotation.from_quat(np.asarray(joint.orientation), scalar_first=True)
+        assert (turn.inv() * first * second.inv()).magnitude() < 1e-9

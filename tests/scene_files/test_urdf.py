@@ -312,3 +312,4 @@ def test_a_robot_becomes_a_scene_file(robot, tmp_path):
     cj.save(scene, state, tmp_path / "arm.toml")
     read, _ = cj.load(tmp_path / "arm.toml")
     assert read.joints["elbow"].clearance == 1e-4
+    assert read.joints["slide coupling"].function.coefficients.tolist() == [0.0, 1.0]
