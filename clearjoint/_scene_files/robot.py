@@ -44,7 +44,8 @@ from .urdf import LARGEST_FILE, read_urdf, root_tag
 
 Positions: TypeAlias = PyTree
 """Numbers of joints by name, or an array (..., n) of those of all hinges and sliders."""
-Turns: TypeAlias = tuple[Scalar, ...]
+JointNumbers: TypeAlias = tuple[Scalar, ...]
+"""Numbers of a joint's position, or its speeds."""
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
@@ -113,8 +114,8 @@ class Robot:
     ) -> State:
         """Return the state of the scene's bodies for positions and speeds of the joints.
 
-        Joints with clearance are centred. Joints that close loops need not be satisfied:
-        `assemble` then corrects the state.
+        JAX may trace the numbers. Joints with clearance are centred. Joints that close loops need
+        not be satisfied: `assemble` then corrects the state.
 
         **Arguments:**
 
@@ -183,7 +184,7 @@ class Robot:
             if mimic.leader is not None:
                 (own,), (others,) = torques[mimic.leader], torques[name]
                 torques[mimic.leader] = (own + slopes[name] * others,)
-            torques[name] = (0.0,)
+            torques[name] = (0.0 * torques[name][0],)
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -193,7 +194,7 @@ class Robot:
         names = dict.fromkeys((*self.joints, *others))
         return {name: by_joint[name] for name in names}
 
-    def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, Turns]:
+    def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
         """Return the numbers of each joint: those of its position, or of its speeds."""
         if values is None:
             return {}
@@ -334,7 +335,7 @@ def _polynomial(mimic: Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def _require_following(
-    argument: str, numbers: Mapping[str, Turns], name: str, mimic: Mimic, expected: Scalar
+    argument: str, numbers: Mapping[str, JointNumbers], name: str, mimic: Mimic, expected: Scalar
 ) -> None:
     if name not in numbers or isinstance(numbers[name][0], jax.Array):
         return
@@ -355,7 +356,7 @@ def _inertial_loads(
     branches: Sequence[TreeBranch],
     variables: Mapping[str, PyTree],
     motions: Mapping[str, Motion],
-    rates: Mapping[str, Turns],
+    rates: Mapping[str, JointNumbers],
 ) -> Loads:
     """Return the loads that drives and joints exert on each body in a motion with given `rates` of
     the joints' speeds (recursive Newton-Euler algorithm, first pass)."""
@@ -402,7 +403,7 @@ def _carried(
     variables: Mapping[str, PyTree],
     motions: Mapping[str, Motion],
     loads: Loads,
-) -> dict[str, Turns]:
+) -> dict[str, JointNumbers]:
     """Return the generalised forces of joints that carry loads (second pass)."""
     loads, forces = dict(loads), {}
     for branch in reversed(branches):

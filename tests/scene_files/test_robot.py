@@ -2,6 +2,7 @@
 
 import warnings
 
+import jax
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -128,6 +129,25 @@ def test_joints_follow_and_torques_follow_too(read):
     damped = loaded.torques({"wrist": 0.0}, {"wrist": 2.0})["wrist"]
     still = loaded.torques()["wrist"]
     assert damped - still == pytest.approx(0.2)
+
+
+def test_torques_of_many_states_are_those_of_each_and_states_have_derivatives(read):
+    loaded, generator = read(), np.random.default_rng(0)
+    q, qd, qdd = (
+        dict(zip(("wrist", "left finger"), generator.uniform(-0.1, 0.1, (2, 5)), strict=True))
+        for _ in range(3)
+    )
+    found = loaded.torques(q, qd, qdd)
+    for k in range(5):
+        single = loaded.torques(*({n: v[k] for n, v in part.items()} for part in (q, qd, qdd)))
+        for name, torque in single.items():
+            assert found[name][k] == pytest.approx(float(torque), abs=1e-13)
+
+    def palm(angle):
+        return loaded.state({"wrist": angle}).bodies["palm"].position
+
+    expected = -0.3 * np.array([np.sin(0.4), 0.0, np.cos(0.4)])
+    assert jax.jacfwd(palm)(0.4) == pytest.approx(expected, abs=1e-14)
 
 
 BALLS = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="ball" type="ball"/>
