@@ -161,6 +161,7 @@ from ._model.forces import Bushing as Bushing
 from ._model.forces import SpringDamper as SpringDamper
 from ._model.forces import TorsionalSpring as TorsionalSpring
 from ._model.joints.couplings import GearJoint as GearJoint
+from ._model.joints.couplings import JointCoupling as JointCoupling
 from ._model.joints.couplings import ScrewJoint as ScrewJoint
 from ._model.joints.couplings import UniversalJoint as UniversalJoint
 from ._model.joints.ideal import CylindricalJoint as CylindricalJoint
@@ -186,10 +187,8 @@ from ._runtime import XLA_FLAGS as XLA_FLAGS
 from ._runtime import configure as configure
 from ._scene_files.files import load as load
 from ._scene_files.files import save as save
+from ._scene_files.robot import load_robot as load_robot
 from ._scene_files.schema import scene_schema as scene_schema
-from ._scene_files.urdf import load_urdf as load_urdf
-from ._scene_files.urdf import urdf_limits as urdf_limits
-from ._scene_files.urdf import urdf_links as urdf_links
 from ._simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth
 from ._simulation.reductions.joints import ArchardWear as ArchardWear
 from ._simulation.reductions.joints import DissipatedEnergy as DissipatedEnergy

@@ -45,6 +45,7 @@ THIRD_PARTY = {
     "diffrax": {"command_line", "simulation"},
     "tqdm": {"durability", "simulation", "sweeps", "identification"},
     "k3d": {"views"},
+    "mujoco": {"scene_files"},
     "matplotlib": {"command_line", "plot", "views"},
     "click": {"command_line"},
     "optax": {"identification"},

@@ -360,6 +360,10 @@ class Swing(cj.extend.AbstractRotationDriver):
         return 0.4 + 2.0 * t + 0.7 * jnp.sin(3.0 * t + 0.5)
 
 
+HINGE = cj.RevoluteJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1))
+SLIDER = cj.PrismaticJoint("b", "c", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3))
+
+
 @pytest.mark.parametrize(
     "joint",
     [
@@ -380,6 +384,8 @@ class Swing(cj.extend.AbstractRotationDriver):
         cj.PrescribedTranslation("a", "b", (0.1, 0, 0), (0, 0.2, 0), (1, 2, 3), jnp.cos),
         cj.ScrewJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1), -0.9),
         cj.UniversalJoint("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1)),
+        cj.JointCoupling(HINGE, SLIDER, cj.Polynomial((0.1, -0.7, 0.4))),
+        cj.JointCoupling(SLIDER, HINGE, jnp.cos),
     ],
 )
 def test_joints_conform(joint):

@@ -461,12 +461,16 @@ def urdf(n: Names) -> Any:
     ]
     with open("robot.urdf", "w") as file:
         file.write(f'<robot name="robot">{"".join(parts)}</robot>')
-    scene, state = cj.load_urdf("robot.urdf")
+    robot = cj.load_robot("robot.urdf")
+    positions = {n["first"]: 0.3, n["second"]: -0.2}
+    state = robot.state(positions, positions)
     return (
-        cj.parameters(scene),
+        cj.parameters(robot.scene),
         cj.parameters(state),
-        cj.urdf_limits("robot.urdf"),
-        cj.urdf_links("robot.urdf"),
+        robot.limits,
+        robot.links,
+        robot.angles(state),
+        robot.torques(positions, positions),
     )
 
 
@@ -539,7 +543,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "identify_many": (identify_many, SEARCHED),
     "largest_feasible": (largest_feasible, ROUNDING),
     "load, save": (files, ROUNDING),
-    "load_urdf, urdf_limits, urdf_links": (urdf, ROUNDING),
+    "load_robot": (urdf, ROUNDING),
     "loops": (loops, SEARCHED),
     "minimise": (minimise, ROUNDING),
     "observe": (observe, ROUNDING),

@@ -1,8 +1,8 @@
-"""Robots as trees of links and joints, whatever the format of their files, and their scenes.
+"""Robots as trees of links and joints, whatever the format of their files, and their bodies.
 
 A joint gives the frame of its child link relative to the frame of its parent link while the joint
-is at zero. Links that are fixed to each other form one body, named after the first of them, the
-carrier.
+is at zero, that is, where the file's position is zero. Links that are fixed to each other form one
+body, named after the first of them, the carrier.
 
 The frames of all bodies are parallel to the root link's frame while all joints are at zero. The
 components of a joint's axis are then the same in both bodies, and the angle of a joint, of a
@@ -15,54 +15,23 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
-from typing import NamedTuple, TypeAlias
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import PyTree
 
 from .._fields.cautions import NotCarriedOverWarning, caution
-from .._fields.checks import as_number, nearest, require_positive
-from .._fields.types import TripleLike
-from .._model.bodies import GROUND, Body, State, body_state
-from .._model.clearance_joints.backlash import Backlash
-from .._model.clearance_joints.clearance import ClearanceJoint, FixedAxially
-from .._model.joints.base import AbstractConstraint, AbstractContactJoint
-from .._model.joints.ideal import (
-    FixedJoint,
-    PlanarJoint,
-    PrismaticJoint,
-    RevoluteJoint,
-    SphericalJoint,
-)
-from .._model.scene import Scene
-from .classes import Expectation, arguments
-from .documents import FileLocation, listed
-from .reading import Reader
+from .._fields.checks import nearest
+from .._model.bodies import GROUND, Body
+from .documents import FileLocation
 
-Play: TypeAlias = Mapping[str, PyTree]
-"""Arguments of a `ClearanceJoint`, or of a `Backlash`, by name, as the user passes them."""
 HINGES = "revolute", "continuous"
 """Types of joints that rotate about one axis. Only these may have play."""
+SLIDER = "prismatic"
+BALL = "spherical"
 FLOATING = "floating"
 """Type of joints that leave the child free; the scene has no joint for them."""
 FIXED = "fixed"
-IDEAL = {
-    **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
-    "prismatic": (PrismaticJoint, 1),
-    "planar": (PlanarJoint, 2),
-    "spherical": (SphericalJoint, 0),
-    FIXED: (FixedJoint, 0),
-}
-"""Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
-TYPES = *IDEAL, FLOATING
-BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
-GIVEN_BY_THE_FILE = {
-    *("bearing_body", "bearing_point", "bearing_axis"),
-    *("journal_body", "journal_point", "journal_axis"),
-    *("first", "second", "axis_first", "axis_second", "play", "play_length"),
-}
-"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass."""
 ROUNDING = 0.5e-9
 """Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
 ZERO = 1e-14
@@ -71,7 +40,7 @@ ZERO = 1e-14
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of a joint in a URDF file. Those that the file omits are infinite.
+    """Limits of a joint in a robot's file. Those that the file omits are infinite.
 
     - `lower`, `upper`: smallest and largest position of the joint, rad or m.
     - `effort`: largest torque or force, N m or N.
@@ -121,11 +90,22 @@ class RobotLink(NamedTuple):
     inertial: Inertial | None = None
 
 
+class Mimic(NamedTuple):
+    """Position of a joint as a polynomial of that of the joint `leader`, with `coefficients`, the
+    constant first; ``None`` for a constant position."""
+
+    leader: str | None
+    coefficients: tuple[float, ...]
+
+
 class RobotJoint(NamedTuple):
     """A joint of the tree.
 
     - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
     - `axis`: (3,) in the child's axes, any length.
+    - `point`: (3,) m, of the joint in the child's frame, the origin by default.
+    - `friction`: N m or N, dry. `damping`: N m s/rad or N s/m. `stiffness`: N m/rad or N/m, of a
+      spring that is relaxed at `rest`, rad or m. `armature`: kg m^2 or kg, of the rotor of a drive.
     """
 
     name: str
@@ -135,11 +115,99 @@ class RobotJoint(NamedTuple):
     pose: np.ndarray
     axis: np.ndarray
     limits: JointLimits | None = None
+    mimic: Mimic | None = None
+    friction: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    armature: float = 0.0
+    point: np.ndarray = np.zeros(3)
+
+
+ARMATURE = "armature"
+"""End of the name of the joint of a rotor."""
+
+
+def with_rotors(
+    links: Iterable[RobotLink], joints: Iterable[RobotJoint]
+) -> tuple[list[RobotLink], list[RobotJoint]]:
+    """Return links and joints with a rotor for each armature.
+
+    An armature a adds the kinetic energy a q'^2/2 to that of the bodies, with the speed q' of the
+    joint. A rotor on the ground, with the inertia a, has this energy if it turns by q, and its
+    bearing and coupling then act on the bodies with no more than the moment -a q''. A rotor on the
+    joint's own parent would also turn with the parent.
+    """
+    links, joints = list(links), list(joints)
+    children = {joint.child for joint in joints}
+    for joint in [joint for joint in joints if joint.armature]:
+        root = next(link.name for link in links if link.name not in children)
+        rotor, name = f"{joint.name} rotor", f"{joint.name} {ARMATURE}"
+        # A cube of 1000 kg/m^3: its mass has no effect.
+        mass = (1000.0 * (6.0 * joint.armature) ** 1.5) ** 0.4
+        links.append(RobotLink(rotor, Inertial(mass, np.zeros(3), np.eye(3) * joint.armature)))
+        kind, mimic, axis = HINGES[1], Mimic(joint.name, (0.0, 1.0)), np.array([0.0, 0.0, 1.0])
+        joints.append(RobotJoint(name, kind, root, rotor, np.eye(4), axis, mimic=mimic))
+        children.add(rotor)
+    return links, joints
+
+
+class LoopJoint(NamedTuple):
+    """A joint that closes a loop: links by name, and frames (4, 4), m, in each, which coincide.
+
+    `kind`: as of a `RobotJoint`, `FIXED` or "spherical".
+    """
+
+    name: str
+    kind: str
+    first: str
+    second: str
+    in_first: np.ndarray
+    in_second: np.ndarray
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An actuator of a robot's file, for a `Motor` or `DriveTorque` of your own.
+
+    With the control u, the joint's position q and its rate q', the moment (N m) or force (N) on the
+    joint is gear (gain u + bias[0] + bias[1] gear q + bias[2] gear q').
+
+    - `joint`: name of the joint.
+    - `gear`: ratio of the actuator's motion to the joint's.
+    - `gain`, `bias`: coefficients of the force, (3,) for the bias.
+    - `control`: smallest and largest control.
+    - `force`: smallest and largest force of the actuator.
+
+    >>> servo = cj.results.Actuator("elbow", gain=50.0, bias=(0.0, -50.0, -2.0))
+    >>> servo.gear
+    1.0
+    """
+
+    joint: str
+    gear: float = 1.0
+    gain: float = 1.0
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    control: tuple[float, float] = (-math.inf, math.inf)
+    force: tuple[float, float] = (-math.inf, math.inf)
+
+
+class Content(NamedTuple):
+    """Content of a robot's file: links and joints in its order, and the names of those with an
+    element that a scene lacks, by the element's title in messages; no names for elements of the
+    robot itself."""
+
+    links: list[RobotLink]
+    joints: list[RobotJoint]
+    omitted: dict[str, list[str]]
+    loops: tuple[LoopJoint, ...] = ()
+    actuators: Mapping[str, Actuator] = MappingProxyType({})
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the user for the bodies of a robot, see `load_urdf`."""
+    """Choices of the user for the bodies of a robot, see `load_robot`."""
 
     merge_fixed: bool = True
     free_root: bool = False
@@ -162,7 +230,7 @@ class Carrier:
     centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
-class Robot:
+class LinkTree:
     """A tree of links, with the body to which each link belongs.
 
     - `root`: the only link that is no joint's child.
@@ -250,7 +318,7 @@ class Robot:
         """Return the centre of mass of a carrier in the frame of its first link; without mass that
         of its first link that has an <inertial>, or the origin."""
         inertials = self.massive(carrier)
-        centres = [_moved(self.poses[name], part.centre) for name, part in inertials.items()]
+        centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])
         if not centres:
             return np.zeros(3)
@@ -261,65 +329,30 @@ class Robot:
     def frame(self, link: str) -> LinkPose:
         """Return the place of a link's frame in its body."""
         carrier, pose = self.carriers[link], self.poses[link]
-        rotation = _rounded(carrier.pose[:3, :3] @ pose[:3, :3])
+        rotation = rounded(carrier.pose[:3, :3] @ pose[:3, :3])
         point = self.in_body(carrier, pose[:3, 3])
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
         """Convert a point, (3,) m, from the frame of the carrier's first link to body axes, whose
         origin is the centre of mass."""
-        x, y, z = _rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
+        x, y, z = rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 
 
-def scene_of(
-    robot: Robot, play: Mapping[str, Play], gravity: TripleLike | None
-) -> tuple[Scene, State]:
-    """Return the scene of a robot, and its state at rest with all joints at zero."""
-    location = robot.location
-    hinges = [joint.name for joint in robot.joints.values() if joint.kind in HINGES]
-    play = {name: _checked(name, settings, hinges, location) for name, settings in play.items()}
-    carriers = robot.moving()
-    if not carriers:
-        remedy = "pass free_root=True, which makes the root a body, or correct the joints"
-        location.refuse(f"no link that moves relative to {robot.root!r}", "some", remedy)
-    bodies = _bodies(robot, carriers)
-    joints = {}
-    for joint in robot.joints.values():
-        settings = play.get(joint.name)
-        # A clearance replaces the ideal joint, a backlash is added to it.
-        has_backlash = settings is not None and BACKLASH in settings
-        scene_joint = _joint(joint, robot, None if has_backlash else settings)
-        if scene_joint is not None:  # floating joints and joints within a body have none
-            joints[joint.name] = scene_joint
-        # Only hinges pass `_checked`, and without a clearance they are always revolute joints.
-        if settings is not None and has_backlash and isinstance(scene_joint, RevoluteJoint):
-            name, at = f"{joint.name} {BACKLASH}", location.at(joint.name)
-            if name in robot.joints:
-                expected = f"no joint {name!r}, which is the name of the backlash"
-                at.refuse(name, expected, "rename that joint")
-            joints[name] = _backlash(joint, scene_joint, settings, at)
-    state = {
-        carrier.body: body_state(tuple(_moved(carrier.pose, carrier.centre)))
-        for carrier in carriers
-    }
-    with location.in_errors():
-        return Scene(bodies, joints, gravity=gravity), State(state)
-
-
-def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
-    options, bodies = robot.options, {}
+def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
+    options, bodies = tree.options, {}
     balanced: list[str] = []
     bounded: list[str] = []
     for carrier in carriers:
-        location = robot.location.at(carrier.links[0])
-        inertials = robot.massive(carrier)
+        location = tree.location.at(carrier.links[0])
+        inertials = tree.massive(carrier)
         if options.balance_inertia:
             possible = {name: _balanced(part) for name, part in inertials.items()}
             balanced += [name for name, part in possible.items() if part is not inertials[name]]
             inertials = possible
         mass = sum(part.mass for part in inertials.values())
-        tensor = _tensor(robot, carrier, inertials)
+        tensor = _tensor(tree, carrier, inertials)
         if mass < options.bound_mass or np.linalg.eigvalsh(tensor)[0] < options.bound_inertia:
             bounded.append(carrier.body)
             mass = max(mass, options.bound_mass)
@@ -330,8 +363,8 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
                 "and bound_inertia=1e-6, least values for bodies in kg and kg m^2"
             )
             location.refuse("no mass", "the mass of a moving link", remedy)
-        _require_possible(tensor, carrier, inertials, robot.location)
-        rotation = _rounded(carrier.pose[:3, :3])
+        _require_possible(tensor, carrier, inertials, tree.location)
+        rotation = rounded(carrier.pose[:3, :3])
         tensor = rotation @ tensor @ rotation.T
         # Three moments make a smaller program than a tensor. Rounding makes a rotated tensor
         # slightly unsymmetric, and that of a ball not quite diagonal.
@@ -346,20 +379,20 @@ def _bodies(robot: Robot, carriers: Iterable[Carrier]) -> dict[str, Body]:
     }
     replaced = [f"{title} {', '.join(names)}" for title, names in changes.items() if names]
     if replaced:
-        caution(f"{robot.location}: {'; '.join(replaced)}.", NotCarriedOverWarning)
+        caution(f"{tree.location}: {'; '.join(replaced)}.", NotCarriedOverWarning)
     return bodies
 
 
-def _tensor(robot: Robot, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
+def _tensor(tree: LinkTree, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
     """Return the inertia of a carrier about its centre of mass, in the axes of its first link, by
     the parallel-axis theorem."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
             remedy = "give the moments of inertia in kg m^2"
-            robot.location.at(name).refuse(None, "an <inertia>", remedy)
-        rotation = robot.poses[name][:3, :3]
-        x, y, z = _moved(robot.poses[name], inertial.centre) - carrier.centre
+            tree.location.at(name).refuse(None, "an <inertia>", remedy)
+        rotation = tree.poses[name][:3, :3]
+        x, y, z = moved(tree.poses[name], inertial.centre) - carrier.centre
         across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         total += rotation @ inertial.tensor @ rotation.T + inertial.mass * across @ across.T
     return total
@@ -410,87 +443,11 @@ def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
     return {element.name: element for element in elements}
 
 
-def _checked(name: str, settings: Play, hinges: list[str], location: FileLocation) -> Play:
-    if name not in hinges:
-        remedy = nearest(name, hinges, "leave it out")
-        location.refuse(name, f"play in one of the hinges {listed(hinges)}", remedy)
-    if not isinstance(settings, Mapping):
-        remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
-        location.at(name).refuse(settings, "arguments by name", remedy)
-    kind = Backlash if BACKLASH in settings else ClearanceJoint
-    expected = arguments(kind)
-    allowed = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
-    if kind is Backlash:
-        allowed[BACKLASH] = expected["play"]
-    for argument in settings:
-        if argument not in allowed:
-            # The message lists the backlash too, because it may have been meant.
-            allowed |= {BACKLASH: Expectation()}
-            remedy = nearest(argument, allowed, "leave it out")
-            location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
-    # Only texts are converted here. The constructors check all other values.
-    reader, at = Reader(()), location.at(name)
-    return {
-        key: reader.value(value, allowed[key], at.at(key)) if isinstance(value, str) else value
-        for key, value in settings.items()
-    }
+def moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
+    return rounded(pose[:3, :3]) @ point + pose[:3, 3]
 
 
-def _backlash(
-    joint: RobotJoint, hinge: RevoluteJoint, settings: Play, location: FileLocation
-) -> Backlash:
-    options = {key: value for key, value in settings.items() if key != BACKLASH}
-    axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
-    if "law" not in options and "torsional_stiffness" not in options:
-        effort = math.inf if joint.limits is None else joint.limits.effort
-        if not 0.0 < effort < math.inf:
-            needed = "a `torsional_stiffness`, since the joint has no effort limit"
-            location.refuse(None, needed, "give it in N m/rad")
-        with location.in_errors():  # before the division by the angle
-            angle = as_number(settings[BACKLASH], BACKLASH, "rad")
-            require_positive(BACKLASH, angle, "give an angle in rad")
-        # The limit turns the joint past the end of the play by a tenth of it: the elastic
-        # deflection of the surfaces in contact (flanks) is small compared with the play.
-        options["torsional_stiffness"] = effort / (0.1 * float(angle))
-    with location.in_errors():
-        return Backlash(hinge.first, hinge.second, play=settings[BACKLASH], **axes, **options)
-
-
-def _joint(
-    joint: RobotJoint, robot: Robot, play: Play | None
-) -> AbstractConstraint | AbstractContactJoint | None:
-    parent, child = robot.carriers[joint.parent], robot.carriers[joint.child]
-    location = robot.location.at(joint.name)
-    if joint.kind not in TYPES:
-        kinds = f"one of the types {listed(TYPES)}"
-        location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
-    if parent is child or joint.kind == FLOATING:
-        return None
-    # The frame of the joint is that of the child link, which begins its carrier.
-    in_parent = robot.poses[joint.parent] @ joint.pose
-    points = robot.in_body(parent, in_parent[:3, 3]), robot.in_body(child, np.zeros(3))
-    bodies = parent.body, child.body
-    # All bodies are parallel at zero, so that the axis has the same components in both.
-    axis = _rounded(_rounded(child.pose[:3, :3]) @ joint.axis)
-    with location.in_errors():
-        if play is not None:
-            return ClearanceJoint(
-                *bodies,
-                bearing_point=points[0],
-                journal_point=points[1],
-                bearing_axis=axis,
-                journal_axis=axis,
-                **{"axial": FixedAxially(), **play},
-            )
-        make, axes = IDEAL[joint.kind]
-        return make(*bodies, *points, *[axis] * axes)
-
-
-def _moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
-    return _rounded(pose[:3, :3]) @ point + pose[:3, 3]
-
-
-def _rounded(numbers: np.ndarray) -> np.ndarray:
+def rounded(numbers: np.ndarray) -> np.ndarray:
     """Restore the exact zeros of a quarter turn, which make the compiled program smaller."""
     return np.round(numbers, 15) + 0.0  # no negative zeros
 

@@ -1,45 +1,24 @@
-"""Load robots from URDF files, with play in given joints.
-
-This module parses the XML; `robots` makes the scene. Every message names the file and the element.
-"""
+"""Parse the XML of URDF files. Every message names the file and the element."""
 
 import math
-from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from types import MappingProxyType
-from typing import NamedTuple
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 import numpy as np
 
-from .._fields.cautions import NotCarriedOverWarning, caution
-from .._fields.checks import require_positive
-from .._fields.types import TripleLike
-from .._model.bodies import GROUND, State
-from .._model.scene import Scene
 from .documents import FileLocation, read_bytes
-from .files import FilePath
-from .robots import (
-    Inertial,
-    JointLimits,
-    LinkPose,
-    Options,
-    Play,
-    Robot,
-    RobotJoint,
-    RobotLink,
-    scene_of,
-)
+from .robots import Content, Inertial, JointLimits, Mimic, RobotJoint, RobotLink
 
 LARGEST_FILE = 50_000_000
 """Size in bytes above which files are refused, since parsed they are far larger."""
-READ = {"link": {"inertial"}, "joint": {"origin", "parent", "child", "axis"}}
-"""Tags of the elements of links and of joints that a scene carries over."""
+READ = {
+    "link": {"inertial"},
+    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
+}
+"""Tags of the elements of links and of joints that a robot carries over."""
 TITLES = {
-    "limit": "limits",
-    "dynamics": "damping and friction",
-    "mimic": "mimics",
     "calibration": "calibrations",
     "safety_controller": "safety controllers",
     "visual": "visual shapes",
@@ -49,145 +28,8 @@ TITLES = {
 XACRO = "if the file is a xacro file, expand it with `xacro FILE > robot.urdf` and load that"
 
 
-def urdf_limits(path: FilePath) -> dict[str, JointLimits]:
-    """Return the limits of those joints of a URDF file that have any, by name.
-
-    A scene has no joint limits. Use them for the torque of a `Motor`, or to check a computed
-    motion.
-
-    ```python
-    import clearjoint as cj
-
-    limits = cj.urdf_limits("arm.urdf")
-    print(limits["elbow"].effort, limits["elbow"].velocity)  # N m, rad/s
-    ```
-
-    **Raises:** `ValueError` and `OSError` as `load_urdf`.
-    """
-    joints = _parsed(Path(path)).joints
-    return {joint.name: joint.limits for joint in joints if joint.limits is not None}
-
-
-def urdf_links(
-    path: FilePath, *, merge_fixed: bool = True, free_root: bool = False
-) -> dict[str, LinkPose]:
-    """Return where the frames of the links of a URDF file are in the scene of `load_urdf`, by name.
-
-    Use it for points of links that are parts of other bodies, such as a tool or a sensor.
-
-    ```python
-    import clearjoint as cj
-
-    tool = cj.urdf_links("arm.urdf")["hand"]
-    print(tool.body, tool.point, tool.orientation)
-    ```
-
-    **Arguments:**, **Raises:** see `load_urdf`.
-    """
-    content, location = _parsed(Path(path)), FileLocation(str(path))
-    options = Options(merge_fixed=merge_fixed, free_root=free_root)
-    robot = Robot(content.links, content.joints, location, options)
-    return {name: robot.frame(name) for name in robot.links}
-
-
-def load_urdf(
-    path: FilePath,
-    play: Mapping[str, Play] = MappingProxyType({}),
-    gravity: TripleLike | None = (0.0, 0.0, -9.81),
-    *,
-    merge_fixed: bool = True,
-    free_root: bool = False,
-    balance_inertia: bool = False,
-    bound_mass: float = 0.0,
-    bound_inertia: float = 0.0,
-) -> tuple[Scene, State]:
-    """Read a robot from a URDF file, with play in some of its joints. Return the scene, and its
-    state at rest with all joints at zero.
-
-    ```python
-    import clearjoint as cj
-
-    elbow = {
-        "bearing_radius": 10e-3,
-        "clearance": 0.05e-3,
-        "journal_length": 20e-3,
-        "law": cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
-    }
-    wrist = {"backlash": "0.1 deg", "torsional_stiffness": "2e4 N m/rad"}
-    scene, state = cj.load_urdf("arm.urdf", play={"elbow": elbow, "wrist": wrist})
-    ```
-
-    The root link is the ground. Links that move relative to their parents become bodies; links that
-    are fixed to their parents are parts of them (`urdf_links` tells where). Joints keep their
-    names; the child of a floating joint is free. A moving link named "ground" is the body "ground
-    link".
-
-    The frames of all bodies are parallel to the root's frame while all joints are at zero, so that
-    a joint's angle (`quantities.JointAngle`), the middle of a backlash, and the angle of a drive
-    about the joint's axis are those of the file. The axis of a joint has the same components in
-    both bodies: ``scene.joints["wrist"].axis_first`` is the axis of a drive.
-
-    **Arguments:**
-
-    - `play`: a dictionary of arguments for each revolute or continuous joint with play, by the
-      joint's name. Numbers may be texts with units. There are two kinds:
-        - Arguments of a `ClearanceJoint`, which replaces the joint. Bodies, points and axes are
-          those of the file: the parent has the bearing, the child the journal. `axial` is
-          `FixedAxially()` by default.
-        - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
-          scene with a name such as "elbow backlash"; the joint stays. By default its
-          `torsional_stiffness` is such that the joint's effort limit in the file deflects the
-          surfaces in contact (flanks) by a tenth of the backlash.
-    - `gravity`: (3,) m/s^2, or ``None``.
-    - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
-      whose reaction can then be observed. Merged links make runs faster.
-    - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
-    - `balance_inertia`: True replaces the principal moments of a link by their mean if no rigid
-      body can have them, as MuJoCo's compiler does with `balanceinertia`.
-    - `bound_mass`, `bound_inertia`: least mass, kg, and least principal moment of inertia, kg m^2,
-      of a body, as for MuJoCo's compiler. Smaller ones are increased, also those of moving links
-      without mass.
-
-    **Raises:** `ValueError`, with the file and the element, for a file of more than 50 MB or that
-    can't be read, a robot that a scene can't represent, and invalid `play`. `OSError` for a file
-    that does not exist.
-
-    **Warns:** `NotCarriedOverWarning` lists the contents of the file that the scene lacks: limits
-    (see `urdf_limits`), damping and friction, mimics, shapes and others; and the links and bodies
-    whose masses and inertias were replaced.
-    """
-    for name, bound in (("bound_mass", bound_mass), ("bound_inertia", bound_inertia)):
-        require_positive(name, bound, "give zero for no bound", zero=True)
-    content, location = _parsed(Path(path)), FileLocation(str(path))
-    options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    robot = Robot(content.links, content.joints, location, options)
-    made = scene_of(robot, play, gravity)
-    omitted = _not_carried_over(robot, content.omitted)
-    if omitted:
-        caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)
-    return made
-
-
-def _not_carried_over(robot: Robot, omitted: Mapping[str, list[str]]) -> str:
-    grounded = [name for name, carrier in robot.carriers.items() if carrier.body == GROUND]
-    inertials = {name: robot.links[name].inertial for name in grounded}
-    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
-    listed_parts = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
-    named = [f"{title} of {', '.join(names)}" for title, names in listed_parts.items() if names]
-    return "; ".join([*named, *sorted(title for title, names in listed_parts.items() if not names)])
-
-
-class Content(NamedTuple):
-    """Content of a URDF file: links and joints in its order, and the names of those with an element
-    that a scene lacks, by the element's title in messages; no names for elements of the robot
-    itself."""
-
-    links: list[RobotLink]
-    joints: list[RobotJoint]
-    omitted: dict[str, list[str]]
-
-
-def _parsed(path: Path) -> Content:
+def read_urdf(path: Path) -> Content:
+    """Return the content of a URDF file."""
     location = FileLocation(str(path))
     robot = _root(read_bytes(path, LARGEST_FILE), location)
     links: list[RobotLink] = []
@@ -212,6 +54,15 @@ def _parsed(path: Path) -> Content:
     if not links:
         location.refuse("no <link>", "links and joints in <robot>", f"add them, or {XACRO}")
     return Content(links, joints, omitted)
+
+
+def root_tag(content: bytes) -> str:
+    """Return the tag of the first element of an XML text, nothing if there is none."""
+    parser, tags = expat.ParserCreate(), [""]
+    parser.StartElementHandler = lambda tag, _: tags.append(tag)
+    with suppress(expat.ExpatError):
+        parser.Parse(content.strip(b"\0\t\n\r "), True)
+    return tags[min(len(tags), 2) - 1]
 
 
 def _root(content: bytes, location: FileLocation) -> Element:
@@ -305,7 +156,12 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
         if element is None:
             location.refuse(None, f'an element <{tag} link="...">', "add it")
         links[tag] = _attribute(element, "link", location.at(tag))
-    limit = joint.find("limit")
+    limit, dynamics = joint.find("limit"), joint.find("dynamics")
+    mimic = joint.find("mimic")
+    friction, damping = (
+        0.0 if dynamics is None else _number(dynamics, key, "0", location)
+        for key in ("friction", "damping")
+    )
     return RobotJoint(
         name,
         _attribute(joint, "type", location),
@@ -314,9 +170,21 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
         pose=_pose(joint.find("origin"), location),
         axis=_numbers(joint.find("axis"), "xyz", "1 0 0", 3, location),
         limits=None if limit is None else _limits(limit, location),
+        mimic=None if mimic is None else _mimic(mimic, location),
+        friction=friction,
+        damping=damping,
     )
 
 
 def _limits(limit: Element, location: FileLocation) -> JointLimits:
     names = [name for name in ("lower", "upper", "effort", "velocity") if name in limit.attrib]
     return JointLimits(**{name: _number(limit, name, None, location) for name in names})
+
+
+def _mimic(mimic: Element, location: FileLocation) -> Mimic:
+    leader = _attribute(mimic, "joint", location.at("mimic"))
+    offset, ratio = (
+        _number(mimic, name, default, location)
+        for name, default in (("offset", "0"), ("multiplier", "1"))
+    )
+    return Mimic(leader, (offset, ratio))

@@ -157,7 +157,8 @@ def humanoid(joints: int) -> Mechanism:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "humanoid.urdf"
         file.write_text(humanoid_urdf(joints), encoding="utf-8")
-        return cj.load_urdf(file, gravity=GRAVITY)
+        robot = cj.load_robot(file, gravity=GRAVITY)
+        return robot.scene, robot.state()
 
 
 # Closed loops.

@@ -5,6 +5,7 @@ NumPy evaluates the equations of motion, so that nothing is compiled.
 """
 
 import math
+import operator
 from collections.abc import Mapping
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -100,27 +101,23 @@ def read(tmp_path):
     def read(robot: str, **options):
         path = tmp_path / "robot.urdf"
         path.write_text(robot)
-        return *cj.load_urdf(path, **options), path
+        return cj.load_robot(path, **options)
 
     return read
 
 
-def moved(scene: cj.Scene, state: cj.State, motion: Motion):
+def moved(robot: cj.results.Robot, motion: Motion, scene: cj.Scene | None = None):
     """The equations of motion, and the variables of a motion."""
-    system = system_of(scene, JOINT)
-    in_scalars = cj.extend.unpack(jax.tree.map(np.asarray, state))
-    variables = dict(system.encode(in_scalars.bodies))
-    for name, position in motion.positions.items():
-        body = getattr(scene.joints[name], "second", None)
-        variables[body] = cj.extend.JointState(position, (motion.speeds[name],))
-    return system, variables
+    system = system_of(scene or robot.scene, JOINT)
+    state = robot.state(motion.positions, motion.speeds)
+    return system, dict(system.encode(cj.extend.unpack(state).bodies))
 
 
-def accelerations(scene: cj.Scene, state: cj.State, motion: Motion) -> dict[str, float]:
+def accelerations(robot: cj.results.Robot, motion: Motion) -> dict[str, float]:
     """Second time derivatives of the joints' positions, by name."""
-    system, variables = moved(scene, state, motion)
-    rates = system.dynamics(variables, {}, 0.0).variable_rates
-    return {name: float(rates[scene.joints[name].second].speeds[0]) for name in motion.positions}
+    system, variables = moved(robot, motion)
+    rates, joints = system.dynamics(variables, {}, 0.0).variable_rates, robot.scene.joints
+    return {name: float(rates[joints[name].second].speeds[0]) for name in robot.joints}
 
 
 def close(found: Mapping[str, float], expected: Mapping[str, float], tolerance: float) -> None:
@@ -162,10 +159,10 @@ def poses(robot: str, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
 def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, read):
     robot = random_robot(seed)
     motion = random_motion(robot, seed)
-    scene, state, path = read(robot, merge_fixed=merge_fixed)
-    system, variables = moved(scene, state, motion)
+    loaded = read(robot, merge_fixed=merge_fixed)
+    system, variables = moved(loaded, motion)
     bodies = JOINT.decode(system.scene, variables)
-    frames = cj.urdf_links(path, merge_fixed=merge_fixed)
+    frames = loaded.links
     assert frames.keys() == poses(robot, {}).keys()
     for name, expected in poses(robot, motion.positions).items():
         frame = frames[name]
@@ -185,10 +182,10 @@ def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, rea
 def test_merged_links_move_as_fixed_ones(seed, read):
     robot = random_robot(seed)
     motion = random_motion(robot, seed)
-    merged, unmerged = (read(robot, merge_fixed=merge)[:2] for merge in (True, False))
-    assert len(merged[0].bodies) <= len(unmerged[0].bodies)
-    assert not any(isinstance(joint, cj.FixedJoint) for joint in merged[0].joints.values())
-    close(accelerations(*merged, motion), accelerations(*unmerged, motion), 1e-11)
+    merged, unmerged = (read(robot, merge_fixed=merge) for merge in (True, False))
+    assert len(merged.scene.bodies) <= len(unmerged.scene.bodies)
+    assert not any(isinstance(joint, cj.FixedJoint) for joint in merged.scene.joints.values())
+    close(accelerations(merged, motion), accelerations(unmerged, motion), 1e-11)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -203,13 +200,12 @@ def test_mujoco_computes_the_same_accelerations(seed, read):
         data.joint(name).qpos, data.joint(name).qvel = position, motion.speeds[name]
     mujoco.mj_forward(model, data)
     expected = {name: float(data.joint(name).qacc[0]) for name in motion.positions}
-    scene, state, _ = read(robot)
-    close(accelerations(scene, state, motion), expected, 1e-9)
+    close(accelerations(read(robot), motion), expected, 1e-9)
 
 
-def angles(scene: cj.Scene, state: cj.State, motion: Motion) -> dict[str, float]:
+def angles(robot: cj.results.Robot, scene: cj.Scene, motion: Motion) -> dict[str, float]:
     """Angles of all elements that have one (`quantities.JointAngle`), by name."""
-    system, variables = moved(scene, state, motion)
+    system, variables = moved(robot, motion, scene)
     now = cj.extend.Instant(system, 0.0, variables, entry_speeds={}, work={})
     names = [name for name, one in scene.joints.items() if hasattr(one, "relative_angle")]
     return {name: float(cj.quantities.JointAngle(name)(now)) for name in names}
@@ -220,7 +216,8 @@ def test_angles_of_hinges_backlash_and_drives_are_those_of_the_file(seed, read):
     robot = random_robot(seed, kinds=("revolute", "continuous"))
     motion = random_motion(robot, seed)
     play = {name: {"backlash": 1e-3, "torsional_stiffness": 1e4} for name in motion.positions}
-    scene, state, _ = read(robot, play=play)
+    loaded = read(robot, play=play)
+    scene = loaded.scene
     hinges = {name: scene.joints[name] for name in motion.positions}
     drives = {
         f"{name} drive": cj.PrescribedRotation(hinge.first, hinge.second, hinge.axis_first, 1.0)
@@ -228,7 +225,7 @@ def test_angles_of_hinges_backlash_and_drives_are_those_of_the_file(seed, read):
     }
     driven = cj.Scene(scene.bodies, scene.joints | drives)
     for positions in (motion.positions, dict.fromkeys(motion.positions, 0.0)):
-        found = angles(driven, state, Motion(positions, motion.speeds))
+        found = angles(loaded, driven, Motion(positions, motion.speeds))
         assert len(found) == 3 * len(hinges)
         for name, angle in found.items():
             expected = positions[name.removesuffix(" drive").removesuffix(" backlash")]
@@ -247,9 +244,9 @@ def test_robots_without_gravity_stay_at_rest_in_their_play(seed, read):
     }
     backlash = {"backlash": 1e-3, "torsional_stiffness": 1e4}
     for play in (backlash, clearance):
-        scene, state, _ = read(robot, play=dict.fromkeys(names, play), gravity=None)
-        system, variables = moved(scene, state, Motion({}, {}))
-        speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in scene.laws().items()}
+        loaded = read(robot, play=dict.fromkeys(names, play), gravity=None)
+        system, variables = moved(loaded, Motion({}, {}))
+        speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in loaded.scene.laws().items()}
         found = system.dynamics(variables, speeds, 0.0).accelerations
         assert np.abs(jax.tree.leaves(found)).max() < 1e-9
 
@@ -263,7 +260,140 @@ def test_backlash_at_a_turned_origin_stays_at_rest(read):
         '<origin rpy="0 0 0.3"/><axis xyz="0 0 1"/><limit effort="10" velocity="1"/>'
         "</joint></robot>"
     )
-    scene, state, _ = read(robot, play={"j1": {"backlash": "1 deg"}})
-    assert angles(scene, state, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
-    end = cj.simulate(scene, state, 0.05, progress=False).final
+    loaded = read(robot, play={"j1": {"backlash": "1 deg"}})
+    assert angles(loaded, loaded.scene, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
+    end = cj.simulate(loaded.scene, loaded.state(), 0.05, progress=False).final
     assert np.abs(end.bodies["arm"].spin).max() < 1e-12  # was 8.7 rad/s
+
+
+def resisting(robot: str, seed: int, mimics: int = 0) -> str:
+    """The robot with damping, and with some joints that follow others."""
+    generator = np.random.default_rng(seed + 2)
+    root = ElementTree.fromstring(robot)
+    joints = [joint for joint in root.findall("joint") if joint.attrib["type"] != "fixed"]
+    for joint in joints:
+        ElementTree.SubElement(joint, "dynamics", damping=repr(generator.uniform(0.1, 2.0)))
+    chosen = generator.permutation(len(joints))
+    for k in range(min(mimics, len(joints) - 1)):
+        offset, ratio = generator.uniform(-0.3, 0.3), generator.uniform(-1.5, 1.5)
+        attributes = {"multiplier": repr(ratio), "offset": repr(offset)}
+        leader = joints[chosen[k + 1]].attrib["name"]  # which may follow another one
+        ElementTree.SubElement(joints[chosen[k]], "mimic", joint=leader, **attributes)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+class Reference(NamedTuple):
+    """Pinocchio's model of a robot, at a motion."""
+
+    inertia: dict[tuple[str, str], float]
+    torques: dict[str, float]
+    accelerations: dict[str, float]
+
+
+def pinocchio_of(robot: str, motion: Motion, rates: Mapping[str, float]) -> Reference:
+    """Mass matrix, torques for given accelerations, accelerations without torques, by joint; all
+    without damping, and as if no joint followed another."""
+    pinocchio = pytest.importorskip("pinocchio")
+    model = pinocchio.buildModelFromXML(robot)
+    data, q = model.createData(), pinocchio.neutral(model)
+    v, a = np.zeros(model.nv), np.zeros(model.nv)
+    at = {name: model.joints[model.getJointId(name)] for name in motion.positions}
+    for name, joint in at.items():
+        x = motion.positions[name]
+        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [np.cos(x), np.sin(x)]
+        v[joint.idx_v], a[joint.idx_v] = motion.speeds[name], rates.get(name, 0.0)
+    matrix = pinocchio.crba(model, data, q)
+    matrix = np.triu(matrix) + np.triu(matrix, 1).T
+    torques = pinocchio.rnea(model, data, q, v, a)
+    free = pinocchio.aba(model, data, q, v, np.zeros(model.nv))
+    indices = {name: joint.idx_v for name, joint in at.items()}
+    return Reference(
+        {(a, b): matrix[indices[a], indices[b]] for a in at for b in at},
+        {name: torques[k] for name, k in indices.items()},
+        {name: free[k] for name, k in indices.items()},
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_pinocchio_computes_the_same_accelerations_and_torques(seed, read):
+    robot = random_robot(seed)
+    motion = random_motion(robot, seed)
+    rates = random_motion(robot, seed + 50).positions
+    expected, loaded = pinocchio_of(robot, motion, rates), read(robot)
+    close(accelerations(loaded, motion), expected.accelerations, 1e-9)
+    torques = loaded.torques(motion.positions, motion.speeds, rates)
+    close({name: float(torque) for name, torque in torques.items()}, expected.torques, 1e-9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_damped_joints_that_follow_others_move_as_pinocchios_equations_say(seed, read):
+    """With q = S z + offset of the independent joints z: S^T M S z'' = S^T (torques)."""
+    robot = resisting(random_robot(seed), seed, mimics=2)
+    loaded = read(robot)
+    joints = {j.attrib["name"]: j for j in ElementTree.fromstring(robot).findall("joint")}
+    names = [*loaded.joints]
+    leaders = {
+        n: joints[n].find("mimic").attrib for n in names if joints[n].find("mimic") is not None
+    }
+    assert {name: mimic["joint"] for name, mimic in leaders.items()} == loaded.leaders
+    assert leaders or len(names) == 1
+    free = [name for name in names if name not in leaders]
+    given = random_motion(robot, seed)
+    given = Motion(*({name: 0.2 * part[name] for name in free} for part in given))
+    state = loaded.state(*given)
+    motion = Motion(
+        *({n: float(x) for n, x in part(state).items()} for part in (loaded.angles, loaded.speeds))
+    )
+
+    def slope(name: str, of: str) -> float:
+        if name not in leaders:
+            return float(name == of)
+        return float(leaders[name]["multiplier"]) * slope(leaders[name]["joint"], of)
+
+    matrix = np.array([[slope(name, of) for of in free] for name in names])
+    for name, mimic in leaders.items():
+        expected = (
+            float(mimic["offset"]) + float(mimic["multiplier"]) * motion.positions[mimic["joint"]]
+        )
+        assert motion.positions[name] == pytest.approx(expected, abs=1e-12)
+    reference = pinocchio_of(robot, motion, {})
+    inertia = np.array([[reference.inertia[a, b] for b in names] for a in names])
+    damping = [float(joints[n].find("dynamics").attrib["damping"]) for n in names]
+    resisted = [
+        reference.torques[n] + d * motion.speeds[n] for n, d in zip(names, damping, strict=True)
+    ]
+    independent = np.linalg.solve(matrix.T @ inertia @ matrix, matrix.T @ -np.array(resisted))
+    expected = dict(zip(names, (matrix @ independent).tolist(), strict=True))
+    close(accelerations(loaded, motion), expected, 1e-9)
+    bodies, (some, others) = (
+        cj.extend.unpack(state).bodies,
+        (system_of(loaded.scene, coordinates) for coordinates in (JOINT, cj.AbsoluteCoordinates())),
+    )
+    pair = (
+        system.dynamics(system.encode(bodies), {}, 0.0).accelerations for system in (some, others)
+    )
+    first, second = (np.array(jax.tree.leaves(part)) for part in pair)
+    assert np.abs(first - second).max() < 1e-9 * np.abs(first).max()
+    # Without torques the joints move like this, so that inverse dynamics gives no torques for it.
+    rates = dict(zip(free, independent.tolist(), strict=True))
+    torques = loaded.torques(*given, rates)
+    scale = np.abs(resisted).max()
+    assert np.abs([torques[name] for name in names]).max() < 1e-9 * scale
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_states_of_angles_are_inverted(seed, read):
+    robot = random_robot(seed)
+    loaded, generator = read(robot), np.random.default_rng(seed)
+    count = len(loaded.joints)
+    q, qd = generator.uniform(-3.1, 3.1, (2, 7, count))
+    states = loaded.state(q, qd)
+    for k in range(7):
+        at_once = jax.tree.map(operator.itemgetter(k), states)
+        single = loaded.state(q[k], dict(zip(loaded.joints, qd[k], strict=True)))
+        for a, b in zip(jax.tree.leaves(at_once), jax.tree.leaves(single), strict=True):
+            np.testing.assert_allclose(a, b, atol=1e-14)
+    positions, speeds = loaded.angles(states), loaded.speeds(states)
+    assert tuple(positions) == tuple(speeds) == loaded.joints
+    np.testing.assert_allclose(np.transpose([*positions.values()]), q, atol=1e-12)
+    np.testing.assert_allclose(np.transpose([*speeds.values()]), qd, atol=1e-12)

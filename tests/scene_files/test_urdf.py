@@ -72,8 +72,8 @@ def robot(tmp_path):
         (tmp_path / "arm.urdf").write_text(ARM.replace(old, new) if old else ARM)
         with warnings.catch_warnings(record=True) as messages:
             warnings.simplefilter("always")
-            scene, state = cj.load_urdf(tmp_path / "arm.urdf", **options)
-        return scene, state, [str(entry.message) for entry in messages]
+            read = cj.load_robot(tmp_path / "arm.urdf", **options)
+        return read.scene, read.state(), [str(entry.message) for entry in messages]
 
     return robot
 
@@ -110,7 +110,7 @@ def test_a_moving_link_named_ground_is_renamed(robot, tmp_path):
     scene, _, _ = robot('"upper"', '"ground"')
     assert list(scene.bodies) == ["ground link", "lower", "rail"]
     assert scene.joints["elbow"].first == "ground link"
-    assert cj.urdf_links(tmp_path / "arm.urdf")["ground"].body == "ground link"
+    assert cj.load_robot(tmp_path / "arm.urdf").links["ground"].body == "ground link"
 
 
 def test_the_root_can_be_free(robot, tmp_path):
@@ -119,12 +119,13 @@ def test_the_root_can_be_free(robot, tmp_path):
     assert list(scene.bodies) == ["base", *MERGED]
     assert scene.joints["shoulder"].first == "base"
     assert not any("inertia of" in text for text in messages)
-    assert cj.urdf_links(tmp_path / "arm.urdf", free_root=True)["stand"].point == (0.0, 0.0, 1.0)
+    links = cj.load_robot(tmp_path / "arm.urdf", free_root=True).links
+    assert links["stand"].point == (0.0, 0.0, 1.0)
     single = f'<robot name="r"><link name="ball"><inertial>{inertia}</inertial></link></robot>'
     (tmp_path / "ball.urdf").write_text(single)
     with pytest.raises(ValueError, match=r"ball.urdf: .*'ball'.*free_root=True"):
-        cj.load_urdf(tmp_path / "ball.urdf")
-    ball, _ = cj.load_urdf(tmp_path / "ball.urdf", free_root=True)
+        cj.load_robot(tmp_path / "ball.urdf")
+    ball = cj.load_robot(tmp_path / "ball.urdf", free_root=True).scene
     assert float(ball.bodies["ball"].mass) == 9.0
 
 
@@ -132,7 +133,12 @@ def test_joints_fit_the_state(robot):
     scene, state, _ = robot()
     kinds = {name: type(joint).__name__ for name, joint in scene.joints.items()}
     hinge = "RevoluteJoint"
-    assert kinds == {"shoulder": hinge, "elbow": hinge, "slide": "PrismaticJoint"}
+    assert kinds == {
+        "shoulder": hinge,
+        "elbow": hinge,
+        "slide": "PrismaticJoint",
+        "slide coupling": "JointCoupling",
+    }
     assert np.allclose(scene.joints["shoulder"].point_first, (0.0, 0.0, 1.0))
     assert scene.joints["elbow"].axis_first.tolist() == [0.0, -1.0, 0.0]
     assert scene.joints["elbow"].axis_second.tolist() == [0.0, -1.0, 0.0]
@@ -145,7 +151,8 @@ def test_joints_fit_the_state(robot):
     [("planar", cj.PlanarJoint, 5), ("spherical", cj.SphericalJoint, 5), ("floating", None, 8)],
 )
 def test_other_types_of_joints(robot, kind, joint, freedoms):
-    scene, state, _ = robot('type="prismatic"', f'type="{kind}"')
+    scene, state, messages = robot('type="prismatic"', f'type="{kind}"')
+    assert "mimics, between other joints than hinges and sliders, of slide;" in messages[-1]
     assert joint is None or isinstance(scene.joints["slide"], joint)
     assert constraint_report(scene, state).degrees_of_freedom() == freedoms
 
@@ -188,7 +195,7 @@ def test_masses_and_inertias_are_bounded(robot):
 
 def test_frames_of_links_are_returned(robot, tmp_path):
     robot()
-    frames = cj.urdf_links(tmp_path / "arm.urdf")
+    frames = cj.load_robot(tmp_path / "arm.urdf").links
     assert list(frames) == ["base", "stand", "upper", "lower", "rail", "tool"]
     assert frames["stand"] == cj.results.LinkPose("ground", (0.0, 0.0, 1.0))
     assert frames["upper"].point == (-0.5, 0.0, 0.0)
@@ -200,10 +207,7 @@ def test_one_warning_lists_omitted_contents(robot):
     _, _, messages = robot()
     (text,) = messages
     for left in (
-        "limits of elbow;",
-        "damping and friction of elbow;",
-        "mimics of slide;",
-        "visual shapes of upper;",
+        "not carried over: visual shapes of upper;",
         "inertia of the fixed links of base; <gazebo>.",
     ):
         assert left in text
@@ -280,7 +284,7 @@ def test_clearances_are_read_with_units(robot):
 
 def test_limits_are_returned(robot, tmp_path):
     robot()
-    limits = cj.urdf_limits(tmp_path / "arm.urdf")
+    limits = cj.load_robot(tmp_path / "arm.urdf").limits
     assert limits == {"elbow": cj.results.JointLimits(-1.0, 1.0, 10.0, 2.0)}
 
 
@@ -292,15 +296,15 @@ def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):
     rows = [link.format(k, k - 1) for k in reversed(range(1, 300))]
     whole = f'<robot name="r"><link name="l0"/>{"".join(rows)}</robot>'
     (tmp_path / "chain.urdf").write_text(whole)
-    assert len(cj.load_urdf(tmp_path / "chain.urdf", merge_fixed=False)[0].bodies) == 299
+    assert len(cj.load_robot(tmp_path / "chain.urdf", merge_fixed=False).scene.bodies) == 299
     with pytest.raises(ValueError, match=r"chain.urdf: .*no link that moves"):
-        cj.load_urdf(tmp_path / "chain.urdf")
+        cj.load_robot(tmp_path / "chain.urdf")
     entities = '<!ENTITY a "aaaaaaaaaa">' + "".join(
         f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9)
     )
     (tmp_path / "bomb.urdf").write_text(f'<!DOCTYPE r [{entities}]><robot name="&j;"/>')
     with pytest.raises(ValueError, match="bomb.urdf: found 'no XML'"):
-        cj.load_urdf(tmp_path / "bomb.urdf")
+        cj.load_robot(tmp_path / "bomb.urdf")
 
 
 def test_a_robot_becomes_a_scene_file(robot, tmp_path):
@@ -308,3 +312,4 @@ def test_a_robot_becomes_a_scene_file(robot, tmp_path):
     cj.save(scene, state, tmp_path / "arm.toml")
     read, _ = cj.load(tmp_path / "arm.toml")
     assert read.joints["elbow"].clearance == 1e-4
+    assert read.joints["slide coupling"].function.coefficients.tolist() == [0.0, 1.0]

@@ -39,7 +39,7 @@ ROBOT = """<robot name="arm">
   </joint>
 </robot>
 """
-"""What the example of `load_urdf` reads."""
+"""What the examples of `load_robot` read."""
 
 
 def distinct_names() -> dict[str, PublicName]:

@@ -1,10 +1,13 @@
-"""Ideal joints that couple rotations, or a rotation and a translation: gears, screw, universal
-joint."""
+"""Ideal joints that couple rotations and translations: gears, screw, universal joint, and the
+positions of any two hinges or sliders."""
 
 import math
 from dataclasses import replace
+from typing import TypeAlias
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from typing_extensions import override
 
 from ..._fields.checks import (
@@ -20,10 +23,15 @@ from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
 from ..._math.smoothing import cosine, polar_angle, sine, where, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
+from ..drives.functions_of_time import (
+    FunctionOfTime,
+    as_function_of_time,
+    require_continuous,
+)
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import angle_about, plus_multiple
-from .ideal import AbstractAxisJoint, AbstractPairJoint
+from .constraint_rows import angle_about, plus_multiple, rate_of
+from .ideal import AbstractAxisJoint, AbstractPairJoint, PrismaticJoint, RevoluteJoint
 from .motion_subspaces import (
     AbstractMotionAtPoints,
     AbstractTurning,
@@ -315,3 +323,77 @@ class UniversalJoint(AbstractPairJoint):
     @override
     def draw(self, pen: AbstractPen) -> None:
         pen.cross(*self.ends(self.axis_first, self.axis_second))
+
+
+HingeOrSlider: TypeAlias = RevoluteJoint | PrismaticJoint
+"""A joint with one coordinate."""
+
+
+def _position_row(joint: HingeOrSlider, motions: Motions) -> Row:
+    if isinstance(joint, RevoluteJoint):
+        return joint.relative_angle(motions)
+    return joint.relative_distance(motions)
+
+
+class JointCoupling(AbstractConstraint):
+    """Makes the position of a hinge or slider a function of another's; one constraint.
+
+    Examples are the fingers of a gripper that one motor drives (`mimic` in URDF files), a rack, and
+    a cam that drives a follower. The coupling holds neither joint: add both to the scene too. The
+    Lagrange multiplier is the moment (N m) or force (N) that the coupling exerts on the second body
+    of the follower.
+
+    An angle is known up to whole revolutions. That of the leader is taken within half a revolution;
+    it may exceed this if the follower is a hinge that turns by a whole number of revolutions for
+    each revolution of the leader. To couple gears at any ratio, use `GearJoint`.
+
+    **Arguments:**
+
+    - `leader`, `follower`: a `RevoluteJoint` or `PrismaticJoint` each, as in the scene. The
+      position of a hinge is its angle, as `quantities.JointAngle`, rad; that of a slider is the
+      distance from its first to its second point along its axis, m.
+    - `function`: the follower's position as a function of the leader's: a `Polynomial` such as
+      ``Polynomial((offset, ratio))``, another function as for `PrescribedAngle` with the leader's
+      position in place of the time, or a number for a constant. It must be smooth: its breakpoints
+      are not those of a time.
+
+    >>> left = cj.PrismaticJoint("ground", "left", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
+    >>> right = cj.PrismaticJoint("ground", "right", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
+    >>> gripper = cj.JointCoupling(left, right, cj.Polynomial((0.0, -1.0)))
+    >>> gripper.body_names()
+    ('ground', 'left', 'right')
+    """
+
+    leader: HingeOrSlider
+    follower: HingeOrSlider
+    function: FunctionOfTime = quantity("1", converter=as_function_of_time)
+
+    @override
+    def __check_init__(self):
+        for argument in ("leader", "follower"):
+            joint, remedy = getattr(self, argument), "pass the joint that is in the scene"
+            is_valid = isinstance(joint, HingeOrSlider)
+            expected = "a RevoluteJoint or PrismaticJoint"
+            require(is_valid, argument, type(joint).__name__, expected, remedy)
+        require_continuous(self.function)
+
+    @override
+    def body_names(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys((*self.leader.body_names(), *self.follower.body_names())))
+
+    @override
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        leader, follower = (_position_row(joint, motions) for joint in (self.leader, self.follower))
+        function = as_function_of_time(self.function)
+
+        def slope(x: Scalar) -> Scalar:
+            return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
+
+        x = jnp.asarray(leader.value, dtype=float)
+        factor, curvature = jax.jvp(slope, (x,), (jnp.ones_like(x),))
+        row = plus_multiple(follower, leader, -factor)
+        value = follower.value - function(x)
+        if isinstance(self.follower, RevoluteJoint):
+            value = wrapped(value, 2.0 * math.pi)
+        bias = row.bias - curvature * rate_of(leader, motions) ** 2
+        return {"coupling": replace(row, value=value, bias=bias)}

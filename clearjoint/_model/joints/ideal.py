@@ -294,6 +294,10 @@ class PrismaticJoint(AbstractOrientedJoint):
         rotations = self._same_orientation(motions)
         return self._point_on_line(motions, self.axis) | rotations
 
+    def relative_distance(self, motions: Motions) -> Row:
+        """Return the distance, m, from the first to the second point along the axis, as a `Row`."""
+        return self._in_plane(motions, unit(self.axis))
+
     @override
     def motion_subspace(self, parent: str) -> Slider:
         # From the child's axes to the parent's: the inverse if the second body is the parent.

@@ -79,6 +79,11 @@ EXAMPLES = {
     "StiffnessHarmonics": lambda: cj.profiles.StiffnessHarmonics([0.1 / 3], [-0.0]),
     "StiffnessSpline": lambda: cj.profiles.StiffnessSpline.through(1.0 + np.arange(5) / 30),
     "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
+    "JointCoupling": lambda: cj.JointCoupling(
+        cj.RevoluteJoint("ground", "a", (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2)),
+        cj.PrismaticJoint("a", "b", (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1)),
+        cj.Polynomial([0.1, -1 / 3]),
+    ),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),

@@ -1,0 +1,265 @@
+"""Read MJCF files with MuJoCo, which resolves their defaults, frames, inertias and references.
+
+A body of MJCF is a link here, fixed to its parent unless it has joints. If it has several, one
+follows the other, with links without mass between them.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .documents import FileLocation
+from .robots import (
+    BALL,
+    FIXED,
+    FLOATING,
+    SLIDER,
+    Actuator,
+    Content,
+    Inertial,
+    JointLimits,
+    LoopJoint,
+    Mimic,
+    RobotJoint,
+    RobotLink,
+)
+
+Model: TypeAlias = PyTree
+"""A compiled model of MuJoCo, whose package has no annotations of it."""
+KINDS = FLOATING, BALL, SLIDER, "continuous"
+"""Types of joints, in the order of MuJoCo's numbers for free, ball, slide and hinge."""
+CONNECT, WELD, COUPLE = range(3)
+"""MuJoCo's numbers of the types of equality constraints that a robot has."""
+WITH_FILES = "geoms", "meshes", "textures", "materials", "hfields", "skins"
+"""Elements of a model that refer to other files, as attributes of MuJoCo's specification."""
+IGNORED = {
+    "collision and visual shapes": "ngeom",
+    "tendons": "ntendon",
+    "flexible bodies": "nflex",
+    "sensors": "nsensor",
+    "keyframes": "nkey",
+    "plugins": "nplugin",
+    "mocap bodies": "nmocap",
+}
+"""What a robot lacks of a model, and its number in the model."""
+
+
+def read_mjcf(path: Path) -> Content:
+    """Return the content of an MJCF file."""
+    model, location = _compiled(path), FileLocation(str(path))
+    names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
+    links = [RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
+    joints: list[RobotJoint] = []
+    for k in range(1, model.nbody):
+        parent, pose = names[model.body_parentid[k]], np.eye(4)
+        pose[:3, :3] = _rotation(model.body_quat[k])
+        pose[:3, 3] = model.body_pos[k]
+        first, count = model.body_jntadr[k], model.body_jntnum[k]
+        if not count:
+            x_axis = np.array([1.0, 0.0, 0.0])
+            joints.append(RobotJoint(f"{names[k]} {FIXED}", FIXED, parent, names[k], pose, x_axis))
+        for j in range(first, first + count):
+            is_last = j == first + count - 1
+            child = names[k] if is_last else f"{names[k]} after {_joint_name(model, j)}"
+            if not is_last:
+                links.append(RobotLink(child))
+            joints.append(_joint(model, j, parent, child, pose))
+            parent, pose = child, np.eye(4)
+    loops, followers, omitted = _equalities(model, names)
+    joints = [joint._replace(mimic=followers.get(joint.name)) for joint in joints]
+    actuators, others = _actuators(model)
+    omitted["actuators of other kinds"] = others
+    omitted |= {title: [] for title, number in IGNORED.items() if getattr(model, number)}
+    omitted |= _of_joints(model) | _of_the_world(model, names)
+    omitted = {k: v for k, v in omitted.items() if v or k in IGNORED or k == "fluid"}
+    is_off = model.opt.disableflags & _mujoco(location).mjtDisableBit.mjDSBL_GRAVITY
+    gravity = (0.0, 0.0, 0.0) if is_off else tuple(model.opt.gravity.tolist())
+    return Content(links, joints, omitted, loops, actuators, gravity)
+
+
+def _mujoco(location: FileLocation) -> ModuleType:
+    try:
+        import mujoco
+    except ImportError as error:
+        message = f"{location}: MJCF files need MuJoCo: pip install 'clearjoint[mujoco]'."
+        raise ImportError(message) from error
+    return mujoco
+
+
+def _compiled(path: Path) -> Model:
+    """Return MuJoCo's model. If files of shapes are missing, all shapes are left out, provided that
+    the file gives the inertias."""
+    location = FileLocation(str(path))
+    mujoco = _mujoco(location)
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        try:
+            return spec.compile()
+        except ValueError:
+            bodies = [body for body in spec.bodies if body.name != "world" and len(body.geoms)]
+            if not all(body.explicitinertial for body in bodies):
+                raise
+        for elements in (getattr(spec, name, ()) for name in WITH_FILES):
+            for element in [*elements]:
+                spec.delete(element)
+        return spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        return location.refuse(reason, "an MJCF file that MuJoCo reads", "correct the file")
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    # Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
+    return np.round(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), 15)
+
+
+def _inertial(model: Model, body: int) -> Inertial | None:
+    if body == 0 or not model.body_mass[body] > 0.0:
+        return None
+    axes = _rotation(model.body_iquat[body])
+    tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    return Inertial(float(model.body_mass[body]), model.body_ipos[body].copy(), tensor)
+
+
+def _joint_name(model: Model, joint: int) -> str:
+    return model.joint(joint).name or f"joint {joint}"
+
+
+def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> RobotJoint:
+    name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
+    axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
+    if kind in (FLOATING, BALL):
+        return RobotJoint(name, kind, parent, child, pose, axis, point=point)
+    first, dof = model.jnt_qposadr[j], model.jnt_dofadr[j]
+    effort = float(model.jnt_actfrcrange[j, 1]) if model.jnt_actfrclimited[j] else np.inf
+    lower, upper = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-np.inf, np.inf)
+    has_limits = bool(model.jnt_limited[j] or model.jnt_actfrclimited[j])
+    return RobotJoint(
+        name,
+        kind,
+        parent,
+        child,
+        pose @ _motion(kind, axis, point, -float(model.qpos0[first])),
+        axis,
+        JointLimits(lower, upper, effort) if has_limits else None,
+        point=point,
+        friction=float(model.dof_frictionloss[dof]),
+        damping=float(model.dof_damping[dof]),
+        stiffness=float(model.jnt_stiffness[j]),
+        rest=float(model.qpos_spring[first]),
+        armature=float(model.dof_armature[dof]),
+    )
+
+
+def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> np.ndarray:
+    """Return the motion (4, 4) of a body in a joint, in the body's axes at zero."""
+    from scipy.spatial.transform import Rotation
+
+    pose = np.eye(4)
+    if kind == SLIDER:
+        pose[:3, 3] = axis * position
+    elif position:
+        pose[:3, :3] = Rotation.from_rotvec(axis * position).as_matrix()
+        pose[:3, 3] = point - pose[:3, :3] @ point
+    return pose
+
+
+def _equalities(
+    model: Model, names: list[str]
+) -> tuple[tuple[LoopJoint, ...], dict[str, Mimic], dict[str, list[str]]]:
+    """Return constraints that close loops, what joints follow, and the names of others."""
+    loops: list[LoopJoint] = []
+    followers: dict[str, Mimic] = {}
+    others: list[str] = []
+    for k in range(model.neq):
+        name, kind, data = model.eq(k).name or f"equality {k}", model.eq_type[k], model.eq_data[k]
+        ids = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        if kind == COUPLE and model.eq_active0[k]:
+            follower = _joint_name(model, ids[0])
+            if follower not in followers:
+                followers[follower] = _mimic(model, *ids, data[:5])
+                continue
+        if kind not in (CONNECT, WELD) or not model.eq_active0[k]:
+            others.append(name)
+            continue
+        frames = [np.eye(4), np.eye(4)]
+        if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
+            for frame, site in zip(frames, ids, strict=True):
+                frame[:3, :3] = _rotation(model.site_quat[site])
+                frame[:3, 3] = model.site_pos[site]
+            ids = tuple(int(model.site_bodyid[site]) for site in ids)
+        elif kind == CONNECT:
+            frames[0][:3, 3], frames[1][:3, 3] = data[:3], data[3:6]
+        else:
+            frames[0][:3, :3], frames[0][:3, 3] = _rotation(data[6:10]), data[3:6]
+        first, second = (names[body] for body in ids)
+        of_loop = BALL if kind == CONNECT else FIXED
+        loops.append(LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
+    return tuple(loops), followers, {"equalities": others}
+
+
+def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> Mimic:
+    """Return what a joint follows: q - ref is a polynomial of the leader's q - ref."""
+    start = model.qpos0[model.jnt_qposadr[follower]]
+    if leader < 0:
+        return Mimic(None, (float(start + coefficients[0]),))
+    shift = np.polynomial.Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])
+    whole = (np.polynomial.Polynomial(coefficients)(shift) + start).trim()
+    return Mimic(_joint_name(model, leader), tuple(whole.coef.tolist()))
+
+
+def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
+    """Return the actuators of joints by name, and the names of others."""
+    actuators: dict[str, Actuator] = {}
+    others: list[str] = []
+    for k in range(model.nu):
+        name, (target, _) = model.actuator(k).name or f"actuator {k}", model.actuator_trnid[k]
+        is_of_joint = model.actuator_trntype[k] in (0, 1) and model.jnt_type[target] >= 2
+        is_affine = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] in (0, 1)
+        if not (is_of_joint and is_affine and model.actuator_dyntype[k] == 0):
+            others.append(name)
+            continue
+        bias = model.actuator_biasprm[k, :3] * (model.actuator_biastype[k] == 1)
+        actuators[name] = Actuator(
+            _joint_name(model, target),
+            float(model.actuator_gear[k, 0]),
+            float(model.actuator_gainprm[k, 0]),
+            tuple(bias.tolist()),
+            **{
+                key: tuple(ranges[k].tolist())
+                for key, ranges, limited in (
+                    ("control", model.actuator_ctrlrange, model.actuator_ctrllimited),
+                    ("force", model.actuator_forcerange, model.actuator_forcelimited),
+                )
+                if limited[k]
+            },
+        )
+    return actuators, others
+
+
+def _of_joints(model: Model) -> dict[str, list[str]]:
+    """Return the names of joints with properties that a robot lacks."""
+
+    def named(joints: Iterable[int]) -> list[str]:
+        return [_joint_name(model, j) for j in dict.fromkeys(joints)]
+
+    of_dof, dofs = model.dof_jntid, range(model.nv)
+    is_single = [model.jnt_type[j] >= 2 for j in of_dof]
+    resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
+    springs = [j for j in range(model.njnt) if model.jnt_type[j] < 2 and model.jnt_stiffness[j]]
+    limited = [j for j in range(model.njnt) if model.jnt_type[j] < 2 and model.jnt_limited[j]]
+    resisted = [of_dof[d] for d in dofs if resisting[d] and not is_single[d]]
+    title = "limits, damping, armature, friction and springs"
+    return {title: named([*limited, *resisted, *springs])}
+
+
+def _of_the_world(model: Model, names: list[str]) -> dict[str, list[str]]:
+    compensated = [name for name, part in zip(names, model.body_gravcomp, strict=True) if part]
+    has_fluid = model.opt.density or model.opt.viscosity
+    return {"gravity compensation": compensated} | ({"fluid": []} if has_fluid else {})

@@ -1,0 +1,576 @@
+"""Robots from URDF and MJCF files: their scene, and states from the positions of joints."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Literal, Protocol, TypeAlias
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+from typing_extensions import override
+
+from .._dynamics.coordinates import free_motion
+from .._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, JointedBranch, TreeBranch
+from .._fields.cautions import NotCarriedOverWarning, caution
+from .._fields.checks import nearest, require, require_positive
+from .._fields.types import TripleLike
+from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, unpack
+from .._model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
+from .._model.contact.friction import ElastoPlastic, FrictionLaw
+from .._model.joints.motion_subspaces import REST, JointState, Relative
+from .._model.scene import Scene
+from .documents import FileLocation, read_bytes
+from .files import FilePath
+from .mjcf import read_mjcf
+from .robot_elements import Additions, Elements, Play, scene_of
+from .robots import (
+    FLOATING,
+    HINGES,
+    SLIDER,
+    Actuator,
+    Content,
+    JointLimits,
+    LinkPose,
+    LinkTree,
+    Mimic,
+    Options,
+    with_rotors,
+)
+from .urdf import LARGEST_FILE, read_urdf, root_tag
+
+Positions: TypeAlias = PyTree
+"""Numbers of joints by name, or an array (..., n) of those of all hinges and sliders."""
+JointNumbers: TypeAlias = tuple[Scalar, ...]
+"""Numbers of a joint's position, or its speeds."""
+NOTHING: Mapping[str, PyTree] = MappingProxyType({})
+TURN = 2.0 * math.pi
+REST_OF_A_JOINT = JointState(0.0, (0.0,))
+FRICTION = ElastoPlastic(
+    breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
+)
+"""Law of the dry friction of joints: they stick, without any drift at up to 0.7 of the friction,
+and yield by 1e-4 rad or m before they slip."""
+FOLLOWS = 1e-6
+"""Largest distance, rad or m, of a given position of a joint that follows another from where it
+follows to."""
+
+
+class HasStates(Protocol):
+    """Interface of a solution or trajectory: states at N times."""
+
+    @property
+    def states(self) -> State:
+        """The `State` whose arrays have a first axis of length N."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot from a file: its scene, and what connects it with positions of joints.
+
+    Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. States
+    and angles refer to bodies and joints as in the file, also if numbers of the scene are changed.
+
+    - `scene`: bodies, joints and forces.
+    - `joints`: names of the hinges and sliders, in the order of the file.
+    - `limits`: limits of those joints that have any, by name.
+    - `links`: where the frame of each link is, by name.
+    - `actuators`: actuators of an MJCF file, by name.
+    - `leaders`: for each joint that follows another (``mimic``), the name of that joint.
+
+    ```python
+    import clearjoint as cj
+
+    robot = cj.load_robot("arm.urdf")
+    state = robot.state({"elbow": 0.3}, {"elbow": -1.0})  # rad, rad/s
+    print(robot.angles(state), robot.torques({"elbow": 0.3}))
+    ```
+    """
+
+    scene: Scene
+    joints: tuple[str, ...]
+    limits: Mapping[str, JointLimits]
+    links: Mapping[str, LinkPose]
+    actuators: Mapping[str, Actuator]
+    leaders: Mapping[str, str]
+    _branches: Sequence[TreeBranch]
+    _start: State
+    _mimics: dict[str, Mimic]
+
+    @override
+    def __repr__(self) -> str:
+        return f"Robot with {len(self.scene.bodies)} bodies, joints {', '.join(self.joints)}"
+
+    def state(
+        self,
+        q: Positions = None,
+        qd: Positions = None,
+        *,
+        free: Mapping[str, BodyState] = NOTHING,
+    ) -> State:
+        """Return the state of the scene's bodies for positions and speeds of the joints.
+
+        JAX may trace the numbers. Joints with clearance are centred. Joints that close loops need
+        not be satisfied: `assemble` then corrects the state.
+
+        **Arguments:**
+
+        - `q`, `qd`: positions, rad or m, and speeds, rad/s or m/s: a dictionary by joint, or an
+          array (..., n) in the order of `joints`. Joints without an entry are at zero and at rest,
+          or follow their leader. Entries may be arrays, for many states at a time. A ball joint has
+          four Euler parameters from the child's to the parent's frame, scalar first, and as speeds
+          the spin, (3,), in the child's axes.
+        - `free`: `body_state` of bodies that no joint holds, by name; by default at rest where the
+          file puts them.
+
+        **Raises:** `ValueError` if a joint or body is unknown, or a joint does not follow.
+        """
+        _, poses, orientations = self._moved(q, qd, free)
+        parts = {
+            name: (motion.position, orientations[name], motion.velocity, motion.spin)
+            for name, motion in poses.items()
+            if name != GROUND
+        }
+        shape = np.broadcast_shapes(*map(np.shape, jax.tree.leaves(parts)))
+        stack = partial(_stacked, shape=shape)
+        return State({name: BodyState(*map(stack, parts[name])) for name in self.scene.bodies})
+
+    def angles(self, motion: State | HasStates) -> dict[str, np.ndarray]:
+        """Return the positions of all joints by name, rad or m: the inverse of `state`.
+
+        **Arguments:** `motion`: a state, or a solution with saved states, at N times. Angles of a
+        state are within half a revolution of the middle of the joint's limits, or of zero; those of
+        a solution continue over revolutions if there are more than two states for each of them. A
+        ball joint has its Euler parameters.
+        """
+        return self._coordinates(motion)[0]
+
+    def speeds(self, motion: State | HasStates) -> dict[str, np.ndarray]:
+        """Return the speeds of all joints by name, rad/s or m/s; `motion` as in `angles`."""
+        return self._coordinates(motion)[1]
+
+    def torques(
+        self, q: Positions = None, qd: Positions = None, qdd: Positions = None
+    ) -> dict[str, np.ndarray]:
+        """Return the torques (N m) and forces (N) of drives in all joints that make a motion.
+
+        They come from inverse dynamics, with gravity, and springs and dampers of the file, but
+        without dry friction, stops and joints that close loops. That of a joint that others follow
+        includes theirs, which are zero. Free bodies are held at rest.
+
+        **Arguments:** `q`, `qd`, `qdd`: positions, speeds and accelerations, as in `state`.
+
+        **Raises:** `ValueError` as `state`.
+        """
+        variables, motions, _ = self._moved(q, qd, NOTHING)
+        rates = self._by_joint("qdd", qdd, speeds=True)
+        bodies = {b.joint: b.body for b in self._branches if isinstance(b, JointedBranch)}
+        slopes = {}
+        for name, mimic in self._mimics.items():
+            leader = variables[bodies[mimic.leader]] if mimic.leader else REST_OF_A_JOINT
+            assert isinstance(leader, JointState)
+            _, slopes[name], curvature = _polynomial(mimic, leader.position)
+            change = slopes[name] * rates.get(mimic.leader or "", (0.0,))[0]
+            rate = change + curvature * leader.speeds[0] ** 2
+            _require_following("qdd", rates, name, mimic, rate)
+            rates[name] = (rate,)
+        loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
+        torques = _carried(self._branches, variables, motions, loads)
+        for name, mimic in reversed(self._mimics.items()):
+            if mimic.leader is not None:
+                (own,), (others,) = torques[mimic.leader], torques[name]
+                torques[mimic.leader] = (own + slopes[name] * others,)
+            torques[name] = (0.0 * torques[name][0],)
+        return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
+
+    def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the numbers of hinges and sliders in the order of the file, then the others, but
+        those of rotors."""
+        others = (name for name in by_joint if name not in self._mimics)
+        names = dict.fromkeys((*self.joints, *others))
+        return {name: by_joint[name] for name in names}
+
+    def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
+        """Return the numbers of each joint: those of its position, or of its speeds."""
+        if values is None:
+            return {}
+        if not isinstance(values, Mapping):
+            count, shape = len(self.joints), np.shape(values)
+            expected = f"an array (..., {count}), or numbers by name, of the robot's joints"
+            remedy = "give one for each of " + ", ".join(self.joints)
+            require(shape[-1:] == (count,), argument, shape, expected, remedy)
+            values = dict(zip(self.joints, _columns(values), strict=True))
+        zeros = {b.joint: _zero(b) for b in self._branches if isinstance(b, JointedBranch)}
+        by_joint = {}
+        for name, value in values.items():
+            known = [*zeros]
+            remedy = nearest(name, known, "leave it out")
+            require(name in known, argument, name, f"one of the joints {', '.join(known)}", remedy)
+            zero = zeros[name]
+            count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
+            parts = (value,) if name in self.joints else tuple(_columns(value))
+            expected, remedy = f"{count} numbers of joint {name!r}", "give that many"
+            require(len(parts) == count, argument, np.shape(value), expected, remedy)
+            by_joint[name] = tuple(map(_as_number, parts))
+            for part in by_joint[name]:
+                is_finite = isinstance(part, jax.Array) or bool(np.isfinite(part).all())
+                expected, remedy = f"finite numbers of joint {name!r}", "leave unknown ones out"
+                require(is_finite, argument, value, expected, remedy)
+        return by_joint
+
+    def _moved(
+        self, q: Positions, qd: Positions, free: Mapping[str, BodyState]
+    ) -> tuple[dict[str, JointState | BodyState], dict[str, Motion], dict[str, EulerParameters]]:
+        """Return variables, motion and orientation of each body."""
+        positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
+        for name, mimic in self._mimics.items():
+            x = positions.get(mimic.leader or "", (0.0,))[0]
+            y, slope, _ = _polynomial(mimic, x)
+            rate = slope * speeds.get(mimic.leader or "", (0.0,))[0]
+            _require_following("q", positions, name, mimic, y)
+            _require_following("qd", speeds, name, mimic, rate)
+            positions[name], speeds[name] = (y,), (rate,)
+        of_free = {b.body for b in self._branches if isinstance(b, FreeBranch)}
+        for body in free:
+            remedy = nearest(body, of_free, "set the positions of its joints")
+            expected = f"one of the free bodies, {', '.join(sorted(of_free)) or 'none'}"
+            require(body in of_free, "free", body, expected, remedy)
+        variables: dict[str, JointState | BodyState] = {}
+        motions = {GROUND: GROUND_MOTION}
+        orientations = {GROUND: UPRIGHT}
+        for branch in self._branches:
+            if isinstance(branch, FreeBranch):
+                given = free.get(branch.body, self._start.bodies[branch.body])
+                variable: JointState | BodyState = _in_scalars(given)
+            else:
+                zero = _zero(branch)
+                leaves, structure = jax.tree.flatten(zero.position)
+                position = positions.get(branch.joint, tuple(leaves))
+                variable = JointState(
+                    jax.tree.unflatten(structure, position),
+                    speeds.get(branch.joint, zero.speeds),
+                )
+            variables[branch.body] = variable
+            motions[branch.body] = branch.motion(motions[branch.parent], variable)  # pyright: ignore
+            orientations[branch.body] = branch.orientation(
+                orientations[branch.parent],
+                variable,  # pyright: ignore
+            )
+        return variables, motions, orientations
+
+    def _coordinates(
+        self, motion: State | HasStates
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        states = motion if isinstance(motion, State) else motion.states
+        poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
+        positions, speeds = {}, {}
+        for branch in self._branches:
+            body = _in_scalars(states.bodies[branch.body])
+            poses[branch.body] = body.orientation, free_motion(body, None)
+            if isinstance(branch, FreeBranch):
+                continue
+            variable = branch.encode(poses[branch.parent], poses[branch.body])
+            numbers = tuple(jax.tree.leaves(variable.position))
+            if not numbers:
+                continue
+            value = _number(numbers)
+            if branch.joint in self.joints and hasattr(branch.motion_subspace, "angle"):
+                limits = self.limits.get(branch.joint, JointLimits())
+                middle = 0.5 * (limits.lower + limits.upper)
+                middle = middle if math.isfinite(middle) else 0.0
+                value = value - TURN * np.round((value - middle) / TURN)
+                value = value if motion is states else np.unwrap(value)
+            positions[branch.joint], speeds[branch.joint] = value, _number(variable.speeds)
+        return self._ordered(positions), self._ordered(speeds)
+
+
+def _zero(branch: JointedBranch) -> JointState:
+    return branch.motion_subspace.encode(Relative(UPRIGHT, ZERO, REST))
+
+
+def _as_number(value: PyTree) -> Scalar:
+    if isinstance(value, jax.Array):
+        return value
+    array = np.asarray(value, dtype=float)
+    return float(array) if array.shape == () else array  # pyright: ignore
+
+
+def _columns(values: PyTree) -> list[PyTree]:
+    array = values if isinstance(values, jax.Array) else np.asarray(values, dtype=float)
+    return [array[..., k] for k in range(array.shape[-1])] if array.ndim else [array]
+
+
+def _in_scalars(body: BodyState) -> BodyState:
+    parts = body.position, body.orientation, body.velocity, body.spin
+    kinds = Vector, EulerParameters, Vector, Vector
+    return BodyState(*(kind(*_columns(part)) for kind, part in zip(kinds, parts, strict=True)))
+
+
+def _stacked(vector: Vector | EulerParameters, shape: tuple[int, ...]) -> PyTree:
+    parts = jax.tree.leaves(vector)
+    xp = library(parts)
+    return xp.stack([xp.broadcast_to(part, shape) for part in parts], axis=-1)
+
+
+def _number(parts: Sequence[Scalar]) -> np.ndarray:
+    """Return the only number of a joint, or its several numbers on a last axis."""
+    xp = library(parts)
+    if len(parts) == 1:
+        return xp.asarray(parts[0])
+    return xp.stack(xp.broadcast_arrays(*parts), axis=-1)  # pyright: ignore
+
+
+def _polynomial(mimic: Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Return the position of a follower and its first two derivatives by that of its leader."""
+    value = slope = half = 0.0
+    for coefficient in reversed(mimic.coefficients):
+        half = half * x + slope
+        slope = slope * x + value
+        value = value * x + coefficient
+    return value, slope, 2.0 * half
+
+
+def _require_following(
+    argument: str, numbers: Mapping[str, JointNumbers], name: str, mimic: Mimic, expected: Scalar
+) -> None:
+    if name not in numbers or isinstance(numbers[name][0], jax.Array):
+        return
+    if isinstance(expected, jax.Array):
+        return
+    follows = bool((np.abs(numbers[name][0] - expected) <= FOLLOWS).all())
+    of = "constant" if mimic.leader is None else f"that which follows from joint {mimic.leader!r}"
+    remedy = "leave it out of the dictionary"
+    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{of}, {expected}", remedy)
+
+
+Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
+"""Force and moment about the centre of mass on each body, N and N m in global axes."""
+
+
+def _inertial_loads(
+    scene: Scene,
+    branches: Sequence[TreeBranch],
+    variables: Mapping[str, PyTree],
+    motions: Mapping[str, Motion],
+    rates: Mapping[str, JointNumbers],
+) -> Loads:
+    """Return the loads that drives and joints exert on each body in a motion with given `rates` of
+    the joints' speeds (recursive Newton-Euler algorithm, first pass)."""
+    # Linear acceleration in global axes, angular acceleration in body axes.
+    accelerations = {GROUND: (ZERO, ZERO)}
+    for branch in branches:
+        if isinstance(branch, FreeBranch):
+            accelerations[branch.body] = ZERO, ZERO
+            continue
+        subspace, state = branch.motion_subspace, variables[branch.body]
+        parent, body = motions[branch.parent], motions[branch.body]
+        linear, angular = accelerations[branch.parent]
+        to_child = subspace.rotation(state.position).transposed_times
+        twist, rate = subspace.twist(state), subspace.bias(state)
+        own = rates.get(branch.joint, (0.0,) * len(state.speeds))
+        for column, number in zip(subspace.columns(state.position), own, strict=True):
+            rate = rate + column * number
+        point, spin = subspace.point_parent, parent.spin
+        at_point = angular.cross(point) + spin.cross(spin.cross(point))
+        angular = to_child(angular) + to_child(spin).cross(twist.angular) + rate.angular
+        arm, spin = subspace.displacement(state.position) - subspace.point_child, body.spin
+        relative = angular.cross(arm) + spin.cross(spin.cross(arm) + twist.linear * 2.0)
+        linear = linear + parent.rotation @ at_point
+        linear = linear + body.rotation @ (relative + rate.linear)
+        accelerations[branch.body] = linear, angular
+    gravity = ZERO if scene.gravity is None else scene.gravity
+    loads: Loads = {}
+    for name, body in scene.bodies.items():
+        linear, angular = accelerations[name]
+        spin = motions[name].spin
+        moment = body.angular_momentum(angular) + spin.cross(body.angular_momentum(spin))
+        loads[name] = (linear - gravity) * body.mass, motions[name].rotation @ moment
+    for element in scene.forces.values():
+        for name, wrench in element.wrenches(motions, 0.0).items():
+            if name != GROUND:
+                force, moment = loads[name]
+                turned = motions[name].rotation @ wrench.moment
+                loads[name] = force - wrench.force, moment - turned
+    return loads
+
+
+def _carried(
+    branches: Sequence[TreeBranch],
+    variables: Mapping[str, PyTree],
+    motions: Mapping[str, Motion],
+    loads: Loads,
+) -> dict[str, JointNumbers]:
+    """Return the generalised forces of joints that carry loads (second pass)."""
+    loads, forces = dict(loads), {}
+    for branch in reversed(branches):
+        if isinstance(branch, FreeBranch):
+            continue
+        subspace, state = branch.motion_subspace, variables[branch.body]
+        motion, (force, moment) = motions[branch.body], loads[branch.body]
+        arm = subspace.displacement(state.position) - subspace.point_child
+        local_force, local_moment = motion.components(force), motion.components(moment)
+        about_joint = local_moment + arm.cross(local_force)
+        forces[branch.joint] = tuple(
+            column.linear.dot(local_force) + column.angular.dot(about_joint)
+            for column in subspace.columns(state.position)
+        )
+        if branch.parent != GROUND:
+            apart = motion.position - motions[branch.parent].position
+            other_force, other_moment = loads[branch.parent]
+            whole = other_moment + moment + apart.cross(force)
+            loads[branch.parent] = other_force + force, whole
+    return dict(reversed(forces.items()))
+
+
+def load_robot(
+    path: FilePath,
+    play: Mapping[str, Play] = NOTHING,
+    gravity: TripleLike | Literal["file"] | None = "file",
+    *,
+    stops: Mapping[str, Play] = NOTHING,
+    friction: FrictionLaw | None = FRICTION,
+    armature: bool = True,
+    merge_fixed: bool = True,
+    free_root: bool = False,
+    balance_inertia: bool = False,
+    bound_mass: float = 0.0,
+    bound_inertia: float = 0.0,
+) -> Robot:
+    """Read a robot from a URDF or MJCF file, with play in some of its joints.
+
+    ```python
+    import clearjoint as cj
+
+    elbow = {
+        "bearing_radius": 10e-3,
+        "clearance": 0.05e-3,
+        "journal_length": 20e-3,
+        "law": cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
+    }
+    wrist = {"backlash": "0.1 deg", "torsional_stiffness": "2e4 N m/rad"}
+    robot = cj.load_robot("arm.urdf", play={"elbow": elbow, "wrist": wrist})
+    scene, state = robot.scene, robot.state({"wrist": 0.2})
+    ```
+
+    The root link (in MJCF, the world) is the ground. Links that move relative to their parents
+    become bodies; links that are fixed to their parents are parts of them (`Robot.links` tells
+    where). Joints keep their names; the child of a floating joint is free. A moving link named
+    "ground" is the body "ground link".
+
+    The frames of all bodies are parallel to the root's frame while all joints are at zero, so that
+    a joint's angle (`quantities.JointAngle`), the middle of a backlash, and the angle of a drive
+    about the joint's axis are those of the file. The axis of a joint has the same components in
+    both bodies: ``robot.scene.joints["wrist"].axis_first`` is the axis of a drive.
+
+    Further elements of the scene, for a joint "elbow" of the file:
+
+    - "elbow coupling": a `JointCoupling` if it follows another joint (``mimic``, ``equality``).
+    - "elbow damping", or "elbow spring" with a stiffness: a `TorsionalSpring` or, for sliders, a
+      `Bushing`.
+    - "elbow armature": a hinge on the ground of the body "elbow rotor", which has the armature of
+      the file, and "elbow armature coupling", by which it turns with the joint.
+    - "elbow friction": a `JointFriction`, with the dry friction of the file as its load.
+    - The constraints ``connect`` and ``weld`` of MJCF: a `SphericalJoint` and a `FixedJoint`.
+
+    **Arguments:**
+
+    - `path`: of the file. MJCF files need the extra ``mujoco``.
+    - `play`: a dictionary of arguments for each revolute or continuous joint with play, by the
+      joint's name. Numbers may be texts with units. There are two kinds:
+        - Arguments of a `ClearanceJoint`, which replaces the joint. Bodies, points and axes are
+          those of the file: the parent has the bearing, the child the journal. `axial` is
+          `FixedAxially()` by default.
+        - ``"backlash"``, an angle in rad, and arguments of a `Backlash`, which is added to the
+          scene with a name such as "elbow backlash"; the joint stays. By default its
+          `torsional_stiffness` is such that the joint's effort limit in the file deflects the
+          surfaces in contact (flanks) by a tenth of the backlash.
+    - `gravity`: (3,) m/s^2, or ``None``; by default that of an MJCF file, and (0, 0, -9.81) for
+      URDF.
+    - `stops`: a dictionary of arguments for each joint whose limits are stops, by the joint's
+      name: of hinges the `torsional_stiffness` and `restitution`, or the `law` and `radius`, of a
+      `Backlash`; of sliders the `law` of a `PinInSlot`. It is added with a name such as "elbow
+      stop". Other limits have no effect on the motion (`Robot.limits` has them).
+    - `friction`: law of dry friction, over the file's friction, with speeds in rad/s or m/s;
+      ``None`` leaves dry friction out.
+    - `armature`: False leaves the armatures of MJCF joints out. Each adds a body and a constraint:
+      with twenty, a first answer takes three times as long.
+    - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
+      whose reaction can then be observed. Merged links make runs faster.
+    - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
+    - `balance_inertia`: True replaces the principal moments of a link by their mean if no rigid
+      body can have them, as MuJoCo's compiler does with `balanceinertia`.
+    - `bound_mass`, `bound_inertia`: least mass, kg, and least principal moment of inertia, kg m^2,
+      of a body, as for MuJoCo's compiler. Smaller ones are increased, also those of moving links
+      without mass.
+
+    **Raises:** `ValueError`, with the file and the element, for a file of more than 50 MB or that
+    can't be read, a robot that a scene can't represent, and invalid `play` or `stops`. `OSError`
+    for a file that does not exist. `ImportError` for an MJCF file without MuJoCo.
+
+    **Warns:** `NotCarriedOverWarning` lists the contents of the file that the robot lacks, such as
+    shapes; and the links and bodies whose masses and inertias were replaced.
+    """
+    for name, bound in (("bound_mass", bound_mass), ("bound_inertia", bound_inertia)):
+        require_positive(name, bound, "give zero for no bound", zero=True)
+    location = FileLocation(str(path))
+    is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
+    content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
+    options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
+    joints = content.joints
+    if not armature:
+        joints = [joint._replace(armature=0.0) for joint in joints]
+    tree = LinkTree(*with_rotors(content.links, joints), location, options)
+    acceleration = content.gravity if isinstance(gravity, str) else gravity
+    additions = Additions(play, stops, friction)
+    scene, state, elements = scene_of(tree, content.loops, additions, acceleration)
+    robot = _robot(tree, scene, state, elements, content)
+    omitted = _not_carried_over(tree, content.omitted | elements.omitted)
+    if omitted:
+        caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)
+    return robot
+
+
+def _robot(
+    tree: LinkTree, scene: Scene, state: State, elements: Elements, content: Content
+) -> Robot:
+    of_child = {joint.child: joint for joint in tree.joints.values()}
+    branches: list[TreeBranch] = []
+    # The carriers are in the order of the tree, each before those that it carries.
+    for carrier in {id(carrier): carrier for carrier in tree.carriers.values()}.values():
+        joint = of_child.get(carrier.links[0])
+        if carrier.body == GROUND:
+            continue
+        if joint is None or joint.kind == FLOATING:
+            branches.append(FreeBranch(carrier.body, None))
+            continue
+        parent = tree.carriers[joint.parent].body
+        subspace = unpack(elements.ideal[joint.name]).motion_subspace(parent)
+        branches.append(JointedBranch(carrier.body, parent, joint.name, subspace))
+    moving = [j for j in content.joints if j.name in elements.ideal]
+    names = tuple(j.name for j in moving if j.kind in (*HINGES, SLIDER))
+    mimics = elements.mimics()
+    followed = {name: mimic.leader for name, mimic in mimics.items() if name in names}
+    return Robot(
+        scene,
+        names,
+        {j.name: j.limits for j in moving if j.limits is not None},
+        {link.name: tree.frame(link.name) for link in content.links},
+        dict(content.actuators),
+        {name: leader for name, leader in followed.items() if leader is not None},
+        branches,
+        state,
+        mimics,
+    )
+
+
+def _not_carried_over(tree: LinkTree, omitted: Mapping[str, list[str]]) -> str:
+    grounded = [name for name, carrier in tree.carriers.items() if carrier.body == GROUND]
+    inertials = {name: tree.links[name].inertial for name in grounded}
+    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
+    listed_parts = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
+    named = [f"{title} of {', '.join(names)}" for title, names in listed_parts.items() if names]
+    return "; ".join([*named, *sorted(title for title, names in listed_parts.items() if not names)])

@@ -1,0 +1,404 @@
+"""Joints and forces of the scene of a robot: those of its file, and those that the user adds."""
+
+import math
+from collections.abc import Mapping
+from graphlib import TopologicalSorter
+from types import MappingProxyType
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .._fields.cautions import quiet
+from .._fields.checks import as_number, nearest, require_positive
+from .._fields.types import TripleLike
+from .._math.rotations import transverse_axes
+from .._math.vectors import Vector, pack
+from .._model.bodies import State, body_state
+from .._model.clearance_joints.backlash import Backlash
+from .._model.clearance_joints.between_walls import PinInSlot
+from .._model.clearance_joints.clearance import ClearanceJoint, FixedAxially
+from .._model.contact.friction import FrictionLaw
+from .._model.drives.drivers import PrescribedAngle, PrescribedTranslation
+from .._model.drives.functions_of_time import Polynomial
+from .._model.forces import Bushing, TorsionalSpring
+from .._model.joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
+from .._model.joints.couplings import HingeOrSlider, JointCoupling
+from .._model.joints.ideal import (
+    FixedJoint,
+    PlanarJoint,
+    PrismaticJoint,
+    RevoluteJoint,
+    SphericalJoint,
+)
+from .._model.joints.joint_friction import JointFriction
+from .._model.scene import Scene
+from .classes import Expectation, arguments
+from .documents import FileLocation, listed
+from .reading import Reader
+from .robots import (
+    BALL,
+    FIXED,
+    FLOATING,
+    HINGES,
+    SLIDER,
+    LinkTree,
+    LoopJoint,
+    Mimic,
+    RobotJoint,
+    bodies_of,
+    euler_parameters,
+    moved,
+    rounded,
+)
+
+Play: TypeAlias = Mapping[str, PyTree]
+"""Arguments of a `ClearanceJoint`, a `Backlash` or a stop, by name, as the user passes them."""
+Joint: TypeAlias = AbstractConstraint | AbstractContactJoint
+IDEAL = {
+    **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
+    SLIDER: (PrismaticJoint, 1),
+    "planar": (PlanarJoint, 2),
+    BALL: (SphericalJoint, 0),
+    FIXED: (FixedJoint, 0),
+}
+"""Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
+TYPES = *IDEAL, FLOATING
+BACKLASH = "backlash"
+"""Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
+GIVEN_BY_THE_FILE = {
+    *("bearing_body", "bearing_point", "bearing_axis"),
+    *("journal_body", "journal_point", "journal_axis"),
+    *("first", "second", "axis_first", "axis_second", "play", "play_length"),
+}
+"""Arguments of `ClearanceJoint` and `Backlash` that the user can't pass."""
+OF_STOPS = ("torsional_stiffness", "restitution", "law", "radius"), ("law",)
+"""Arguments of the stops of hinges, and of those of sliders."""
+FAR = 1e3
+"""Distance of the walls from a slider that has stops, over its travel: it never touches them."""
+
+
+class Elements:
+    """The joints and forces of a robot's scene, by name."""
+
+    def __init__(self, tree: LinkTree):
+        self.tree = tree
+        self.joints: dict[str, Joint] = {}
+        self.forces: dict[str, AbstractForce] = {}
+        # Floating joints, and joints within a body, have no joint of the scene.
+        pairs = {name: ideal_joint(joint, tree) for name, joint in tree.joints.items()}
+        self.ideal = {name: joint for name, joint in pairs.items() if joint is not None}
+        mimics = {j.name: j.mimic for j in tree.joints.values() if j.mimic is not None}
+        is_valid = {name: self._can_follow(name, mimic) for name, mimic in mimics.items()}
+        without = [name for name, valid in is_valid.items() if not valid]
+        self._mimics = {name: mimics[name] for name, valid in is_valid.items() if valid}
+        title = "mimics, between other joints than hinges and sliders,"
+        self.omitted = {title: without} if without else {}
+
+    def _can_follow(self, name: str, mimic: Mimic) -> bool:
+        ends = [name] if mimic.leader is None else [name, mimic.leader]
+        return all(self.scalar(end) is not None for end in ends)
+
+    def mimics(self) -> dict[str, Mimic]:
+        """Return what joints follow, each after the joint that it follows."""
+        leaders = {
+            name: [mimic.leader] if mimic.leader in self._mimics else []
+            for name, mimic in self._mimics.items()
+        }
+        with self.tree.location.in_errors():  # an error for joints that follow each other
+            order = [*TopologicalSorter(leaders).static_order()]
+        return {name: self._mimics[name] for name in order}
+
+    def add(self, element: Joint | AbstractForce, joint: str, what: str) -> None:
+        """Add an element that belongs to a joint of the file, by a name of its own."""
+        name = f"{joint} {what}"
+        if name in self.tree.joints or name in self.joints or name in self.forces:
+            expected = f"no joint {name!r}, which is the name of the {what}"
+            self.tree.location.at(joint).refuse(name, expected, "rename that joint")
+        if isinstance(element, AbstractForce):
+            self.forces[name] = element
+        else:
+            self.joints[name] = element
+
+    def scalar(self, name: str) -> HingeOrSlider | None:
+        """Return the ideal joint of a name if it is a hinge or slider."""
+        joint = self.ideal.get(name)
+        return joint if isinstance(joint, HingeOrSlider) else None
+
+
+class Additions(NamedTuple):
+    """What the user adds to a robot's scene, see `load_robot`."""
+
+    play: Mapping[str, Play] = MappingProxyType({})
+    stops: Mapping[str, Play] = MappingProxyType({})
+    friction: FrictionLaw | None = None
+
+
+def scene_of(
+    tree: LinkTree,
+    loops: tuple[LoopJoint, ...],
+    additions: Additions,
+    gravity: TripleLike | None,
+) -> tuple[Scene, State, Elements]:
+    """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
+    location = tree.location
+    hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
+    play = {
+        name: _checked(name, settings, "play", hinges, _arguments_of_play(settings), location)
+        for name, settings in additions.play.items()
+    }
+    carriers = tree.moving()
+    if not carriers:
+        remedy = "pass free_root=True, which makes the root a body, or correct the joints"
+        if not tree.massive(tree.carriers[tree.root]):
+            remedy = "add a joint that moves"
+        location.refuse(f"no link that moves relative to {tree.root!r}", "some", remedy)
+    bodies, elements = bodies_of(tree, carriers), Elements(tree)
+    for name, ideal in elements.ideal.items():
+        settings, at = play.get(name), location.at(name)
+        # A clearance replaces the ideal joint, a backlash is added to it.
+        if settings is not None and BACKLASH not in settings:
+            elements.joints[name] = _clearance(ideal, settings, at)
+            continue
+        elements.joints[name] = ideal
+        if settings is not None:
+            elements.add(_backlash(tree.joints[name], ideal, settings, at), name, BACKLASH)
+    _add_loops(elements, loops)
+    _add_couplings(elements)
+    _add_resistances(elements, additions.friction)
+    _add_stops(elements, additions.stops)
+    state = {
+        carrier.body: body_state(tuple(moved(carrier.pose, carrier.centre))) for carrier in carriers
+    }
+    with location.in_errors():
+        scene = Scene(bodies, elements.joints, elements.forces, gravity)
+        return scene, State(state), elements
+
+
+def ideal_joint(joint: RobotJoint, tree: LinkTree) -> AbstractConstraint | None:
+    """Return the ideal joint of the scene for a joint of the file, if it has one."""
+    parent, child = tree.carriers[joint.parent], tree.carriers[joint.child]
+    location = tree.location.at(joint.name)
+    if joint.kind not in TYPES:
+        kinds = f"one of the types {listed(TYPES)}"
+        location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
+    if parent is child or joint.kind == FLOATING:
+        return None
+    # The frame of the joint is that of the child link, which begins its carrier.
+    in_parent = moved(tree.poses[joint.parent] @ joint.pose, joint.point)
+    points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
+    # All bodies are parallel at zero, so that the axis has the same components in both.
+    axis = rounded(rounded(child.pose[:3, :3]) @ joint.axis)
+    make, axes = IDEAL[joint.kind]
+    with location.in_errors():
+        return make(parent.body, child.body, *points, *[axis] * axes)
+
+
+def _clearance(hinge: AbstractConstraint, play: Play, location: FileLocation) -> ClearanceJoint:
+    assert isinstance(hinge, RevoluteJoint)  # only hinges may have play
+    with location.in_errors():
+        return ClearanceJoint(
+            hinge.first,
+            hinge.second,
+            bearing_point=hinge.point_first,
+            journal_point=hinge.point_second,
+            bearing_axis=hinge.axis_first,
+            journal_axis=hinge.axis_second,
+            **{"axial": FixedAxially(), **play},
+        )
+
+
+def _backlash(
+    joint: RobotJoint, hinge: AbstractConstraint, settings: Play, location: FileLocation
+) -> Backlash:
+    assert isinstance(hinge, RevoluteJoint)
+    options = {key: value for key, value in settings.items() if key != BACKLASH}
+    axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
+    if "law" not in options and "torsional_stiffness" not in options:
+        effort = math.inf if joint.limits is None else joint.limits.effort
+        if not 0.0 < effort < math.inf:
+            needed = "a `torsional_stiffness`, since the joint has no effort limit"
+            location.refuse(None, needed, "give it in N m/rad")
+        with location.in_errors():  # before the division by the angle
+            angle = as_number(settings[BACKLASH], BACKLASH, "rad")
+            require_positive(BACKLASH, angle, "give an angle in rad")
+        # The limit turns the joint past the end of the play by a tenth of it: the elastic
+        # deflection of the surfaces in contact (flanks) is small compared with the play.
+        options["torsional_stiffness"] = effort / (0.1 * float(angle))
+    with location.in_errors():
+        return Backlash(hinge.first, hinge.second, play=settings[BACKLASH], **axes, **options)
+
+
+def _arguments_of_play(settings: Play) -> dict[str, Expectation]:
+    kind = Backlash if isinstance(settings, Mapping) and BACKLASH in settings else ClearanceJoint
+    expected = arguments(kind)
+    allowed = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
+    # A message lists the backlash too, because it may have been meant.
+    return allowed | {BACKLASH: expected["play"] if kind is Backlash else Expectation()}
+
+
+def _checked(
+    name: str,
+    settings: Play,
+    what: str,
+    joints: list[str],
+    allowed: dict[str, Expectation],
+    location: FileLocation,
+) -> Play:
+    if name not in joints:
+        kind = "one of the hinges" if what == "play" else "one of the joints with two limits,"
+        remedy = nearest(name, joints, "leave it out")
+        location.refuse(name, f"{what} in {kind} {listed(joints)}", remedy)
+    if not isinstance(settings, Mapping):
+        remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
+        if what != "play":
+            remedy = f"pass values of {listed(allowed)}"
+        location.at(name).refuse(settings, "arguments by name", remedy)
+    for argument in settings:
+        if argument not in allowed:
+            remedy = nearest(argument, allowed, "leave it out")
+            location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
+    # Only texts are converted here. The constructors check all other values.
+    reader, at = Reader(()), location.at(name)
+    return {
+        key: reader.value(value, allowed[key], at.at(key)) if isinstance(value, str) else value
+        for key, value in settings.items()
+    }
+
+
+def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
+    tree = elements.tree
+    for loop in loops:
+        first, second = tree.carriers[loop.first], tree.carriers[loop.second]
+        if first is second:
+            continue
+        frames = [
+            tree.poses[link] @ pose
+            for link, pose in ((loop.first, loop.in_first), (loop.second, loop.in_second))
+        ]
+        points = tree.in_body(first, frames[0][:3, 3]), tree.in_body(second, frames[1][:3, 3])
+        ends = first.body, second.body, *points
+        if loop.kind == BALL:
+            joint: Joint = SphericalJoint(*ends)
+        else:
+            turns = [
+                rounded(c.pose[:3, :3] @ f[:3, :3])
+                for c, f in zip((first, second), frames, strict=True)
+            ]
+            joint = FixedJoint(*ends, euler_parameters(rounded(turns[0] @ turns[1].T)))
+        if loop.name in tree.joints or loop.name in elements.joints:
+            expected = "a name that no other joint has"
+            tree.location.at(loop.name).refuse(loop.name, expected, "rename one of the two")
+        elements.joints[loop.name] = joint
+
+
+def _add_couplings(elements: Elements) -> None:
+    for name, mimic in elements.mimics().items():
+        follower, at = elements.scalar(name), elements.tree.location.at(name)
+        assert follower is not None
+        leader = elements.scalar(mimic.leader or "")
+        with at.in_errors():
+            if leader is None:
+                coupling = _constant(follower, mimic.coefficients[0])
+            else:
+                coupling = JointCoupling(leader, follower, Polynomial(mimic.coefficients))
+        elements.add(coupling, name, "coupling")
+
+
+def _constant(joint: HingeOrSlider, position: float) -> AbstractConstraint:
+    if isinstance(joint, RevoluteJoint):
+        return PrescribedAngle(joint.first, joint.second, joint.axis_first, position)
+    ends = joint.first, joint.second, joint.point_first, joint.point_second
+    return PrescribedTranslation(*ends, joint.axis, position)
+
+
+def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
+    """Add springs, dampers and dry friction of joints."""
+    for name, joint in elements.tree.joints.items():
+        ideal = elements.scalar(name)
+        if ideal is None:
+            continue
+        at = elements.tree.location.at(name)
+        with at.in_errors():
+            if joint.damping or joint.stiffness:
+                what = "spring" if joint.stiffness else "damping"
+                elements.add(_spring(ideal, joint), name, what)
+            if joint.friction and friction is not None:
+                is_hinge = isinstance(ideal, RevoluteJoint)
+                axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
+                radius, point = (1.0, (0.0, 0.0, 0.0)) if is_hinge else (None, ideal.point_second)
+                rubbing = JointFriction(
+                    ideal.first, ideal.second, friction, joint.friction, axis, radius, point
+                )
+                elements.add(rubbing, name, "friction")
+
+
+def _spring(joint: HingeOrSlider, of_file: RobotJoint) -> AbstractForce:
+    stiffness, damping, rest = of_file.stiffness, of_file.damping, of_file.rest
+    if isinstance(joint, RevoluteJoint):
+        return TorsionalSpring(
+            joint.first, joint.second, joint.axis_first, stiffness, damping, rest
+        )
+    axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
+    across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
+    along = euler_parameters(np.column_stack([axis, *across]))
+    return Bushing(
+        joint.first,
+        joint.second,
+        joint.point_first + rest * axis,
+        joint.point_second,
+        stiffness=(stiffness, 0.0, 0.0),
+        damping=(damping, 0.0, 0.0),
+        orientation_first=along,
+        orientation_second=along,
+    )
+
+
+def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
+    tree = elements.tree
+    ranges = {
+        name: joint.limits
+        for name, joint in tree.joints.items()
+        if joint.limits is not None
+        and elements.scalar(name) is not None
+        and -math.inf < joint.limits.lower < joint.limits.upper < math.inf
+    }
+    for name, settings in stops.items():
+        joint = elements.scalar(name)
+        kind = Backlash if isinstance(joint, RevoluteJoint) else PinInSlot
+        names = OF_STOPS[0] if kind is Backlash else OF_STOPS[1]
+        allowed = {key: value for key, value in arguments(kind).items() if key in names}
+        settings = _checked(name, settings, "stops", [*ranges], allowed, tree.location)
+        limits, at = ranges[name], tree.location.at(name)
+        room, middle = limits.upper - limits.lower, 0.5 * (limits.upper + limits.lower)
+        # A wide range is no mistake of the unit.
+        with at.in_errors(), quiet():
+            if isinstance(joint, RevoluteJoint):
+                axes = {"axis_first": joint.axis_first, "axis_second": joint.axis_second}
+                ends = joint.first, joint.second
+                stop = Backlash(*ends, play=room, middle=middle, **axes, **settings)
+            else:
+                assert isinstance(joint, PrismaticJoint)
+                stop = _ends_of_travel(joint, room, middle, settings, at)
+        elements.add(stop, name, "stop")
+
+
+def _ends_of_travel(
+    joint: PrismaticJoint, room: float, middle: float, settings: Play, at: FileLocation
+) -> PinInSlot:
+    if "law" not in settings:
+        at.refuse([*settings], "a `law` of the ends", "pass a law whose stiffness is a number, N/m")
+    axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
+    normal, _ = transverse_axes(Vector(*axis.tolist()))
+    return PinInSlot(
+        joint.first,
+        joint.second,
+        play=FAR * room,
+        pin_radius=room,
+        travel=room,
+        slot_point=joint.point_first + middle * axis,
+        slot_axis=axis,
+        slot_normal=pack(normal),
+        pin_point=joint.point_second,
+        **settings,
+    )

@@ -1,0 +1,235 @@
+"""Robots from MJCF files: MuJoCo computes the same accelerations, of random robots too."""
+
+import jax
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from tests.support.many_states import system_of
+
+mujoco = pytest.importorskip("mujoco")
+FEW, MANY = range(2), range(100, 130)
+SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
+
+
+def text(numbers) -> str:
+    return " ".join(map(repr, np.atleast_1d(np.asarray(numbers, dtype=float)).tolist()))
+
+
+def frame(generator: np.random.Generator) -> str:
+    quaternion = Rotation.random(rng=generator).as_quat(scalar_first=True)
+    return f'pos="{text(generator.uniform(-1, 1, 3))}" quat="{text(quaternion)}"'
+
+
+def random_body(generator: np.random.Generator, name: str, joint: str, inner: str) -> str:
+    sides = generator.uniform(0.2, 1.0, 3) ** 2
+    mass = generator.uniform(0.5, 5.0)
+    moments = text(mass * (sides.sum() - sides) / 12)
+    return (
+        f'<body name="{name}" {frame(generator)}>{joint}'
+        f'<inertial mass="{text(mass)}" diaginertia="{moments}" {frame(generator)}/>{inner}</body>'
+    )
+
+
+def random_joint(generator: np.random.Generator, name: str) -> str:
+    kind = generator.choice(["hinge", "slide"])
+    axis, point = generator.uniform(-1, 1, (2, 3))
+    ref, rest = generator.uniform(-1, 1, 2)
+    resistances = generator.uniform(0, 5, 3) * generator.integers(0, 2, 3)
+    stiffness, damping, armature = map(text, resistances)
+    return (
+        f'<joint name="{name}" type="{kind}" axis="{text(axis)}" pos="{text(point)}" '
+        f'ref="{text(ref)}" springref="{text(rest)}" stiffness="{stiffness}" '
+        f'damping="{damping}" armature="{armature}"/>'
+    )
+
+
+def random_tree(generator: np.random.Generator, names: list[str], fixed: bool) -> str:
+    """Bodies of random names on each other; some are fixed, and the first one never is."""
+    inner: dict[int, str] = dict.fromkeys(range(len(names)), "")
+    parents = [None, *(int(generator.integers(k)) for k in range(1, len(names)))]
+    for k in reversed(range(len(names))):
+        has_joint = k == 0 or not fixed or generator.random() < 0.6
+        joint = random_joint(generator, f"to {names[k]}") if has_joint else ""
+        body = random_body(generator, names[k], joint, inner[k])
+        if parents[k] is None:
+            return body
+        inner[parents[k]] += body
+    raise AssertionError
+
+
+def file_of(bodies: str, generator: np.random.Generator, rest: str = "") -> str:
+    gravity = text(generator.uniform(-10, 10, 3))
+    head = f'<compiler angle="radian"/><option gravity="{gravity}"/>'
+    return f"<mujoco>{head}<worldbody>{bodies}</worldbody>{rest}</mujoco>"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(robot: str, **options):
+        (tmp_path / "robot.xml").write_text(robot)
+        return cj.load_robot(tmp_path / "robot.xml", **options)
+
+    return read
+
+
+def model_of(robot: str):
+    model = mujoco.MjModel.from_xml_string(robot)
+    return model, mujoco.MjData(model)
+
+
+def dynamics(loaded: cj.results.Robot, state: cj.State, feedback: float = 0.0):
+    system = system_of(loaded.scene, cj.JointCoordinates(), feedback)
+    return system.dynamics(system.encode(cj.extend.unpack(state).bodies), {}, 0.0)
+
+
+def free_state(model, data, body: str, start: np.ndarray) -> cj.BodyState:
+    """Of a free body, whose axes are the world's at the start."""
+    index = model.body(body).id
+    turned = Rotation.from_quat(data.xquat[index], scalar_first=True)
+    first = Rotation.from_quat(start, scalar_first=True)
+    velocity = np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, index, velocity, 0)
+    orientation = turned * first.inv()
+    return cj.body_state(
+        data.xipos[index],
+        orientation.as_quat(scalar_first=True),
+        velocity[3:],
+        orientation.inv().apply(velocity[:3]),
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_computes_the_same_accelerations(seed, read):
+    """Hinges and sliders with references, springs and dampers, fixed links, and a free body that
+    carries links."""
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(8)]
+    tree = random_tree(generator, names[:5], fixed=True)
+    carried = random_tree(generator, names[5:7], fixed=False)
+    free = random_body(generator, names[7], '<freejoint name="free"/>', carried)
+    robot = file_of(tree + free, generator)
+    model, data = model_of(robot)
+    start = model.body_quat[model.body(names[7]).id].copy()
+    data.qpos[:] += 0.5 * generator.uniform(-1, 1, model.nq)
+    data.qpos[model.joint("free").qposadr[0] + 3 :][:4] = Rotation.random(rng=generator).as_quat()
+    data.qvel[:] = generator.uniform(-2, 2, model.nv)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_rnePostConstraint(model, data)
+    loaded = read(robot)
+    q = {name: float(data.joint(name).qpos[0]) for name in loaded.joints}
+    qd = {name: float(data.joint(name).qvel[0]) for name in loaded.joints}
+    state = loaded.state(q, qd, free={names[7]: free_state(model, data, names[7], start)})
+    for name, angle in loaded.angles(state).items():
+        assert angle == pytest.approx(q[name], abs=1e-12)
+        assert loaded.speeds(state)[name] == pytest.approx(qd[name], abs=1e-12)
+    accelerations = dynamics(loaded, state).accelerations
+    rotors = [name for name in accelerations if name.endswith(" rotor")]
+    assert len(rotors) == np.count_nonzero(model.dof_armature)
+    for name in accelerations.keys() - {*rotors}:
+        found, link = accelerations[name], loaded.links[name]
+        assert link.body == name
+        # MuJoCo's is that of the body alone; here fixed bodies are parts of the body.
+        expected = np.zeros(6)
+        kind, index = mujoco.mjtObj.mjOBJ_XBODY, model.body(name).id
+        mujoco.mj_objectAcceleration(model, data, kind, index, expected, 0)
+        body = state.bodies[name]
+        turn = Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
+        spin, arm = turn.apply(body.spin), turn.apply(link.point)
+        angular = turn.apply(jax.tree.leaves(found.angular))
+        linear = np.array(jax.tree.leaves(found.linear))
+        linear += np.cross(angular, arm) + np.cross(spin, np.cross(spin, arm))
+        scale = np.abs(expected).max()
+        assert np.abs(angular - expected[:3]).max() < 1e-9 * scale
+        assert np.abs(linear - (expected[3:] + model.opt.gravity)).max() < 1e-9 * scale
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_torques_are_those_of_mujocos_inverse_dynamics(seed, read):
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(6)]
+    robot = file_of(random_tree(generator, names, fixed=True), generator)
+    model, data = model_of(robot)
+    data.qpos[:], data.qvel[:], data.qacc[:] = generator.uniform(-2, 2, (3, model.nv))
+    mujoco.mj_inverse(model, data)
+    loaded = read(robot)
+    assert [model.joint(k).name for k in range(model.njnt)] == [*loaded.joints]
+    found = loaded.torques(data.qpos, data.qvel, data.qacc)
+    scale = np.abs(data.qfrc_inverse).max()
+    assert np.abs([*found.values()] - data.qfrc_inverse).max() < 1e-9 * scale
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_equalities_accelerate_as_mujocos_jacobian_says(seed, read):
+    """At rest: M a = forces + J^T multipliers with J a = 0."""
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(7)]
+    tree = random_tree(generator, names[:5], fixed=False)
+    free = "".join(
+        random_body(generator, name, f'<freejoint name="free {name}"/>', "") for name in names[5:]
+    )
+    anchor, coefficients = text(generator.uniform(-1, 1, 3)), text(generator.uniform(-1, 1, 5))
+    equalities = (
+        f'<connect name="pin" body1="{names[5]}" body2="{names[3]}" anchor="{anchor}"/>'
+        f'<weld name="weld" body1="{names[2]}" body2="{names[6]}"/>'
+        f'<joint joint1="to {names[1]}" joint2="to {names[4]}" polycoef="{coefficients}"/>'
+        f'<joint joint1="to {names[0]}" polycoef="0.2 0 0 0 0"/>'
+    )
+    robot = file_of(tree + free, generator, f"<equality>{equalities}</equality>")
+    model, data = model_of(robot)
+    mujoco.mj_forward(model, data)
+    matrix = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, matrix)
+    jacobian = data.efc_J.reshape(-1, model.nv)
+    force = data.qfrc_passive - data.qfrc_bias
+    free_rates = np.linalg.solve(matrix, force)
+    response = np.linalg.solve(matrix, jacobian.T)
+    data.qacc[:] = free_rates - response @ np.linalg.solve(
+        jacobian @ response, jacobian @ free_rates
+    )
+    mujoco.mj_rnePostConstraint(model, data)
+    loaded = read(robot)
+    q = {name: float(data.joint(name).qpos[0]) for name in loaded.joints}
+    followers = {f"to {names[0]}", f"to {names[1]}"}
+    # The equations are evaluated at MuJoCo's start, which violates the couplings.
+    tree_only = read(robot.split("<equality>")[0] + "</mujoco>")
+    state = tree_only.state(q)
+    assert {*loaded.leaders} == followers - {f"to {names[0]}"}
+    kinds = {name: type(joint) for name, joint in loaded.scene.joints.items()}
+    assert kinds["pin"] is cj.SphericalJoint and kinds["weld"] is cj.FixedJoint
+    found = dynamics(loaded, state).accelerations
+    for name in names:
+        expected = np.zeros(6)
+        kind, index = mujoco.mjtObj.mjOBJ_BODY, model.body(name).id
+        mujoco.mj_objectAcceleration(model, data, kind, index, expected, 0)
+        linear = np.array(jax.tree.leaves(found[name].linear))
+        scale = max(np.abs(expected).max(), 10.0)
+        assert np.abs(linear - (expected[3:] + model.opt.gravity)).max() < 1e-8 * scale
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+@pytest.mark.parametrize("seed", range(5))
+def test_equalities_of_sites_are_those_of_bodies(seed, kind, read):
+    generator = np.random.default_rng(seed)
+    bodies = [
+        random_body(generator, name, f"<freejoint/><site name='on {name}' {frame(generator)}/>", "")
+        for name in ("a", "b")
+    ]
+    sites = f'<equality><{kind} name="e" site1="on a" site2="on b"/></equality>'
+    robot = file_of("".join(bodies), generator, sites)
+    model, data = model_of(robot)
+    mujoco.mj_forward(model, data)
+    loaded = read(robot)
+    joint, start = loaded.scene.joints["e"], loaded.state()
+    for body, point in (("a", joint.point_first), ("b", joint.point_second)):
+        # At the start, the axes of all bodies are the world's.
+        place = np.asarray(start.bodies[body].position) + np.asarray(point)
+        assert place == pytest.approx(data.site(f"on {body}").xpos, abs=1e-12)
+    if kind == "weld":
+        first, second = (
+            Rotation.from_matrix(data.site(f"on {body}").xmat.reshape(3, 3)) for body in "ab"
+        )
+        turn = Rotation.from_quat(np.asarray(joint.orientation), scalar_first=True)
+        assert (turn.inv() * first * second.inv()).magnitude() < 1e-9
