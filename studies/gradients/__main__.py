@@ -1,7 +1,7 @@
 """Gradients in reverse mode across impacts: accuracy, cost, and fits of many numbers.
 
-python -m studies.gradients [PART] [--quick], where PART is accuracy, joints, memory, lanes, friction,
-wall or torque
+python -m studies.gradients [PART] [--quick], where PART is accuracy, joints, memory, lanes,
+friction, wall or torque
 """
 
 from collections.abc import Sequence
