@@ -103,7 +103,7 @@ class TeethInMesh(AbstractMeshStiffness):
         above = "above 1", "one pair of teeth is in contact at least"
         require_numbers(lambda ratio, _: ratio > 1.0, "contact_ratio", values, *above)
         require_numbers(
-            lambda ratio, part: abs(ratio - np.floor(ratio) - 0.5) <= 0.5 - part,
+            lambda ratio, part: abs(ratio - library((ratio,)).floor(ratio) - 0.5) <= 0.5 - part,
             "contact_ratio",
             values,
             "farther from a whole number than the `transition`, {1}",

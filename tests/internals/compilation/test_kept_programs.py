@@ -17,9 +17,8 @@ import clearjoint as cj
 from clearjoint._compilation import keep_programs, package_code, plain_values
 from clearjoint._compilation.program_store import ProgramStore
 from clearjoint._dynamics.joint_coordinates.trees import topology
-from clearjoint._native import Native, NativeFunction
+from clearjoint._native import Native, NativeFunction, lanes
 from clearjoint._native.machine_code import RecentPrograms
-from clearjoint._simulation.lanes import scheduler
 from clearjoint._simulation.run import run_checks
 from studies.benchmark.chain import chain
 
@@ -162,7 +161,7 @@ def forget(monkeypatch):
     """Function that removes all programs from memory; it has been called once."""
 
     def forget():
-        scheduler._LOOPS.clear()
+        lanes._LOOPS.clear()
         # After many starts in earlier tests, a program would check those of this one.
         monkeypatch.setattr(run_checks.starts, "_seen", Counter())
         modules = [m for name, m in sys.modules.items() if name.startswith("clearjoint.")]

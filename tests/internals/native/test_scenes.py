@@ -81,6 +81,13 @@ def differentiated():
     cj.sensitivities(mass_on(SPRING), STATE, 0.01, stiffness, x, [0.01], progress=False)
 
 
+def in_reverse():
+    stiffness = {"k": lambda scene: scene.forces["force 0"].stiffness}
+    x = {"x": cj.quantities.Position("mass", "x")}
+    predict = cj.predictor(mass_on(SPRING), STATE, 0.01, stiffness, x, [0.01])
+    jax.jit(jax.grad(lambda values: predict(values)["x"][0]))(predict.values)
+
+
 def inside_of_jit():
     def end(stiffness):
         scene = cj.set_value(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
@@ -113,12 +120,15 @@ CALLS = {
     "`simulate` with an implicit solver": runs(cj.Settings(solver=diffrax.Kvaerno5(), atol=1e-9)),
     "`sweep`": swept,
     "`sensitivities`": differentiated,
+    "`predictor` and its gradients, also called inside of `jax.jit`, `jax.vmap` or `jax.grad`": (
+        in_reverse
+    ),
     "`simulate_nonsmooth`": lambda: cj.simulate_nonsmooth(
         *cj.mechanisms.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
     ),
     "`observe`": lambda: observe()(),
     "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
-    "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
+    "other calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
 SLOW = {
     "`simulate` with an explicit solver, or a controller of diffrax",
@@ -127,7 +137,8 @@ SLOW = {
     "`simulate_nonsmooth`",
     "`simulate` with states, steps, impacts and outputs saved",
     "`observe`",
-    "calls inside of `jax.jit`, `jax.vmap` or `jax.grad`",
+    "other calls inside of `jax.jit`, `jax.vmap` or `jax.grad`",
+    "`predictor` and its gradients, also called inside of `jax.jit`, `jax.vmap` or `jax.grad`",
 }
 """Calls that compile for seconds."""
 README = Path(native.__file__).with_name("README.md").read_text(encoding="utf-8")
