@@ -39,7 +39,7 @@ def measure(quick: bool) -> list[Row]:
         times = [0.5 * end, end]
         predict = cj.predictor(scene, state, end, paths_of(width), OUTPUT, times, SETTINGS)
         numbers = sum(map(np.size, jax.tree.leaves(predict.values)))
-        rows.append(row(f"rod, {numbers} parameters", predict, count))
+        rows.append(row(f"rod, p = {numbers}", predict, count))
     if not quick:
         scene, state = cj.mechanisms.double_pendulum()
         paths = {
@@ -48,7 +48,7 @@ def measure(quick: bool) -> list[Row]:
         }
         output = {NAME: cj.quantities.Position("arm 3", "y")}
         predict = cj.predictor(scene, state, 0.1, paths, output, [0.05, 0.1], SETTINGS)
-        rows.append(row("double pendulum, 2 parameters", predict, count))
+        rows.append(row("double pendulum, p = 2", predict, count))
     return rows
 
 

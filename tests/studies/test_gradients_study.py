@@ -67,7 +67,7 @@ def test_gradients_of_a_chain_with_backlash():
 def test_a_batch_of_gradients_has_the_bits_of_single_calls():
     (row,) = lanes.measure(quick=True)
     assert row.runs == 3 and row.same_bits
-    assert lanes.table([row])[1][0] == "rod, 1 parameters"
+    assert lanes.table([row])[1][0] == "rod, p = 1"
 
 
 @pytest.mark.slow
