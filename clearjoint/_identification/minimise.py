@@ -222,7 +222,8 @@ class _Forward:
         # Chain rule: the run gives the derivatives of the outputs by the coordinates, and JAX those
         # of the objective by the outputs.
         along = sum(slopes[name] @ run.derivatives[name][:count] for name in values)
-        return value, dict(zip(self.parameters, jnp.asarray(along), strict=True)), run.result
+        slope = dict(zip(self.parameters, jnp.asarray(along), strict=True))
+        return float(value), slope, run.result
 
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
