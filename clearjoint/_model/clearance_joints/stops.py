@@ -92,10 +92,8 @@ class Stop(AbstractPair, AbstractFrictionJoint):
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
         _, first, second = self._between(motions)
-        radius, has_friction = (
-            0.0 if self.radius is None else self.radius,
-            self.friction is not None,
-        )
+        radius = 0.0 if self.radius is None else self.radius
+        has_friction = self.friction is not None
         # The wall begins where the centre of the sphere is a radius before the plane.
         wall = FlatWall(self.point, -unit(self.normal), -radius, self.radius)
         points = {POINT: self.point_second}
@@ -136,10 +134,8 @@ class Stop(AbstractPair, AbstractFrictionJoint):
     def _ideal(self, depth: Scalar) -> AbstractConstraint:
         outward = np.asarray(self.normal) / np.linalg.norm(self.normal)
         height = (0.0 if self.radius is None else self.radius) - depth
-        bodies, points = (
-            (self.first, self.second),
-            (self.point + height * outward, self.point_second),
-        )
+        bodies = self.first, self.second
+        points = self.point + height * outward, self.point_second
         if self.end_point_second is None:
             return PointInPlaneJoint(*bodies, *points, self.normal)
         along = np.asarray(self.end_point_second) - np.asarray(self.point_second)

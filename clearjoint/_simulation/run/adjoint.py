@@ -347,7 +347,7 @@ class PulledSteps(NamedTuple):
 def pulled(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Return the cotangents before the last of `after.count` steps."""
+    """Pull cotangents back through the last of `after.count` steps, and return those before it."""
     tangents, of_steps = example.tangents, example_of(run, example)
     index = after.count - 1
     place = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.places), index, keepdims=False)
@@ -368,7 +368,8 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Return the cotangents before the first of `after.count` steps."""
+    """Pull cotangents back through `after.count` steps, from the last to the first, and return those
+    before the first."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)

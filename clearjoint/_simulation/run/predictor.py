@@ -44,7 +44,8 @@ With 1, derivatives by a clearance that hardly changes the guard were wrong by 2
 `rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3 by 6e-8 and 6e-7, in 1.1 to
 1.2 times as many steps, which are still fewer than those of forward mode."""
 AT_ONCE = 64
-"""Largest number of runs of a batch that are computed side by side."""
+"""Largest number of runs of a batch that are computed side by side. Each may keep steps of up to 30
+MB (`.recorded_runs`) until their outputs or gradients are computed."""
 
 
 class Predictor:

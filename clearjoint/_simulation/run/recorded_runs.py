@@ -261,7 +261,7 @@ class RecordedRun:
         """Return the derivatives, by all parameters, of the sum over tangents times `seeds`."""
         now = Pulled(np.asarray(0), seeds.end, seeds.total)
         first = sum(len(segment.ends) for segment in self.segments)
-        last = seeds.last_place(first)
+        last = seeds.steps_needed(first)
         for segment in reversed(self.segments):
             first -= len(segment.ends)
             count = min(len(segment.ends), last - first)
@@ -291,8 +291,9 @@ class Seeds(NamedTuple):
     pulled: np.ndarray
     places: np.ndarray
 
-    def last_place(self, steps: int) -> int:
-        """Return the number of the step behind the last one, of so many, with a cotangent."""
+    def steps_needed(self, steps: int) -> int:
+        """Return how many of a run's steps, from its start, the cotangents are pulled back through:
+        those up to the last one that has any."""
         if self.end.any():
             return steps
         places = self.places[self.pulled.any(axis=1)]
@@ -500,7 +501,7 @@ def _gradients_in_lanes(
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
         run, seeds = runs[number], seeds_of(number)
         rows = run.rows()
-        lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.last_place(len(rows)))
+        lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed(len(rows)))
         steps, count = lane.next_steps(0, room)
         after = Pulled(np.asarray(count), seeds.end, seeds.total)
         return own_cells.rows(_with_first_axis((run.at, steps)))[0], state_cells.rows(
