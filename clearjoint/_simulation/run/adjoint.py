@@ -368,8 +368,8 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull cotangents back through `after.count` steps, from the last to the first, and return those
-    before the first."""
+    """Pull cotangents back through `after.count` steps, from the last one to the first, and return
+    those before the first."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)
