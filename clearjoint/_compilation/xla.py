@@ -26,8 +26,9 @@ from jaxtyping import PyTree
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-_began: dict[int, float] = {}
-"""Time of `time.monotonic` at which each thread, by its identifier, began to compile a program."""
+_began: dict[int, float | None] = {}
+"""The threads, by their identifiers, that are within `program_is_made_inside`, each with the time of
+`time.monotonic` at which it began to compile a program, or ``None`` if it has not."""
 CALLS = {
     "jit": "jaxpr",
     "pjit": "jaxpr",
@@ -303,7 +304,7 @@ def seconds_of_compiling() -> float:
     The time lasts from the start of tracing until the call of the program returns. Progress bars
     show it.
     """
-    times = list(_began.values())
+    times = [began for began in list(_began.values()) if began is not None]
     return time.monotonic() - min(times) if times else 0.0
 
 
@@ -317,7 +318,11 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        _began.setdefault(threading.get_ident(), time.monotonic())
+        # Outside that context nothing would end the time. A batch of gradients once made its loops
+        # so, and all later progress bars of the process said that they were compiling.
+        thread = threading.get_ident()
+        if thread in _began and _began[thread] is None:
+            _began[thread] = time.monotonic()
         with _one_program():
             return function(*arguments, **options)
 
@@ -330,11 +335,14 @@ def program_is_made_inside() -> Iterator[None]:
     compiling."""
     thread = threading.get_ident()
     is_inner = thread in _began
+    before = _began.setdefault(thread, None)
     try:
         yield
     finally:
-        if not is_inner:
-            _began.pop(thread, None)
+        if is_inner:
+            _began[thread] = before
+        else:
+            del _began[thread]
 
 
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}

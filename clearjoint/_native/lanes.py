@@ -18,7 +18,7 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from .._compilation.xla import begins_a_program, program_of
+from .._compilation.xla import begins_a_program, program_is_made_inside, program_of
 from .cells import Memory, Region, numbers_of
 from .control import borrowed, loop
 from .functions import RULES, FlatArguments
@@ -197,7 +197,7 @@ def made_lane_loop(
     made earlier in this process, loaded from disk, or compiled."""
     key = step, FlatArguments.of(trees).key
     # The lock makes other threads wait for a loop that is being compiled.
-    with _LOOPS_LOCK:
+    with program_is_made_inside(), _LOOPS_LOCK:
         loop = _LOOPS.recent(key)
         if loop is None:
             traced = begins_a_program(step)

@@ -9,6 +9,7 @@ from tqdm.std import TqdmDefaultWriteLock
 
 import clearjoint as cj
 from clearjoint._compilation import Compiled, seconds_of_compiling
+from clearjoint._compilation.xla import begins_a_program, program_is_made_inside
 from clearjoint._simulation.lanes.scheduler import Running
 from clearjoint._simulation.run import host_run, sampling, terminal
 from clearjoint._simulation.run.terminal import compiling_bar
@@ -71,6 +72,21 @@ def test_seconds_are_counted_from_the_start_of_tracing():
     Compiled(traced)(jnp.ones(()))
     assert TICK <= seen[0] < 60.0
     assert seconds_of_compiling() == 0.0
+
+
+def test_a_program_traced_outside_the_context_is_not_counted():
+    """Nothing would end the time: a batch of gradients left it running for the whole process."""
+    assert begins_a_program(lambda x: x + 1.0)(1.0) == 2.0
+    assert seconds_of_compiling() == 0.0
+
+
+def test_the_time_ends_with_the_innermost_context_that_compiles():
+    with program_is_made_inside():
+        with program_is_made_inside():
+            begins_a_program(lambda x: x)(1.0)
+            time.sleep(TICK)
+            assert seconds_of_compiling() >= TICK
+        assert seconds_of_compiling() == 0.0
 
 
 def test_a_compiled_program_is_not_said_to_compile(capsys):
