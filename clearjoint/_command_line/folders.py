@@ -60,7 +60,7 @@ Summary = Mapping[str, str | int | float]
 
 
 def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
-    """Write the summary of results, with the time, s, since the study's file was read."""
+    """Write the results of the command `kind`, and the time, s, since the study's file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
     title = study.parts.title or study.path.stem
     head = {"kind": kind, "title": title, "file": str(study.path)}

@@ -27,8 +27,8 @@ from jaxtyping import PyTree
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 _began: dict[int, float | None] = {}
-"""The threads, by their identifiers, that are within `program_is_made_inside`, each with the time of
-`time.monotonic` at which it began to compile a program, or ``None`` if it has not."""
+"""For each thread within `program_is_made_inside`, by its identifier, the time of `time.monotonic`
+at which it began to compile a program, or ``None`` if it has not."""
 CALLS = {
     "jit": "jaxpr",
     "pjit": "jaxpr",

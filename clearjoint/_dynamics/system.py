@@ -82,7 +82,7 @@ class System(eqx.Module):
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return normalised variables, see `AbstractCoordinates.without_drift`."""
+        """Normalise Euler parameters and angles, see `AbstractCoordinates.without_drift`."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
@@ -258,8 +258,8 @@ class System(eqx.Module):
         return prescribed
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
-        """Return whether any constraint is violated by more than 1e-3, in m, rad or without unit,
-        or the smallest radial clearance; ``None`` if there are no constraints."""
+        """Return whether a constraint's value is NaN or exceeds in magnitude 1e-3 (m, rad or 1) or,
+        if less, the smallest radial clearance in m; ``None`` if there are no constraints."""
         if not self.is_constrained(variables, t):
             return None
         motions = self.motions(variables)

@@ -371,8 +371,8 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Return whether a leaf of `tree` has changed outside of containers, and whether one has
-        changed anywhere in it; add the paths of modules to check to `paths`."""
+        """Add the paths of modules to check to `paths`. Return whether a leaf has changed that no
+        dictionary, list or tuple in `tree` contains, and whether any leaf has changed."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]

@@ -79,9 +79,9 @@ def minimise(
 ) -> Minimum:
     """Find parameters that minimise a function of a motion's outputs, by gradients.
 
-    The gradients are those of the exact motion: in forward mode for up to 16 `Parameter`s, as by
-    `sensitivities`, otherwise in reverse mode, as by `predictor`. For sums of squares by few
-    parameters use `identify`, which needs far fewer runs.
+    The gradients are those of the exact motion: in forward mode, as by `sensitivities`, for up to
+    16 `Parameter`s without reductions and `end_time`; otherwise in reverse mode, as by `predictor`.
+    For sums of squares by few parameters use `identify`, which needs far fewer runs.
 
     **Arguments:**
 
@@ -118,10 +118,12 @@ def minimise(
     known = end_time is not None or times is not None
     require(known, "end_time", None, "a time if there are no `times`", remedy)
     times = None if times is None else np.asarray(times, dtype=float)
-    single = all(isinstance(parameter, Parameter) for parameter in parameters.values())
-    reduced = any(isinstance(output, AbstractReduction) for output in outputs.values())
+    # Forward mode serves quantities at `times`, whose last one is the end of the run.
+    only_parameters = all(isinstance(parameter, Parameter) for parameter in parameters.values())
+    has_reductions = any(isinstance(output, AbstractReduction) for output in outputs.values())
     search: _Forward | _Reverse
-    if single and not reduced and end_time is None and len(parameters) <= LONGEST_PACKED:
+    in_forward_mode = only_parameters and not has_reductions and end_time is None
+    if in_forward_mode and len(parameters) <= LONGEST_PACKED:
         runs = experiment(scene, state, parameters, outputs, times, start_time, settings)  # pyright: ignore
         at = coordinates_of(scene, state, parameters)  # pyright: ignore
         search = _Forward(runs, objective, dict(parameters), times, at)  # pyright: ignore

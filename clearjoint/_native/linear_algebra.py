@@ -185,6 +185,9 @@ def _triangular_solve(
     zero, count = _index(lower, 0), _index(lower, n)
 
     def solve(number: Symbol) -> None:
+        # Systems are counted matrix by matrix: `block` is the number of the matrix, `column` that
+        # of the right side. `top` and `first` are the indices of the first number of the matrix in
+        # `a`, and of the first unknown in `x`.
         column = number.emit("remainder_whole", columns)
         block = (number - column).emit("divide_whole", columns)
         top, first = block * (n * n), block * (n * columns) + column * apart
@@ -193,6 +196,8 @@ def _triangular_solve(
             return _read(lower, a, top + (k * n + i if transposed else i * n + k))
 
         def unknown(turn: Symbol) -> None:
+            # Forward substitution finds the unknowns from the first on, backward substitution from
+            # the last. `solved` is the range of those that are known already.
             i = turn if forward else count - 1 - turn
             solved = (zero, i) if forward else (i + 1, count)
             place = first + i * step

@@ -57,8 +57,9 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 
 def written(keys: Keys) -> str:
-    """Return the written path of keys and indices, in which keys with dots, brackets or quotation
-    marks are quoted. A key with both kinds of marks can't be read back by `keys_of`."""
+    """Return keys and indices as text: "joints.pin.axis[0]" for ("joints", "pin", "axis", 0). Keys
+    with dots, brackets or quotation marks are quoted; `keys_of` can't read one with both kinds of
+    marks."""
 
     def quoted(key: str) -> str:
         mark = '"' if "'" in key else "'"

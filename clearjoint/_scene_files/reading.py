@@ -192,8 +192,9 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number of a text such as "0.3 mm" in an SI unit, rounded once, after the
-    conversion of the unit, so that "0.3 mm" gives the same float as 3e-4."""
+    """Return the number in a text such as "0.3 mm", converted to the SI unit `unit` and then
+    rounded once, so that "0.3 mm" gives the same float as 3e-4. If `unit` is ``None``, a unit in
+    the text is refused."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

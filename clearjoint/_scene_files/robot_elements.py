@@ -355,7 +355,11 @@ def _spring(joint: HingeOrSlider, of_file: RobotJoint) -> AbstractForce:
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
+    """Add stops at the limits of hinges and sliders, with the user's arguments `stops[joint]`. A
+    stop is an element with clearance whose play is the range of the joint: a `Backlash` of a hinge,
+    a `PinInSlot` with ends of a slider."""
     tree = elements.tree
+    # Only joints of one degree of freedom with a finite range can have stops.
     ranges = {
         name: joint.limits
         for name, joint in tree.joints.items()
@@ -371,7 +375,7 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
         settings = _checked(name, settings, "stops", [*ranges], allowed, tree.location)
         limits, at = ranges[name], tree.location.at(name)
         room, middle = limits.upper - limits.lower, 0.5 * (limits.upper + limits.lower)
-        # A wide range is no mistake of the unit.
+        # Constructors warn of a large play, but here it is the range of the joint.
         with at.in_errors(), quiet():
             if isinstance(joint, RevoluteJoint):
                 axes = {"axis_first": joint.axis_first, "axis_second": joint.axis_second}

@@ -168,16 +168,17 @@ class LoopJoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Actuator:
-    """An actuator of a robot's file, for a `Motor` or `DriveTorque` of your own.
+    """An actuator of a robot's file, from which to make a `Motor` or `DriveTorque`.
 
-    With the control u, the joint's position q and its rate q', the moment (N m) or force (N) on the
-    joint is gear (gain u + bias[0] + bias[1] gear q + bias[2] gear q').
+    Its moment (N m) or force (N) on the joint is gear * f, with
+    f = gain * u + bias[0] + bias[1] * gear * q + bias[2] * gear * q'; u is the control, q the
+    joint's position, q' its rate.
 
     - `joint`: name of the joint.
     - `gear`: ratio of the actuator's motion to the joint's.
     - `gain`, `bias`: coefficients of the force, (3,) for the bias.
     - `control`: smallest and largest control.
-    - `force`: smallest and largest force of the actuator.
+    - `force`: smallest and largest f.
 
     >>> servo = cj.results.Actuator("elbow", gain=50.0, bias=(0.0, -50.0, -2.0))
     >>> servo.gear

@@ -220,9 +220,9 @@ def as_mesh(argument: str, value: MeshLike) -> Mesh:
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return poses of rotations whose third columns are the unit vectors `axes`, and whose first
-    columns are along the components of `start` perpendicular to them; by default, directions are
-    chosen."""
+    """Return poses, rotations about the origin, that map z to each unit vector in `axes`, and x to
+    the direction of the part of `start` perpendicular to it; by default to any perpendicular
+    direction."""
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)

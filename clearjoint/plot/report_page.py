@@ -341,20 +341,23 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     broken."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
+    # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
     head = line = len(lines) + 0.4
     if rows:
         cells = zip(titles, *rows, strict=True)
+        # Widths of the columns in letters, with two letters between columns.
         needed = np.array([max(map(len, column)) + 2 for column in cells])
         widest = needed.max()
         while np.minimum(needed, widest).sum() > LETTERS:
             widest -= 1
         widths = np.minimum(needed, widest)
-        ends = np.cumsum([0, *widths[:-1]]) * (1.0 / max(widths.sum(), 0.8 * LETTERS))
-        texts += [(x, head, title, "bold") for x, title in zip(ends, titles, strict=True)]
+        # Left ends. A table narrower than 80 % of the page is not stretched over its whole width.
+        lefts = np.cumsum([0, *widths[:-1]]) * (1.0 / max(widths.sum(), 0.8 * LETTERS))
+        texts += [(x, head, title, "bold") for x, title in zip(lefts, titles, strict=True)]
         line += 1.3
         for row in rows:
             broken = [wrap(cell, width - 2) for cell, width in zip(row, widths, strict=True)]
-            for x, cell in zip(ends, broken, strict=True):
+            for x, cell in zip(lefts, broken, strict=True):
                 texts += [(x, line + k, text, "normal") for k, text in enumerate(cell)]
             line += max(map(len, broken))
 

@@ -150,9 +150,9 @@ def fit_labels(figure: Figure) -> None:
 def limit_to_window(
     axes: Axes, times: np.ndarray, window: TimeSpan | None, factor: float = 1.0
 ) -> np.ndarray:
-    """Limit a time axis, whose unit is `factor` times s, to a window if one is given. Return the
-    mask (N,) of the `times` to draw: those in the window and the nearest one on either side, so
-    that curves reach the window's edges."""
+    """Limit an axis that shows times in s multiplied by `factor` to a window, s, if one is given.
+    Return the mask (N,) of the `times` to draw: those in the window and the nearest one on either
+    side, so that curves reach the window's edges."""
     if window is None:
         return np.full(np.shape(times), True)
     overlaps = max(window[0], times[0]) <= min(window[1], times[-1])

@@ -285,7 +285,7 @@ def _failures(
 
 
 def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
-    """Velocity of the second body's point of a force beside the normal, relative to the first's."""
+    """Velocity of the second body relative to the first, m/s, where a `SideForce` acts."""
     return second.velocity_at(side.arm_second) - first.velocity_at(side.arm_first)
 
 

@@ -104,7 +104,7 @@ class Inertia:
 
 
 def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
-    """Return the symmetric matrix with the lower triangle of `matrix` minus an outer product."""
+    """Return the symmetric matrix whose lower triangle is that of `matrix` - `first` `second`^T."""
     own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
     return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
 
@@ -337,7 +337,7 @@ class AbstractTreeSolver(abc.ABC):
 
     @abc.abstractmethod
     def _prepare(self, carried: list[Inertia]) -> None:
-        """Factorise the equations. `carried` may be changed."""
+        """Factorise the equations. `carried` has the inertia of each link, and may be changed."""
 
     @abc.abstractmethod
     def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:

@@ -449,19 +449,22 @@ class Mixture:
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)
+        # Logarithm of the weight times the density at the centre, for each distribution; the
+        # determinant of a root is the product of its diagonal.
         sizes = np.abs(np.diagonal(self.roots, axis1=1, axis2=2))
-        with np.errstate(divide="ignore"):
-            heights = np.log(self.weights) - np.log(sizes).sum(axis=1)
-        heights = heights - 0.5 * points.shape[1] * math.log(2.0 * math.pi)
+        with np.errstate(divide="ignore"):  # of weights of zero
+            at_centres = np.log(self.weights) - np.log(sizes).sum(axis=1)
+        at_centres = at_centres - 0.5 * points.shape[1] * math.log(2.0 * math.pi)
         # The offset of a point from a centre, scaled by the inverse root, is a difference of two
         # scaled vectors: all those of the points are one product of matrices. Their origin is in
         # the cloud, because differences of large vectors would have rounding errors.
         origin, rows = self.centres[-1], inverse.reshape(-1, points.shape[1])
-        centres = np.einsum("nij,nj->ni", inverse, self.centres - origin)
+        scaled_centres = np.einsum("nij,nj->ni", inverse, self.centres - origin)
         densities = []
         # In parts, because the offsets of all points from all centres may take much memory.
         for part in np.split(points, range(TOGETHER, len(points), TOGETHER)):
-            offsets = ((part - origin) @ rows.T).reshape(len(part), *centres.shape) - centres
+            scaled = ((part - origin) @ rows.T).reshape(len(part), *scaled_centres.shape)
+            offsets = scaled - scaled_centres
             squares = np.einsum("mni,mni->mn", offsets, offsets)
-            densities.append(logsumexp(heights - 0.5 * squares, axis=1))
+            densities.append(logsumexp(at_centres - 0.5 * squares, axis=1))
         return np.concatenate(densities)

@@ -119,21 +119,22 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
     @override
     def update(self, tally: LossTally, now: Instant) -> LossTally:
-        if tally.time is None or tally.at_end is None:
+        if tally.time is None or tally.at_end is None:  # the window is the whole run
             return tally
-        lost, window = _lost(now), self._window(now)
+        lost, window, began = _lost(now), self._window(now), tally.time
+
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
-        at_begin, at_end = [
-            jnp.where(now.time <= edge, lost, jnp.where(tally.time < edge, _lost(inside), before))
-            for edge, inside, before in zip(
-                (window.start, window.end),
-                map(now.inside, window.fractions(tally.time, now.time)),
-                (tally.at_begin, tally.at_end),
-                strict=True,
-            )
-        ]
-        return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)
+        def up_to(edge: Scalar, fraction: Scalar, before: Scalar) -> Scalar:
+            at_edge = _lost(now.inside(fraction))
+            return jnp.where(now.time <= edge, lost, jnp.where(began < edge, at_edge, before))
+
+        first, last = window.fractions(began, now.time)
+        return tally._replace(
+            at_begin=up_to(window.start, first, tally.at_begin),
+            time=now.time,
+            at_end=up_to(window.end, last, tally.at_end),
+        )
 
     def _inside(self, tally: LossTally, now: Instant) -> Scalar:
         return (_lost(now) if tally.at_end is None else tally.at_end) - tally.at_begin
@@ -325,8 +326,7 @@ class ArchardWear(AbstractWindowedReduction):
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
     """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other.
-    It is computed from the motion, since forces of contacts without friction contain no sliding
-    speed."""
+    It is computed from the motion, since contacts without friction have no `slip`."""
     contact = now.contacts[joint][label].contact
     pair = now.scene.contact_joints()[joint].pair()
     first, second = (now.motions[name] for name in pair)

@@ -193,8 +193,9 @@ passed the check recently."""
 
 
 class StartValues(NamedTuple):
-    """What the checks of a start compare with their limits: the results of `starting_contacts`, the
-    constraint equations, and the results of `cosines_of_turns` and `round_trip`."""
+    """What the checks of a start compare with their limits: `depths` and `approaches` of contacts,
+    the constraint equations' `rows`, `cosines` of the angles from declared orientations, and the
+    results of `round_trip`, `variables` and `orientations`."""
 
     depths: ByLabel[Scalar]
     approaches: ByLabel[Scalar]

@@ -42,8 +42,8 @@ class Bracket(NamedTuple):
 
 
 class SectionRecord(eqx.Module):
-    """The crossings of a section in a run so far: the `level`, which rises through zero at a
-    crossing, after the latest accepted step, and a row for each crossing."""
+    """Record of a section: its `level`, the value of the section's quantity after the latest
+    accepted step, and `rows`, one for each crossing so far."""
 
     level: Scalar
     rows: RowBuffer

@@ -30,9 +30,9 @@ WATCH = "clearjoint: compiling"
 
 
 class _Watch:
-    """The thread that updates the bars, if there are any.
+    """Updates the texts of progress bars, by a thread that runs while there are bars.
 
-    - `usual`: the bars that are shown, with their texts while nothing is being compiled.
+    - `usual`: the bars, each with its text for the time in which nothing is being compiled.
     - `lock`: held while `usual` or `thread` changes, and while the thread writes texts, so that no
       bar is closed in the meantime.
     """

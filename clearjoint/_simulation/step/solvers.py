@@ -156,8 +156,8 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at the fraction x of the step, 0 to 1, measured like the nodes of
-        the solver's tableau. With a time map, the elapsed part of the step's time is
+        """Return the variables at x, 0 to 1, the variable in which the tableau's nodes c are given.
+        Without a time map, x is the elapsed part of the step's time; with one, that part is
         `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]

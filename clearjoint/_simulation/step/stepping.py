@@ -252,8 +252,9 @@ def accepted_state(
         end, start = trial.tangents, step.tangents
         assert end is not None and start is not None and y_tangents is not None
 
-        # The tangents of entry speeds neglect terms proportional to the penetration at the end of
-        # the step, because the second rates are treated as constants.
+        # Runs with tangents have explicit solvers, so that `second_rates` equals `at_onsets`.
+        # Treated as constants, they neglect terms proportional to the penetration at the end of
+        # the step.
         def entry_speeds_after(
             system: System, y1: Variables, entry_speeds: EntrySpeeds
         ) -> tuple[EntrySpeeds, None]:
@@ -372,8 +373,9 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """Return an `Attempt` that contains `step` and is zero otherwise, as the initial value of a
-    loop over attempts, which calls `attempt` with the same arguments. It has no `rejected`."""
+    """Return the initial value of a loop over attempts: an `Attempt` with the given `step`, zeros
+    in all other arrays, and ``rejected=None``. `attempt` is the function that the loop calls; it is
+    at most traced here for its shapes."""
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as
         # tracing the whole loop.

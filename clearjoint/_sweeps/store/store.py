@@ -238,7 +238,9 @@ class SweepStore:
             extended = _joined(path, stored, Contents(layout, identity, stored.order))
             # The same lanes may lie along other axes. A store that is read only keeps its axes.
             relabelled = not _same_axes(stored.layout, layout) and os.access(path, os.W_OK)
-            if len(stored.order) < layout.lanes or extended.added - stored.added or relabelled:
+            has_new_lanes = len(stored.order) < layout.lanes
+            has_new_variables = bool(extended.added - stored.added)
+            if has_new_lanes or has_new_variables or relabelled:
                 extend(path, extended)
                 write_grid(path, _labelled(path, extended))
         return cls(path, extended)
