@@ -45,7 +45,7 @@ QUICK_SIZES: dict[str, tuple[int, ...]] = {"ideal": (1, 2)}
 SIMULATE, SWEEP, SENSITIVITIES = "simulate", "sweep", "sensitivities"
 CALLS = (SIMULATE, SWEEP, *(f"{SENSITIVITIES} {count}" for count in (1, 3, 8)))
 """Calls that are measured; the number is that of the parameters."""
-SHORT, LONG, LONGEST = 1e-4, 0.05, 12.8
+SHORT, LONG, LONGEST = 1e-4, 0.05, 204.8
 """Simulated times, s: so short that only the preparation counts, and for the time of a step, of
 which the shortest that takes `LONG_ENOUGH` is taken, if there is one up to `LONGEST`."""
 LONG_ENOUGH = 0.2
