@@ -203,8 +203,6 @@ class DirectedScene(AbstractSceneFamily):
       each.
     - `base`: scene and initial state before any change.
     - `changes`: pairs of the name of a parameter and the function that sets it.
-    - `transposable`: whether derivatives are computed as linear functions of direction and
-      tangents, which `jax.linear_transpose` can transpose, and which take longer to trace.
     """
 
     values: dict[str, PyTree]
@@ -212,7 +210,6 @@ class DirectedScene(AbstractSceneFamily):
     base: tuple[Scene, State]
     changes: tuple[tuple[str, Change], ...] = eqx.field(static=True)
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
-    transposable: bool = eqx.field(static=True, default=False)
 
     @property
     @override
@@ -238,11 +235,8 @@ class DirectedScene(AbstractSceneFamily):
 
         places = self.values, *primals
         directions = self.direction, *jax.tree.map(lambda leaf: leaf[0], tangents)
-        if self.transposable:
-            value, along, auxiliary = jax.linearize(at, *places, has_aux=True)
-            derivatives = along(*directions)
-        else:
-            value, derivatives, auxiliary = jax.jvp(at, places, directions, has_aux=True)
+        # `jax.linear_transpose` can transpose this with respect to direction and tangents.
+        value, derivatives, auxiliary = jax.jvp(at, places, directions, has_aux=True)
         return value, auxiliary, _with_axis(derivatives)
 
 

@@ -157,7 +157,7 @@ class Adjoint(eqx.Module):
         guard's direction, or along another one, of which they are then linear functions."""
         family = replace(self.family, values=values)
         if direction is not None:
-            family = replace(family, direction=direction, transposable=True)
+            family = replace(family, direction=direction)
         return SystemFamily(family, self.scheme.formulation, self.origin)
 
     def loop(self, values: PyTree, rows: int) -> RunLoop:
