@@ -66,7 +66,9 @@ def difference_from_forward_mode(
         "w": cj.quantities.AngularVelocity(body, "z"),
     }
     times = np.linspace(0.0, end, 9)
-    forward = cj.sensitivities(made, state, end, chosen, outputs, times, settings, progress=False)
+    # At the same tolerance, forward mode is off by 1e-6 in some scenes, ten times reverse mode.
+    finer = replace(settings, rtol=0.1 * settings.rtol)
+    forward = cj.sensitivities(made, state, end, chosen, outputs, times, finer, progress=False)
     predict = cj.predictor(made, state, end, chosen, outputs, times, settings)
     slopes = {
         name: float(p.scale.slope(p.scale.coordinate(predict.values[name])))
