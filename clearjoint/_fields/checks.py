@@ -153,8 +153,8 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values, which fill in `{0}` and so on in
-    `expected`."""
+    """Check ``condition(*values)``. The error is about the first value; `{0}`, `{1}` and so on in
+    `expected` stand for all values in their order."""
     if (arrays := checkable(*values)) is not None:
         holds = condition(*arrays)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
@@ -371,12 +371,13 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Add the paths of modules to check to `paths`. Return whether a leaf has changed that no
-        dictionary, list or tuple in `tree` contains, and whether any leaf has changed."""
+        """Add the paths of modules to check to `paths`. Return two truth values: that a leaf has
+        changed that is in no dictionary, list or tuple of `tree`; that any leaf has changed."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
-            near, anywhere = (any(change[k] for change in changes) for k in range(2))
+            near = any(is_near for is_near, _ in changes)
+            anywhere = any(is_anywhere for _, is_anywhere in changes)
             # The checks of a user-defined class may read the entries of its dictionaries and lists.
             if near or (anywhere and not is_of_package(type(tree))):
                 paths.append(path)
@@ -384,7 +385,8 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
         if isinstance(tree, dict | list | tuple):
             keys = list(tree) if isinstance(tree, dict) else range(len(tree))
             changes = [collect(tree[key], (*path, key)) for key in keys]
-            return False, any(anywhere for _, anywhere in changes)
+            return False, any(is_anywhere for _, is_anywhere in changes)
+        # A leaf of this tree is the truth value that it has changed.
         return tree is True, tree is True
 
     collect(jax.tree.unflatten(structure, changed), ())

@@ -18,7 +18,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
     The middle of a longer name is replaced by an ellipsis, since similar names differ mostly at the
     end. A name that begins with an underscore gets a space of zero width in front, since legends
-    omit such labels. Neither it nor escapes of dollar signs count as characters.
+    omit such labels. Neither this space nor escapes of dollar signs count as characters.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:

@@ -191,8 +191,7 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Yield name, value and unit of each number of a part of a scene or state, in the order of
-    `jax.tree.leaves`. The unit of the part holds for numbers outside of fields, which declare their
-    own."""
+    `jax.tree.leaves`. Fields declare their units; `name` and `unit` are those of the part."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

@@ -37,7 +37,7 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value of the error with an index, (...), at coordinates (..., p)."""
+        """Return the value, (...), of the error with the index `number` at coordinates (..., p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
@@ -64,15 +64,19 @@ def with_sensor_errors(
     elapsed: Row,
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), from the
-    quantities and their derivatives by the coordinates."""
+    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
+    (T, p), from the quantities, (T,) `values`, and their `derivatives`; `elapsed`, (T,) s, is the
+    time since the start of the run."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
-    for name in {name: None for _, error in sensors.errors for name in error.series}:
+    # Without duplicates, since a sensor may have several errors.
+    with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
+    for name in with_errors:
 
         def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
 
-        # A reading depends on the quantity at the same time only.
+        # A reading depends on the quantity at the same time only, so that one product with ones
+        # gives the diagonal of its Jacobian.
         readings[name], factor = jax.jvp(
             lambda quantity: reading(quantity, coordinates),
             (values[name],),

@@ -26,7 +26,7 @@ class AbstractVariation(abc.ABC):
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The function that says what varies; a sweep's results contain a description of it."""
+        """The user's function that selects or makes what varies, described in a sweep's results."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:

@@ -284,7 +284,7 @@ def optional_numbers(values: ArrayLike | None) -> Numbers | None:
 class AbstractVectorQuantity(AbstractQuantity):
     """Base class of quantities that are a component of a vector, or with ``None`` its magnitude.
 
-    It precedes the other base class of a quantity, so that `component` follows its fields.
+    It is the first base of its subclasses, so that `component` follows the fields of the others.
     """
 
     component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
