@@ -206,6 +206,7 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
 
 
 def _with_motion(state: State, other: State) -> State:
+    """Return the state with the velocities and spins of another."""
     bodies = {
         name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
         for name, body in state.bodies.items()
@@ -383,7 +384,7 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
-# As above.
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates

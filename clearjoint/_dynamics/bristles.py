@@ -33,7 +33,8 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the deflection in steady sliding of each contact, the scale of deflections."""
+    """Return a scale for the deflection of each contact: vectors whose three components are the
+    magnitude of the deflection in steady sliding, m."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)

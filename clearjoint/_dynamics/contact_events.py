@@ -136,7 +136,7 @@ def entry_speeds_inside(
 
     They are those of the step's `start`, except that a contact which began in the step has, from
     its onset, the entry speed of the step's `end`. The onset is estimated from the `gaps` at the
-    end of the step; `left` is the time from the instant to there.
+    end of the step; `left` is the time from the instant to the end, s.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:

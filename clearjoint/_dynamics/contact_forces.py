@@ -151,14 +151,16 @@ def contact_wrenches(
     on_first, on_second = contact.points_of_force(friction is not None)
     moment = None if friction_moment is None else contact.normal * friction_moment
     if contact.side is not None:
-        beside = contact.side.on_second(normal_force)
-        for name, point, force, beside_point, sense in (
-            (second, on_second, push, contact.side.arm_second, 1.0),
-            (first, on_first, -push, contact.side.arm_first, -1.0),
-        ):
-            if name != GROUND:
-                own = motions[name]
-                yield name, own.wrench(force, point) + own.wrench(beside * sense, beside_point)
+        # The additional force acts at a point of its own.
+        side, side_force = contact.side, contact.side.on_second(normal_force)
+        if second != GROUND:
+            motion = motions[second]
+            additional = motion.wrench(side_force, side.arm_second)
+            yield second, motion.wrench(push, on_second) + additional
+        if first != GROUND:
+            motion = motions[first]
+            additional = motion.wrench(side_force * -1.0, side.arm_first)
+            yield first, motion.wrench(-push, on_first) + additional
         return
     if second != GROUND:
         yield second, motions[second].wrench(push, on_second)

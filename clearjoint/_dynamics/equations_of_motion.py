@@ -36,6 +36,7 @@ class Dynamics:
     """Solution of the equations of motion at one instant.
 
     - `mechanics`: kinematics and mass matrix in the chosen coordinates.
+    - `contact_forces`: of each contact, with which the equations were solved.
     - `rows`: constraint rows of the joints that the coordinates do not eliminate.
     - `rates`: accelerations in the form that the methods of `mechanics` return and accept. In joint
       coordinates these are not the time derivatives of the speeds but linear combinations of them

@@ -62,8 +62,8 @@ class Unstabilised(AbstractStabilisation):
 
 class Baumgarte(AbstractStabilisation):
     """Feedback that imposes -2 alpha rate - beta^2 value on the second time derivative of each
-    constraint (eq. 32 of the paper, where the first term lacks the dot that marks the rate; J.
-    Baumgarte 1972).
+    constraint (J. Baumgarte 1972; eq. 32 of P. Flores et al. 2006, where the first term lacks the
+    dot that marks the rate).
 
     `alpha` and `beta` are in 1/s, and not negative; 5 is usual.
 

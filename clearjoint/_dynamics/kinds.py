@@ -41,7 +41,8 @@ class Kinds:
     """Evaluates functions of the elements of a scene.
 
     The number of elements of a class, not of a kind, decides whether they share functions: a kind
-    depends on which numbers are folded as constants, and a lane could differ from a single run.
+    depends on which numbers are folded as constants, and these differ between a run of a sweep and
+    a single run, whose results must not.
     """
 
     def __init__(self, scene: Scene):

@@ -106,13 +106,16 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     if (numbers := checkable(value)) is None:
         return
     (inertia,) = numbers
-    # The tests of the symmetry and of the largest moment allow for the rounding of given numbers.
-    # The largest moment is at most (1 + 1e-9) times the sum of the other two.
-    largest = inertia.sum() if inertia.ndim == 1 else inertia.trace()
-    largest = largest * (1 + 1e-9) / (2 + 1e-9)
+    # The tests of the symmetry and of the largest moment allow for the rounding of given numbers:
+    # the largest moment is at most (1 + 1e-9) times the sum of the other two, which is the sum of
+    # all less itself.
+    total = inertia.sum() if inertia.ndim == 1 else inertia.trace()
+    largest = total * (1 + 1e-9) / (2 + 1e-9)
     if inertia.ndim == 1:
         positive, is_rigid = inertia.min() > 0, inertia.max() <= largest
     else:
+        # All principal moments are below `largest` if this number times the identity, less the
+        # matrix, is positive definite.
         symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
         require(symmetric, argument, inertia, "symmetric", "average it with its transpose")
         positive = _is_positive_definite(inertia)

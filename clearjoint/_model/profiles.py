@@ -166,7 +166,8 @@ def spline_at(
     count: int,
     coefficients_around: Callable[[jax.Array | np.ndarray], jax.Array],
 ) -> Deviation:
-    """Return a periodic cubic spline with `count` evenly spaced knots, and two derivatives."""
+    """Return a periodic cubic spline at an angle, rad, and two derivatives, from the number of its
+    evenly spaced knots and `AbstractPeriodicSpline.coefficients_around`."""
     per_knot = count / (2.0 * np.pi)
     # The knots next to angles that are known before compilation are found by NumPy, so that
     # the compiled program need not search for them.
@@ -292,6 +293,7 @@ class JournalInBearing(NamedTuple):
 
     - `x`, `y`: position of the journal's centre, m.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
+    - `axes`: those of the journal, to which its profile refers, in the bearing's cross-section.
     """
 
     x: NumberOrArray
@@ -358,7 +360,8 @@ class JournalInBearing(NamedTuple):
     def _deviation_of_journal(
         self, cosine: Scalar, sine: Scalar
     ) -> tuple[Deviation, Scalar, Scalar]:
-        """Return the journal's deviation in a direction, and two derivatives of its own angle."""
+        """Return the journal's deviation in a direction, and the first and second derivatives of
+        the direction's angle about the journal's axis by that about the bearing's."""
         if self.journal is None:
             return _ROUND, 0.0, 0.0
         axes = self.axes

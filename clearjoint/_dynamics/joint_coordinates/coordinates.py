@@ -122,7 +122,7 @@ class JointMechanics(AbstractMechanics):
 
     @cached_property
     def _solvers(self) -> list[AbstractTreeSolver]:
-        """The equations of motion of each tree. Checks of constraints never need them."""
+        """The equations of motion of each tree, made on first use: some checks don't need them."""
         solvers = []
         for i, j in pairwise(self._starts):
             parents = [None if parent is None else parent - i for parent in self._parents[i:j]]

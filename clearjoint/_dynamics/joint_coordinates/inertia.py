@@ -148,7 +148,7 @@ def product(first: Twist, second: Twist) -> Scalar:
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load about the parent's reference point, from which `offset` leads to its own."""
+    """Return a load about a point from which `offset` leads to the present one."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
@@ -240,6 +240,8 @@ class LoadedJoint:
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
+        # `rests` has a twist for each speed of the joint. Their transpose has a row for each of the
+        # six components of a twist, for which the factors solve.
         solved = [factors.solve(row) for row in zip(*map(_components, rests), strict=True)]
         gains = tuple(Twist(Vector(*g[:3]), Vector(*g[3:])) for g in zip(*solved, strict=True))
         for rest, gain in zip(rests, gains, strict=True):
@@ -303,7 +305,7 @@ def is_small(bodies: int) -> bool:
 
 
 Evaluate: TypeAlias = Callable[..., PyTree]
-"""Function that returns the result of a function, its first argument, for all other arguments."""
+"""Function that returns ``function(*arguments)`` for its arguments ``function, *arguments``."""
 
 
 def evaluation(bodies: int) -> Evaluate:
@@ -359,6 +361,7 @@ class MassMatrix(AbstractTreeSolver):
             columns, first, parent = links[k].columns, self._firsts[k], self._parents[k]
             wholes, block, rests = momenta(columns, carried[k])
             for j, rest in enumerate(rests):
+                # A row ends at the diagonal: its last j + 1 entries are those of the own joint.
                 matrix[first + j][first:] = block[j][: j + 1]
                 self._fill_row(matrix[first + j], parent, rest)
             if parent is not None:

@@ -249,10 +249,10 @@ class JointedBranch:
         tree; otherwise it is the joint's point on the parent.
         """
         subspace = self.motion_subspace
-        # Rotation from the body's axes to the tree's, the joint's point on the parent relative to
-        # the parent's reference point, m, and acceleration of the former at constant speeds, m/s^2.
-        # For a root on the ground they are the identity and zeros, since the tree's axes are those
-        # of the root.
+        # `rotation` leads from the body's axes to the tree's, and `offset`, m, from the parent's
+        # reference point to the joint's point on the parent. `bias`, m/s^2, is the acceleration of
+        # this point at constant speeds. For a root on the ground they are the identity and zeros,
+        # since the tree's axes are those of the root.
         rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
@@ -345,8 +345,7 @@ class Topology:
 
 
 _known: OrderedDict[int, tuple[weakref.ref[Scene], Topology]] = OrderedDict()
-"""Topology of each scene that exists, by the scene's identity. Changes of an `OrderedDict` do not
-count as a change of the package's code: with a plain one, processes kept no programs."""
+"""Topology of each scene object that exists, and a weak reference to it, by its `id`."""
 
 
 def topology(scene: Scene) -> Topology:

@@ -49,8 +49,8 @@ bearing's axis, or along the normal of flat walls."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the laws `law` and `friction`, ``None`` for
-    none."""
+    """Base class of joints whose contacts share a `law` and a `friction` law, which may be
+    ``None``."""
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]

@@ -173,8 +173,8 @@ class Spline(AbstractTable):
 
 
 class Increasing(eqx.Module):
-    """Breakpoints of a table, (N,) s, known to be increasing: the next one is found without all
-    others."""
+    """Breakpoints of a table, (N,) s, known to be increasing, so that bisection finds the next
+    one."""
 
     times: ArrayLike
 

@@ -141,6 +141,8 @@ class ScrewMotion(AbstractTurning):
     @override
     def encode(self, relative: Relative) -> JointState:
         angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
+        # The advance determines the number of revolutions, and the orientation the angle up to
+        # whole revolutions, exactly.
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
         error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
         return JointState(angle_by_advance - error, (rate,))

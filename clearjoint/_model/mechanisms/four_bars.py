@@ -125,6 +125,7 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
     foot = np.array([feet, 0.0])
     tip = crank * np.array([math.cos(angle), math.sin(angle)])
     pin = _intersection(tip, foot, coupler, rocker)
+    # Vectors along the coupler, to the rocker pin, and along the rocker, from its axis.
     along, arm = pin - tip, pin - foot
     tip_velocity = speed * _perpendicular(tip)
     # Coupler and rocker have the same velocity at their common pin, which gives two equations for
