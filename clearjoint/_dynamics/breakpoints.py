@@ -67,10 +67,8 @@ def _is_increasing(node: PyTree) -> bool:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint after the time t by more than rounding errors, on the clock of t.
-
-    The result is infinity if no breakpoint is after t, and ``None`` if no element has a breakpoint.
-    """
+    """Return the first breakpoint that is after t by more than rounding errors, s since the origin
+    of the system, like t; infinity if there is none, ``None`` if no element has a breakpoint."""
     soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
     return None if soonest is None else system.own_time(soonest)
 

@@ -1,5 +1,4 @@
-"""Values, rank and redundancy of a scene's constraint rows, scalar equations Phi = 0, in a
-state."""
+"""Values, rank and redundancy of constraint rows, scalar equations Phi = 0, in a state."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -177,8 +176,7 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return all constraint rows in an initial state, and those that `coordinates` do not
-    eliminate.
+    """Return all constraint rows in a state, and those that `coordinates` do not eliminate.
 
     Scene and state have vectors as arrays (3,). The size of `jacobian` grows with the square of the
     number of bodies; `motions` are those of `free_motions`, if they are known.

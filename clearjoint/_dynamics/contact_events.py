@@ -148,7 +148,8 @@ def entry_speeds_inside(
 
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
-    """Return the penetration rate of a contact at its onset shortly before."""
+    """Return the penetration rate of a contact at its onset shortly before, from its present gap
+    and the second time derivative of its depth, m/s^2."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the
@@ -216,8 +217,7 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact has a positive depth of at most `TOUCHING` at the start of a
-    run."""
+    """Return whether any contact has a positive depth of at most `TOUCHING`."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 

@@ -117,8 +117,7 @@ def contact_wrenches(
     motions: Motions,
     friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
-    """Yield name and wrench of each body, other than the ground, on which one contact of a joint
-    acts.
+    """Yield name and wrench of each body, except the ground, on which a contact of a joint acts.
 
     With a friction moment, each body is yielded twice. For a contact that acts as a couple (see
     `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
@@ -230,7 +229,7 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces.
+    """Return a contact with its forces, `friction` along the normal as a moment.
 
     The slip of two flat faces has a component along the normal: their relative spin about it times
     the mean radius of the faces. So has the friction that a law returns for this slip; its

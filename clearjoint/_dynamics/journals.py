@@ -147,6 +147,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
                     f"damping of its law {type(law).__name__} is so large that steps must be very "
                     f"short: {' or '.join(filter(None, [raising, other]))}."
                 )
+                # One sentence for each joint is enough.
                 break
     return sentences
 
@@ -163,8 +164,7 @@ def require_in_bearings(
 ) -> None:
     """Check the penetrations of an initial state, the results of `starting_contacts`.
 
-    **Raises:** `ValueError` if a contact is deeper than the limit that the joint's method `deepest`
-    returns for it.
+    **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
     **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit,
     and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
@@ -195,13 +195,13 @@ def require_in_bearings(
         require(depth <= limit, "state", depth, expected, "call assemble(scene, state) first")
         usual = FAR_OUTSIDE * limit
         remedy = "call assemble(scene, state), which puts the journal into its bearing"
+        # In the message, the place follows the unit.
         meaning, expected = f"m deep in the wall at {where}", f"at most {usual:g} m"
         caution_unless(depth <= usual, "state", depth, meaning, expected, remedy)
 
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
-    """Check that no contact of the named joints, whose bodies `assemble` has centred, is deep in a
-    wall.
+    """Check that no contact of the named joints, which `assemble` has centred, is deep in a wall.
 
     **Raises:** `ValueError`, for example for a pin beyond the end of its slot.
     """
@@ -242,7 +242,7 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the axial distance, m, from the end of each bearing to the journal beyond it, for N
+    """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it in N
     states of each body; negative until the journal has left a bearing of its own length completely.
     Joints whose journal cannot slide out are left out."""
     # NumPy is used so that nothing is compiled.

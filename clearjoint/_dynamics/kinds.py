@@ -40,9 +40,9 @@ which they don't act. Others are raised at once: a handler of signals may raise 
 class Kinds:
     """Evaluates functions of the elements of a scene.
 
-    The number of elements of a class, not of a kind, decides whether they share functions: a kind
-    depends on which numbers are folded as constants, and these differ between a run of a sweep and
-    a single run, whose results must not.
+    The number of elements of a class, not of a kind, decides whether they share functions. Kinds
+    depend on which numbers are folded as constants, which may differ between a sweep and a single
+    run, but the results must not.
     """
 
     def __init__(self, scene: Scene):

@@ -28,7 +28,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """Return the label of an axis in lines of about equal length, at most `WIDEST_LABEL`."""
+    """Return an axis's label, in lines of about equal length if it is above `WIDEST_LABEL`."""
     # The quotient rounded up. Lines end before a word that doesn't fit. With a width of six
     # characters more than the average, the text nearly always fits into this number of lines.
     lines = -(-len(label) // WIDEST_LABEL)

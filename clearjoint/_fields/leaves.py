@@ -42,7 +42,8 @@ def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
 
 
 def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:
-    """Return the entries of `part` in the order of those of `names`, also in inner dictionaries."""
+    """Return the entries of `part`, also in inner dictionaries, in the order of the same keys in
+    `names`; unchanged if the keys differ."""
     if names.keys() != part.keys():
         return part
     entries = {name: part[name] for name in names}

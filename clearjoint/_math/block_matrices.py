@@ -161,7 +161,7 @@ class _Plan:
 
 
 class BlockMatrix(AbstractMatrix):
-    """The symmetric matrix S = D X^T in blocks."""
+    """The symmetric matrix S = D X^T in blocks, from the rows of D (`first`) and X (`second`)."""
 
     def __init__(self, first: Sequence[Sequence[Scalar]], second: Sequence[Sequence[Scalar]]):
         self.n = len(first)
@@ -238,7 +238,8 @@ def _support(row: Sequence[Scalar]) -> set[int]:
 
 
 def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
-    """Return lists of at most `SIZE` consecutive rows that share a row of blocks.
+    """Return lists of at most `SIZE` consecutive rows that share a row of blocks, from the columns
+    of blocks in which each row has entries.
 
     A row joins the rows before it if less than half of their columns of blocks differ, as for the
     rows of one joint. Otherwise, blocks would couple rows that have nothing in common.
@@ -382,7 +383,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return the solution of a system of equations, see `_Plan.solution`."""
+    """Return the solution for a right side, by the operations in a table of `_Plan.solution`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         former, sign, transposed, target, block, source = row

@@ -322,7 +322,8 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of all leaves from the digits (`_DIGITS`) of all vectors' components."""
+    """Return the patterns of a number of `leaves`, from the indices of the vectors among them, the
+    `sizes` of these vectors, and the digits (`_DIGITS`) of all their components."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -339,7 +340,8 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the indices and sizes of the leaves whose components may be marked."""
+    """Return, from the shapes of all leaves, the indices and sizes of those vectors and matrices
+    whose components may be marked as structural."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
     return vectors, tuple(math.prod(shapes[k]) for k in vectors)

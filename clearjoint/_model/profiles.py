@@ -337,14 +337,14 @@ class JournalInBearing(NamedTuple):
         return Approach(cosine, sine, self.overlap(angle) - clearance, part)
 
     def overlap(self, angle: NumberOrArray) -> Scalar:
-        """Return how much journal and wall overlap at an angle, rad, m, with no clearance."""
+        """Return the penetration at an angle, rad, if the clearance were zero, m."""
         numpy = library((angle,))
         cosine, sine = numpy.cos(angle), numpy.sin(angle)
         part, _, _ = self._deviation_of_journal(cosine, sine)
         return self.x * cosine + self.y * sine - self._wall(angle).value + part.value
 
     def _newton_step(self, angle: Scalar) -> Scalar:
-        """Return the change of an angle, rad, that leads to the maximum of `overlap`."""
+        """Return the change of an angle, rad, by a Newton step to the maximum of `overlap`."""
         # First and second derivative of the penetration by the angle. Those of the journal's
         # deviation contain the rate of the angle about the journal's own axis, which may be tilted.
         x, y, cosine, sine = self.x, self.y, jnp.cos(angle), jnp.sin(angle)
@@ -381,7 +381,8 @@ class JournalInBearing(NamedTuple):
 def require_room(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
-    """Raise a `ValueError` if a centred journal may touch the wall at any relative rotation."""
+    """Raise a `ValueError` if a centred journal may touch the wall at some relative rotation."""
+    # Without profiles, any positive clearance leaves room.
     if bearing is None and journal is None:
         return
     # The highest point of the journal may face the point where the bearing is narrowest.
@@ -400,6 +401,7 @@ def caution_two_contacts(
     radius of curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of
     radius R and a deviation h.
     """
+    # Two circles touch at one point.
     if bearing is None and journal is None:
         return
     wall, part = _sampled(bearing), _sampled(journal)

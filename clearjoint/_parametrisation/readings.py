@@ -94,7 +94,8 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each."""
+    """Return the readings of all sensors in n runs, (n, T) each, from the quantities `values`, the
+    times since the start, s, and the coordinates of each run."""
 
     def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
@@ -130,7 +131,7 @@ def sensor_errors(
 
 
 def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters, with errors of sensors as parameters that change nothing."""
+    """Return the parameters, with each error of sensors replaced by one that changes nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
         name: Parameter(still, parameter.scale, value=parameter.value)

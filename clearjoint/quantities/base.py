@@ -223,8 +223,7 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the elements that the quantity names, before a run, sweep or
-        fit.
+        """Check, before a run, sweep or fit, that the scene has the elements that are named.
 
         **Raises:** `ValueError` with a list of the scene's names.
         """

@@ -110,13 +110,14 @@ def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass in the tree's axes."""
+    """Return a body's inertia about its centre of mass, with a `rotation` from its axes."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
 
 def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about its reference point."""
+    """Return the spatial inertia of a body about its reference point, from the `arm` to its centre
+    of mass and the inertia about this centre."""
     # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = arm * mass, tuple(arm)
     first = tuple(h)
@@ -309,10 +310,8 @@ Evaluate: TypeAlias = Callable[..., PyTree]
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return how to evaluate functions of the branches of a tree with a number of bodies.
-
-    In a large tree, JAX traces a function once for all branches of a kind.
-    """
+    """Return the way to evaluate functions of the branches of a tree with a number of bodies: in a
+    large tree, JAX traces each function once for all branches of a kind."""
     return _written_out if is_small(bodies) else _traced_once
 
 
@@ -446,7 +445,7 @@ def along_columns(
     loads: Mapping[int, Twist],
     evaluate: Sequence[Evaluate],
 ) -> list[Speeds]:
-    """Return the generalised forces in the joint of each link of loads on some links."""
+    """Return the generalised forces that loads on some links cause in the joint of each link."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent.

@@ -1,5 +1,4 @@
-"""Position and velocity of the journal's two bases, the circles at its ends, and of points
-between."""
+"""Position and velocity of a journal's bases, the circles at its ends, and of points between."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -51,8 +50,7 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
-    """Return the position of each contact on the journal's axis, -1 for base V and 1 for base W, by
-    label."""
+    """Return the position, -1 at base V to 1 at base W, of each contact on the journal's axis."""
     on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
     points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
     return {label: point.position for label, point in points.items()}
@@ -83,8 +81,7 @@ class HasJournal(Protocol):
 
 @dataclass(frozen=True)
 class JournalBase:
-    """Position and velocity, relative to the bearing, of a base of the journal or of a point
-    between.
+    """Position and velocity, relative to the bearing, of the journal's base or a point between.
 
     - `axis`: of the bearing, a global unit vector.
     - `height`: of the base above the bearing's centre along the axis, m.

@@ -149,10 +149,9 @@ class AbstractConstraint(AbstractElement):
         """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the motion that the joint allows relative to the body `parent`, in joint
-        coordinates.
+        """Return the motion that the joint allows relative to the body `parent`.
 
-        It replaces the constraint rows; ``None``, the default, keeps them.
+        In joint coordinates it replaces the constraint rows; ``None``, the default, keeps them.
         """
         return None
 
@@ -364,28 +363,25 @@ class AbstractContactJoint(AbstractElement):
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return how far the second body has slid out of the first, m; ``None``, by default, if it
-        can't.
+        """Return how far the second body has slid out of the first, m; ``None`` if it can't.
 
         A run warns of positive values at its saved times and at its end.
         """
         return None
 
     def centred_joint(self) -> AbstractConstraint | None:
-        """Return the ideal joint to which `assemble` moves a body that starts outside its
-        clearance.
+        """Return the ideal joint that holds the second body midway between its contacts.
 
-        It holds the second body midway between its contacts; ``None`` by default.
+        `assemble` uses it for a body that starts outside its clearance; ``None`` by default.
         """
         return None
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body where it rests under a load; ``None``
-        by default.
+        """Return the ideal joint that holds the second body where it rests under a load.
 
-        `assemble` uses it for the joints in its argument `resting`. There the elastic forces of the
-        contacts carry the load: (3,) N, an array, force of the second body on the first, in the
-        first body's axes.
+        `assemble` uses it for the joints in its argument `resting`; ``None`` by default. At rest the
+        elastic forces of the contacts carry the load: force of the second body on the first, (3,)
+        N, an array in the first body's axes.
         """
         return None
 

@@ -125,8 +125,7 @@ class AbstractAxisJoint(AbstractPairJoint):
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`.
 
-        It is zero if the bodies' frames differ by the shortest rotation that makes the axes
-        parallel.
+        It is zero if the frames differ by the shortest rotation that makes the axes parallel.
         """
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
