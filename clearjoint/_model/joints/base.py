@@ -379,9 +379,9 @@ class AbstractContactJoint(AbstractElement):
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the second body where it rests under a load.
 
-        `assemble` uses it for the joints in its argument `resting`; ``None`` by default. At rest the
-        elastic forces of the contacts carry the load: force of the second body on the first, (3,)
-        N, an array in the first body's axes.
+        `assemble` uses it for the joints in its argument `resting`; ``None`` by default. At rest
+        the elastic forces of the contacts carry the load: force of the second body on the first,
+        (3,) N, an array in the first body's axes.
         """
         return None
 
