@@ -177,8 +177,8 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 def closed(gaps: ContactGaps) -> Closed:
     """Return whether each contact is closed.
 
-    If steps end at contact events, each contact keeps this state for a whole step. One that is open
-    at its start has no force even beyond the wall, so that the motion in the step is smooth.
+    If steps end at contact events, each contact keeps this state for a whole step: one that is open
+    at the step's start has no force even beyond the wall, so that the motion is smooth.
     """
     families = gaps.items()
     return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}

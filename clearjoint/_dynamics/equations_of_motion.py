@@ -134,8 +134,8 @@ def constraint_rows(
 def _rows_of_joint(
     joint: AbstractConstraint | AbstractContactJoint, motions: Motions, t: Scalar
 ) -> list[tuple[str, Row, list[tuple[str, Wrench]]]]:
-    """Return label, row and Jacobian of each constraint row of a joint. The names of bodies in the
-    Jacobian are no keys, so that their order is kept."""
+    """Return label, row and Jacobian of each constraint row of a joint: the Jacobian as pairs,
+    since JAX would sort the keys of a dictionary."""
     rows = joint.rows(motions, t).items()
     return [(label, replace(row, jacobian={}), list(row.jacobian.items())) for label, row in rows]
 

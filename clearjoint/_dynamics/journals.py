@@ -69,7 +69,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of named joints centred; some joints have none."""
+    """Return the ideal joints, as far as there are any, that hold the journals of named joints
+    centred."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -162,7 +163,7 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(
     scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
 ) -> None:
-    """Check the penetrations of an initial state, the results of `starting_contacts`.
+    """Check the penetrations and approaches of an initial state, by `starting_contacts`.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
@@ -291,7 +292,7 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 def starting_contacts(
     scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
 ) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
-    """Return the results of `contact_depths` and `approaches_unknown` in scalar form."""
+    """Return the penetration of each contact, m, and the result of `approaches_unknown`."""
     gaps, laws = contact_gaps(scene, motions), scene.laws()
     # Gaps are measured from the onset of the force.
     surfaces = {
@@ -309,7 +310,8 @@ def starting_contacts(
 def _speeds_of_rest(
     names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
 ) -> ByLabel[Scalar]:
-    """Return the speed of an impact with the elastic energy of each contact; zero if it is open."""
+    """Return the speed, m/s, of an impact with the elastic energy of each contact of some joints
+    whose law uses the entry speed; zero if the contact is open."""
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(bodies))

@@ -56,11 +56,12 @@ class Kinds:
         motions: Motions,
         *others: object,
     ) -> Result:
-        """Return ``function(element, motions, *others)``.
+        """Return ``function(element, motions, *others)``, traced once for each kind of elements if
+        the class has many.
 
-        The function must be defined once, for instance in a module. Its result may contain names of
-        the element's bodies as leaves, but not as keys of dictionaries, since JAX would sort these
-        by other names. `others` have no names of bodies.
+        The function must be the same object in all calls, for instance one of a module. Its result
+        may contain names of the element's bodies as leaves, but not as keys of dictionaries, since
+        JAX would sort these by other names. `others` have no names of bodies.
         """
         if are_many(self._counts[type(element)]):
             common_names = {

@@ -21,7 +21,7 @@ def with_leaves(
     leaves: Sequence[PyTree],
     structure: jax.tree_util.PyTreeDef | None = None,  # pyright: ignore
 ) -> Tree:
-    """Return a scene, a state or a pair of both with other leaves, and with the names in their own
+    """Return a scene, a state or a pair of both with other leaves, and with the names in the tree's
     order; `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. The
     `structure` of the tree may be given if it is known."""
     structure = jax.tree.structure(tree) if structure is None else structure

@@ -83,8 +83,8 @@ class _Plan:
     - `order`: the groups of rows in their order of elimination. All other indices of groups are
       places in this order.
     - `sizes`: the number of rows of each group.
-    - `slots`: index of each stored block, by its place, in and below the diagonal. Blocks of the
-      factor that are zero in the matrix (fill-in) are included.
+    - `slots`: index of each stored block by its place (row, column), on or below the diagonal.
+      Blocks of the factor that are zero in the matrix (fill-in) are included.
     - `entries`: the places of the blocks of the matrix itself.
     """
 
@@ -154,8 +154,8 @@ class _Plan:
         return table
 
     def products(self) -> list[tuple[int, int, int, int]]:
-        """Return the products of which a product of the matrix and a vector consists: place of the
-        result, index of the block, place of the factor, and whether the block is transposed."""
+        """Return the products whose sum is that of the matrix and a vector, each as (part of the
+        result, index of the block, part of the vector, 1 if the block is transposed)."""
         table = [(i, self.slots[i, j], j, 0) for i, j in self.entries]
         return table + [(j, slot, i, 1) for i, slot, j, _ in table if i != j]
 
@@ -299,7 +299,7 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return a row of a block, or a part of a vector."""
+    """Return the row of a block, or the part of a vector, with an index among all of them."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 
@@ -321,8 +321,8 @@ def _looped(
 def _sums_of_products(
     start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[_Step]
 ) -> jax.Array:
-    """Return blocks plus products A B^T of blocks of `first` and `second`; the table has the
-    indices of the row of the sum, of the row of A, and of the block B."""
+    """Return the blocks `start` plus products A B^T of blocks A of `first` and B of `second`; the
+    table has the indices of the row of the sum, of the row of A, and of the block B."""
 
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, a, b = row
@@ -332,7 +332,7 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of the factor L of L L^T, and the inverses of its diagonal blocks."""
+    """Return the blocks of L, with L L^T the matrix in `blocks`, and its diagonal's inverses."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.

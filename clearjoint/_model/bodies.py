@@ -128,11 +128,9 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
-    """Return whether each pivot of Gaussian elimination is positive.
-
-    The eigenvalues of the matrix, (3, 3), would need an iteration, for which native code has no
-    rule: checks that compute them are slow.
-    """
+    """Return whether a symmetric matrix, (3, 3), is positive definite: has positive pivots in
+    Gaussian elimination. Eigenvalues would need an iteration, for which native code has no rule:
+    checks that compute them are slow."""
     xp = matrix.__array_namespace__()
     (a, b, c), (_, d, e), (_, _, f) = matrix
     first = xp.where(a > 0, a, 1.0)

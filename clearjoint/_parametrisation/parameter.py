@@ -70,7 +70,7 @@ class AbstractScale(abc.ABC):
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return the parameter's value at a coordinate, differentiably by JAX."""
+        """Return the parameter's value at a coordinate; JAX must be able to differentiate it."""
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
@@ -267,8 +267,9 @@ class Parameter:
         value: float | None = None,
         unit: str | None = None,
     ) -> "Parameter":
-        """Return a parameter that is a number of the initial state, such as ``lambda state:
-        state.bodies["arm"].spin[2]``. **Arguments:**, **Raises:** as `Parameter`."""
+        """Return a parameter that is a number of the initial state, selected by a path such as
+        ``lambda state: state.bodies["arm"].spin[2]``. **Arguments:**, **Raises:** as `Parameter`.
+        """
         return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod

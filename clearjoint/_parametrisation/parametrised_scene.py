@@ -64,7 +64,7 @@ class AbstractSceneFamily(eqx.Module):
         """
 
     def scene(self, values: PyTree) -> Scene:
-        """Return the scene at parameters, with vectors as separate scalars and folded constants."""
+        """Return the scene at parameters, as scalars, and folded constants as Python numbers."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: PyTree) -> State:

@@ -62,16 +62,16 @@ class Inertia:
     def without(
         self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
     ) -> "Inertia":
-        """Return the part of this inertia, that of the bodies which a joint carries, that acts on
-        the carrier (the parent) of the joint if all r of the joint are zero.
+        """Return the part of this inertia, of the bodies that a joint carries, that acts on the
+        joint's carrier (its parent) while all rates r of the joint are zero.
 
-        In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
-        angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
-        this axis does not act on the carrier. Let M be the 6x6 matrix of this inertia, let column
-        be the twist for a unit of the joint's speed, and whole = M column. The matrix P = 1 -
-        column axis^T removes the rotation about the axis from a twist. The result is P^T M P = M -
-        axis whole^T - rest axis^T with rest = P^T whole, in which `axis`, the angular part of the
-        column, has a linear part of zero. For a joint of several axes, P removes the rotations
+        `wholes` and `rests` are results of `momenta`. In these unknowns, the carried bodies do not
+        follow the carrier's angular acceleration about the joint's axis (see `.coordinates`), so
+        that their inertia about this axis does not act on the carrier. Let M be the 6x6 matrix of
+        this inertia, column the twist for a unit of the joint's speed, axis the angular part of
+        the column (its linear part is zero), and whole = M column. The matrix P = 1 - column axis^T
+        removes the rotation about the axis from a twist. The result is P^T M P = M - axis whole^T -
+        rest axis^T with rest = P^T whole. For a joint of several axes, P removes the rotations
         about all of them, and their terms are subtracted.
         """
         angular, coupling = self.angular, self.coupling
@@ -110,7 +110,7 @@ def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass, with a `rotation` from its axes."""
+    """Return a body's inertia about its centre of mass, in axes to which `rotation` leads."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
@@ -144,7 +144,7 @@ def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the power of a load with a twist, or the product of a momentum with a column."""
+    """Return a product: the power of a load and a twist, or that of a momentum and a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
@@ -186,8 +186,8 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return the momentum of carried bodies for a unit of each speed, its products with the
-    columns, and the part of it that acts on the carrier."""
+    """Return, for a unit of each speed, the momentum of the carried bodies, its products with the
+    columns, and the part of this momentum that acts on the carrier."""
     wholes = [carried.momentum(column) for column in columns]
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
@@ -237,7 +237,7 @@ class LoadedJoint:
     def under(
         columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia of its carrier with the part that the joint transmits."""
+        """Return a joint, and the inertia `carrier` with the part of `carried` that it transmits."""
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
@@ -254,8 +254,8 @@ class LoadedJoint:
 def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
-    """Return the rates r that a load causes if the carrier does not accelerate, and the load on the
-    carrier with the part that the joint transmits."""
+    """Return the rates r that a load and generalised forces cause if the carrier does not
+    accelerate, and the load on the `carrier` plus the part that the joint transmits."""
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)
@@ -265,7 +265,8 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates of a joint, and its body's acceleration, if the carrier accelerates."""
+    """Return the rates of a joint, `alone` if the carrier did not accelerate, and the acceleration
+    of its body, for an acceleration of the `carrier`."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -276,7 +277,8 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return the acceleration of a body due to all r, and the rates u' of its joint."""
+    """Return a body's acceleration, and its joint's rates u', from its rates r and the carrier's
+    acceleration."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -429,7 +431,8 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree of this size from the inertias about the centres of mass."""
+    """Return the solver for a tree, which depends on its size; `central` are the inertias of the
+    bodies about their centres of mass, in the tree's axes."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, own)

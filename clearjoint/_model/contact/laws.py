@@ -133,7 +133,8 @@ _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 class AbstractElasticity(AbstractConverting):
     """Base class of the elastic force of a contact, which laws accept as their `stiffness`.
 
-    The force may be a power of the penetration with the law's exponent n, or ignore n.
+    The force is a power of the penetration with the law's exponent n, or any other function of it,
+    which ignores n.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)

@@ -348,7 +348,7 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of a film, which only dissipates, on each body; empty by default."""
+        """Return the wrench on each body of a film, which stores no energy; empty by default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
