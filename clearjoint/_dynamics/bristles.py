@@ -55,9 +55,9 @@ def updated_bristles(
 
     `before` and `after` are the gaps at the ends of the step. An open contact gets zero. If steps
     end at onsets (`lands`), no force and no deflection is computed between an onset and the end of
-    the step. A contact that began in the step then gets
-    the displacement since its onset, slip velocity times the time since then. This time is zero
-    except for rounding, but its derivative, which derivatives of the motion need, is not.
+    the step. A contact that began in the step then gets the displacement since its onset, slip
+    velocity times the time since then. This time is zero except for rounding, but its derivative,
+    which derivatives of the motion need, is not.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}

@@ -348,10 +348,11 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
     def visit(node: PyTree, is_number: bool) -> None:
         if isinstance(node, eqx.Module):
-            ours = is_of_package(type(node))
+            # In this package, all fields that are not static hold numbers.
+            of_package = is_of_package(type(node))
             for field in fields(node):
                 if not field.metadata.get("static", False):
-                    visit(getattr(node, field.name), ours or "converter" in field.metadata)
+                    visit(getattr(node, field.name), of_package or "converter" in field.metadata)
         elif isinstance(node, dict | list | tuple):
             for part in node.values() if isinstance(node, dict) else node:
                 visit(part, is_number)

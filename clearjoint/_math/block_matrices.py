@@ -182,8 +182,8 @@ class BlockMatrix(AbstractMatrix):
         for k, group in enumerate(self._groups):
             self._places[group] = SIZE * k + np.arange(len(group))
         of_first, of_second = ([part[k] for k in order] for part in columns)
-        # Each block (i, j) of S is the sum over c of products A B^T of blocks A = (i, c) of D and
-        # B = (j, c) of X. The blocks are numbered when they are first needed.
+        # Each block (i, j) of S is the sum over c of products A B^T of the blocks A = (i, c) of D
+        # and B = (j, c) of X. The blocks are numbered when they are first needed.
         steps: list[_Step] = []
         slots_first: dict[_Place, int] = {}
         slots_second: dict[_Place, int] = {}
@@ -340,14 +340,16 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     for j, size in enumerate(plan.sizes):
         inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0
 
-    def inverse_row(row: jax.Array, lower: jax.Array, factor: jax.Array, target: jax.Array):
+    def inverse_row(row: jax.Array, lower: jax.Array, inverse: jax.Array, target: jax.Array):
         unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
         lower = jnp.where(unit > 0.0, 0.0, lower)
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
-        return (unit - lower @ factor) * pivot
+        return (unit - lower @ inverse) * pivot
 
     def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
         kind, target, source, block = entries
+        # An update subtracts L_kj times a row of L_ij from the same row of block (i, k). A division
+        # multiplies a row of block (i, j) by the inverse of L_jj, which gives the row of L_ij.
         here, row, factor = _row(blocks, target), _row(blocks, source), _block(blocks, block)
         image = factor @ row
         numbers = jax.lax.cond(
@@ -423,6 +425,7 @@ def _solving(
         solve = partial(solution, stored, blocks)
         x = solve(right)
         rate = solve(right_rate - _product(plan, matrix_rate, x))
+        # Only a singular matrix takes several sweeps.
         if sweeps > 1:
             across = _product(plan, matrix_rate, solve(x))
             rate += across - solve(_product(plan, blocks, across))

@@ -68,8 +68,8 @@ class Inertia:
         `wholes` and `rests` are results of `momenta`. In these unknowns, the carried bodies do not
         follow the carrier's angular acceleration about the joint's axis (see `.coordinates`), so
         that their inertia about this axis does not act on the carrier. Let M be the 6x6 matrix of
-        this inertia, column the twist for a unit of the joint's speed, axis the angular part of
-        the column (its linear part is zero), and whole = M column. The matrix P = 1 - column axis^T
+        this inertia, column the twist for a unit of the joint's speed, axis the angular part of the
+        column with a linear part of zero, and whole = M column. The matrix P = 1 - column axis^T
         removes the rotation about the axis from a twist. The result is P^T M P = M - axis whole^T -
         rest axis^T with rest = P^T whole. For a joint of several axes, P removes the rotations
         about all of them, and their terms are subtracted.
@@ -125,8 +125,9 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
     def shift(i: int, j: int) -> Scalar:  # parallel axes: m (r.r identity - r r^T)
         if i != j:
             return subtract(0.0, multiply(first[i], r[j]))
-        k, m = (i + 1) % 3, (i + 2) % 3
-        return add(multiply(first[k], r[k]), multiply(first[m], r[m]))
+        # Along an axis only the other two components count.
+        p, q = (i + 1) % 3, (i + 2) % 3
+        return add(multiply(first[p], r[p]), multiply(first[q], r[q]))
 
     coupling = Matrix(
         Vector(0.0, subtract(0.0, h.z), h.y),
@@ -237,7 +238,7 @@ class LoadedJoint:
     def under(
         columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia `carrier` with the part of `carried` that it transmits."""
+        """Return a joint, and the inertia `carrier` plus what it transmits of that `carried`."""
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
@@ -451,7 +452,8 @@ def along_columns(
     """Return the generalised forces that loads on some links cause in the joint of each link."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
-    # Each link comes after its parent.
+    # Each link comes after its parent. Links are visited by falling index, so that all loads on a
+    # link are known when they are passed on; the heap returns the smallest, so indices are negated.
     waiting = [-k for k in totals]
     heapify(waiting)
     while waiting:
