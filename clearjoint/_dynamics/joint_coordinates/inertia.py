@@ -332,7 +332,7 @@ def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree, from the inertia of each body alone."""
+    """Solution of the equations of motion of one tree, from the inertia of each single body."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents

@@ -144,7 +144,8 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
 
 
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
-    """Return the pin, (2,) m, where circles about `tip` and `foot` meet to the left."""
+    """Return the rocker pin, (2,) m: where circles of the radii `coupler` and `rocker` about `tip`
+    and `foot` meet, to the left of the line from `tip` to `foot`."""
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's coordinate along the line between the centres, and the square of the pin's distance
