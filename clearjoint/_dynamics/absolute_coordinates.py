@@ -25,8 +25,7 @@ Bodies: TypeAlias = dict[str, BodyState]
 
 
 class AbsoluteCoordinates(AbstractCoordinates):
-    """Position, Euler parameters, velocity and spin of each body, with all ideal joints as
-    constraints.
+    """Position, Euler parameters, velocity and spin of each body; ideal joints are constraints.
 
     The variables are a `BodyState` for each body. If a clearance joint to the ground has an
     `AbstractContactJoint.anchor`, the position variable of its body is the vector, m, from a fixed
@@ -84,7 +83,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
 
 class AbsoluteMechanics(AbstractMechanics):
-    """Newton-Euler equations of all bodies (eq. 29 of the paper).
+    """Newton-Euler equations of all bodies (P. Flores et al. 2006, eq. 29).
 
     The speeds are, for each body in the order of ``scene.bodies``, the velocity of the centre of
     mass, m/s, in global axes, and the spin, rad/s, in body axes. They are the velocities V

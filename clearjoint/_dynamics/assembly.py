@@ -64,8 +64,8 @@ that the variables cannot represent is of the order of one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check types and names of scene and state, and that the state's numbers are finite and
-    sensible.
+    """Check that scene and state have these types and the same bodies, and that the state's numbers
+    are finite and its Euler parameters of about unit norm.
 
     **Raises:** `ValueError` if they are not. Numbers that JAX traces are not checked.
     """
@@ -206,6 +206,7 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
 
 
 def _with_motion(state: State, other: State) -> State:
+    """Return the state with the velocities and spins of another."""
     bodies = {
         name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
         for name, body in state.bodies.items()
@@ -241,10 +242,9 @@ def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Return the state near a guess that satisfies the constraints of a scene with ideal joints.
-
-    Assembly may move further journals out of their bearings, which get ideal joints too.
-    """
+    """Return the state near a guess that satisfies the constraints, with the joints in `ideal` in
+    place of the scene's. Assembly may move further journals out of their bearings: their ideal
+    joints are then added to `ideal`."""
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
@@ -293,8 +293,8 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 
 
 def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
-    """Check that the relative orientation in each fixed and prismatic joint is less than 90 degrees
-    from the one that the joint declares.
+    """Check, by the results of `cosines_of_turns`, that the relative orientation in each fixed and
+    prismatic joint is less than 90 degrees from the one that the joint declares.
 
     The constraint equations of these joints are also zero after a further rotation by half a
     revolution about x, y or z, or by 120 degrees (a cyclic permutation of the axes), and a run that
@@ -332,7 +332,7 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraint nearly depends on others: rounding errors would determine motion."""
+    """Check that no constraints are `uncertain`, see `ConstraintReport`."""
     expected = "without constraints that nearly depend on the others"
     remedy = (
         "align the points and axes of these joints with the others' exactly, or misalign them by "
@@ -351,7 +351,7 @@ def require_representable(
 
     Parallel and antiparallel axes, for example, both satisfy the constraints of a revolute joint,
     but its angle as variable represents only parallel axes. The state, converted to the coordinates
-    and back by `round_trip`, must keep its orientations.
+    and back by `round_trip` (to `variables` and `represented`), must keep its orientations.
 
     **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
     """
@@ -368,8 +368,7 @@ def require_representable(
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates of a scene have at least one variable, once for all runs of a
-    sweep.
+    """Check, once for all runs of a sweep, that the coordinates have at least one variable.
 
     **Raises:** `ValueError` if nothing in the scene can move.
     """
@@ -383,13 +382,12 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
     require(moves, "coordinates", kind, "such that a degree of freedom is left", remedy)
 
 
-# As above.
+# NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
-    """Convert the poses of a state to variables at rest, and these back to Euler parameters,
-    (4,)."""
+    """Convert the poses of a state to variables, at rest, and these to Euler parameters, (4,)."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     # No velocity is compared, and structural zeros take no operations.
     resting = {
@@ -406,7 +404,8 @@ def _require_satisfied(
 ) -> None:
     """Check that all residuals are at most `tolerance` in magnitude.
 
-    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one.
+    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one;
+    `part` is "positions" or "velocities".
     """
     if residuals.size == 0:
         return

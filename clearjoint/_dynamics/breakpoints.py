@@ -27,7 +27,7 @@ ROUNDINGS = 8.0
 """Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
 An element may compute the time in another order of operations, with another rounding error."""
 SHORTEST = 1e-12
-"""s: the rounding error of a breakpoint is taken to be at least that of this time, so that it is
+"""Time, s, whose rounding error is the smallest that is assumed for a breakpoint, so that it is
 positive also for a breakpoint at zero. This time is much shorter than any step."""
 FEW = 8
 """Number of times up to which those of a table are compared one by one, without a search."""
@@ -46,18 +46,20 @@ intervals of time."""
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
     """Return the breakpoints of each joint or force that has any, without empty arrays."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
-    times = {
-        name: [
+    times = {}
+    for name, element in elements.items():
+        instants = []
+        for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_increasing):
+            is_table = isinstance(at, Increasing)
+            size = np.size(at.times if is_table else at)
             # Of a few times, looking at all of them costs less than a search.
-            jnp.asarray(at.times, dtype=float)
-            if isinstance(at, Increasing) and np.size(at.times) <= FEW
-            else at
-            for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_increasing)
-            if np.size(at.times if isinstance(at, Increasing) else at) > 0
-        ]
-        for name, element in elements.items()
-    }
-    return {name: instants for name, instants in times.items() if instants}
+            if is_table and 0 < size <= FEW:
+                at = jnp.asarray(at.times, dtype=float)
+            if size > 0:
+                instants.append(at)
+        if instants:
+            times[name] = instants
+    return times
 
 
 def _is_increasing(node: PyTree) -> bool:
@@ -65,17 +67,15 @@ def _is_increasing(node: PyTree) -> bool:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint after the time t by more than rounding errors, on the clock of t.
-
-    The result is infinity if no breakpoint is after t, and ``None`` if no element has a breakpoint.
-    """
+    """Return the first breakpoint that is after t by more than rounding errors, s since the origin
+    of the system, like t; infinity if there is none, ``None`` if no element has a breakpoint."""
     soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
     return None if soonest is None else system.own_time(soonest)
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """Return the time t, clipped to the open interval of breakpoints in which a step begins at
-    `start`, since elements have the values there that hold inside of the step."""
+    """Return the time t, clipped to the open interval between two breakpoints in which the step
+    from `start` lies, since elements have the values there that hold inside of the step."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -89,11 +89,11 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Return, for each element with breakpoints, whether a step ends at one of them, and the time
-    in s from this breakpoint (or the mean of equal ones in a table) to the end of the step.
+    """Return for each element with breakpoints, for a step from `start` to `t`:
 
-    The time is zero except for rounding. It is needed for its derivatives by the parameters on
-    which the breakpoint depends.
+    - whether the step ends at one of its breakpoints;
+    - the time, s, from this breakpoint to the end of the step. It is zero except for rounding, but
+      its derivatives by the parameters on which the breakpoint depends are needed.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -126,7 +126,8 @@ def drivers_are_smooth(
     them would not show in error estimates, and the run would continue with the old speed.
     """
 
-    # The rows are evaluated at eight times, and traced once for all of them.
+    # The rows are evaluated at eight times (past the end, start, end and five nodes of the
+    # quadrature), and traced once for all of them.
     @traced_once
     def prescribed(system: System, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
         return system.prescribed(variables, t)
@@ -149,10 +150,11 @@ def drivers_are_smooth(
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
     names = [(name, label) for name, family in at_times[0].items() for label in family]
     for name, label in names:
-        beyond, first, last, *others = (rows[name][label] for rows in at_times)
+        beyond, first, last, *at_nodes = (rows[name][label] for rows in at_times)
         # With all bodies at rest, `time_rate` and `bias` are the first and the second time
         # derivative of the driver's value.
-        rates, seconds = zip(*((row.time_rate, row.bias) for row in others), strict=True)
+        rates = [row.time_rate for row in at_nodes]
+        seconds = [row.bias for row in at_nodes]
         value = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
@@ -204,10 +206,10 @@ def _extreme(
     function: Callable[[jax.Array], jax.Array],
     after: bool,
 ) -> Scalar | None:
-    """Return the least value of an increasing function at the breakpoints after the time t of the
-    scene, or without `after` its largest value at the others; infinite if there are none of these,
-    and ``None`` if the scene has no breakpoints. It is not differentiated, since the solution does
-    not depend on where steps end."""
+    """Return the smallest value of an increasing function at the breakpoints after the scene's time
+    t, infinity if there are none; without `after`, the largest value at all other breakpoints, or
+    minus infinity. ``None`` if the scene has no breakpoints. It is not differentiated, since the
+    solution does not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():

@@ -17,7 +17,7 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return the deflection in `given` for each contact with a bristle law, or zero."""
+    """Return the deflection of each contact with a bristle law: that in `given`, or else zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
@@ -33,7 +33,8 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the deflection in steady sliding of each contact, the scale of deflections."""
+    """Return a scale for the deflection of each contact: vectors whose three components are the
+    magnitude of the deflection in steady sliding, m."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)
@@ -52,10 +53,11 @@ def updated_bristles(
 ) -> Bristles:
     """Return the bristle deflections after an accepted step.
 
-    An open contact gets zero. If steps end at onsets (`lands`), no force and no deflection is
-    computed between an onset and the end of the step. A contact that began in the step then gets
-    the displacement since its onset, slip velocity times the time since then. This time is zero
-    except for rounding, but its derivative, which derivatives of the motion need, is not.
+    `before` and `after` are the gaps at the ends of the step. An open contact gets zero. If steps
+    end at onsets (`lands`), no force and no deflection is computed between an onset and the end of
+    the step. A contact that began in the step then gets the displacement since its onset, slip
+    velocity times the time since then. This time is zero except for rounding, but its derivative,
+    which derivatives of the motion need, is not.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}

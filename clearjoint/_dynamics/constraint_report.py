@@ -1,5 +1,4 @@
-"""Values, rank and redundancy of a scene's constraint rows, scalar equations Phi = 0, in a
-state."""
+"""Values, rank and redundancy of constraint rows, scalar equations Phi = 0, in a state."""
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -115,9 +114,9 @@ def _columns(bodies: Sequence[str], wanted: Iterable[str]) -> list[int]:
 class StartRows(NamedTuple):
     """Constraint rows of a scene in an initial state, as arrays, for the checks before a run.
 
-    - `values`, `rates`, `all_names`: of all m rows, as in `ConstraintReport`.
+    - `values`, `rates`: of all m rows, as in `ConstraintReport`; `all_names`: their names.
     - `bodies`: names of the bodies in the order of the columns of `jacobian`.
-    - `names`: of the n rows which the coordinates do not eliminate.
+    - `names`: of those n rows that the coordinates do not eliminate.
     - `reduced`: (n, speeds of the coordinates), derivatives of these rows' rates by the speeds,
       each row divided by the norm of the same row of `jacobian`.
     - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
@@ -140,7 +139,7 @@ class StartRows(NamedTuple):
 
     def in_order_of(self, scene: Scene) -> "StartRows":
         """Return the rows in the scene's order of joints, and the columns in its order of bodies,
-        so that it does not depend on names which of several dependent rows count as redundant."""
+        so that names do not decide which of several dependent rows count as redundant."""
         every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
         bodies, jacobian = tuple(scene.bodies), self.jacobian
         if jacobian is not None:
@@ -165,7 +164,7 @@ def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all constraint rows, in linear time by the number of bodies."""
+    """Return values and rates of all rows, in a time proportional to the number of bodies."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 
@@ -177,8 +176,7 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return all constraint rows in an initial state, and those that `coordinates` do not
-    eliminate.
+    """Return all constraint rows in a state, and those that `coordinates` do not eliminate.
 
     Scene and state have vectors as arrays (3,). The size of `jacobian` grows with the square of the
     number of bodies; `motions` are those of `free_motions`, if they are known.
@@ -273,35 +271,30 @@ def start_rows_of_lanes(
     if count > FEW and not all_equal:
         with suppress(UnsupportedPrimitiveError):
             return _start_rows.rows(arguments, columns)
-    # If all scenes and states are equal, one evaluation serves them all.
     leaves, structure = jax.tree.flatten(arguments)
-    per_lane = [
-        start_rows_by_numpy(
-            *jax.tree.unflatten(
-                structure,
-                [
-                    leaf if column is None else column[lane]
-                    for leaf, column in zip(leaves, columns, strict=True)
-                ],
-            )
-        )
-        for lane in range(1 if all_equal else count)
-    ]
+
+    def of_run(number: int) -> StartRows:
+        pairs = zip(leaves, columns, strict=True)
+        own = [leaf if column is None else column[number] for leaf, column in pairs]
+        return start_rows_by_numpy(*jax.tree.unflatten(structure, own))
+
+    # If all scenes and states are equal, one evaluation serves them all.
+    per_run = [of_run(number) for number in range(1 if all_equal else count)]
 
     def stacked(field: str) -> np.ndarray:
-        array = np.stack([getattr(rows, field) for rows in per_lane])
+        array = np.stack([getattr(rows, field) for rows in per_run])
         return np.broadcast_to(array, (count, *array.shape[1:]))
 
     arrays = {name: stacked(name) for name in ("values", "rates", "reduced")}
-    return per_lane[0]._replace(**arrays)
+    return per_run[0]._replace(**arrays)
 
 
 def dependent(
     names: tuple[RowName, ...], rows: np.ndarray, cache: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names "joint: label" of the rows, (n, s), that depend linearly on rows before
-    them, and those of the rows that nearly do. `cache` keeps results, since scenes of a sweep often
-    have equal rows."""
+    """Return two lists of names "joint: label": of those `rows`, (n, s), that depend linearly on
+    rows before them, and of those that nearly do. `cache` keeps results, since scenes of a sweep
+    often have equal rows."""
     key = rows.tobytes()
     if key not in cache:
         cache[key] = _distances(rows)

@@ -136,7 +136,7 @@ def entry_speeds_inside(
 
     They are those of the step's `start`, except that a contact which began in the step has, from
     its onset, the entry speed of the step's `end`. The onset is estimated from the `gaps` at the
-    end of the step; `left` is the time from the instant to there.
+    end of the step; `left` is the time from the instant to the end, s.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -148,7 +148,8 @@ def entry_speeds_inside(
 
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
-    """Return the penetration rate of a contact at its onset shortly before."""
+    """Return the penetration rate of a contact at its onset shortly before, from its present gap
+    and the second time derivative of its depth, m/s^2."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the
@@ -176,8 +177,8 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 def closed(gaps: ContactGaps) -> Closed:
     """Return whether each contact is closed.
 
-    If steps end at contact events, each contact keeps this state for a whole step. One that is open
-    at its start has no force even beyond the wall, so that the motion in the step is smooth.
+    If steps end at contact events, each contact keeps this state for a whole step: one that is open
+    at the step's start has no force even beyond the wall, so that the motion is smooth.
     """
     families = gaps.items()
     return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}
@@ -216,8 +217,7 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact has a positive depth of at most `TOUCHING` at the start of a
-    run."""
+    """Return whether any contact has a positive depth of at most `TOUCHING`."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 

@@ -117,8 +117,7 @@ def contact_wrenches(
     motions: Motions,
     friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
-    """Yield name and wrench of each body, other than the ground, on which one contact of a joint
-    acts.
+    """Yield name and wrench of each body, except the ground, on which a contact of a joint acts.
 
     With a friction moment, each body is yielded twice. For a contact that acts as a couple (see
     `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
@@ -151,14 +150,16 @@ def contact_wrenches(
     on_first, on_second = contact.points_of_force(friction is not None)
     moment = None if friction_moment is None else contact.normal * friction_moment
     if contact.side is not None:
-        beside = contact.side.on_second(normal_force)
-        for name, point, force, beside_point, sense in (
-            (second, on_second, push, contact.side.arm_second, 1.0),
-            (first, on_first, -push, contact.side.arm_first, -1.0),
-        ):
-            if name != GROUND:
-                own = motions[name]
-                yield name, own.wrench(force, point) + own.wrench(beside * sense, beside_point)
+        # The additional force acts at a point of its own.
+        side, side_force = contact.side, contact.side.on_second(normal_force)
+        if second != GROUND:
+            motion = motions[second]
+            additional = motion.wrench(side_force, side.arm_second)
+            yield second, motion.wrench(push, on_second) + additional
+        if first != GROUND:
+            motion = motions[first]
+            additional = motion.wrench(side_force * -1.0, side.arm_first)
+            yield first, motion.wrench(-push, on_first) + additional
         return
     if second != GROUND:
         yield second, motions[second].wrench(push, on_second)
@@ -228,7 +229,7 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces.
+    """Return a contact with its forces, `friction` along the normal as a moment.
 
     The slip of two flat faces has a component along the normal: their relative spin about it times
     the mean radius of the faces. So has the friction that a law returns for this slip; its

@@ -40,8 +40,7 @@ Speeds: TypeAlias = list[Scalar]
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class BodyAcceleration:
-    """Acceleration of the centre of mass, m/s^2, global, and rate of the spin, rad/s^2, body
-    axes."""
+    """Acceleration of the centre of mass, m/s^2, global; rate of the spin, rad/s^2, body axes."""
 
     linear: Vector
     angular: Vector

@@ -62,8 +62,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 def bristle_energy(
     scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
 ) -> Scalar | None:
-    """Return the energy stored in the bristles of all contacts, J, or ``None`` if the scene has no
-    bristle laws.
+    """Return the energy in the bristles of all contacts, J; ``None`` without bristle laws.
 
     The ledger's "friction" counts this energy as dissipated. Bristles are stiffer under a greater
     normal force, so it also changes with the normal force, without any work of the bodies.

@@ -36,6 +36,7 @@ class Dynamics:
     """Solution of the equations of motion at one instant.
 
     - `mechanics`: kinematics and mass matrix in the chosen coordinates.
+    - `contact_forces`: of each contact, with which the equations were solved.
     - `rows`: constraint rows of the joints that the coordinates do not eliminate.
     - `rates`: accelerations in the form that the methods of `mechanics` return and accept. In joint
       coordinates these are not the time derivatives of the speeds but linear combinations of them
@@ -133,8 +134,8 @@ def constraint_rows(
 def _rows_of_joint(
     joint: AbstractConstraint | AbstractContactJoint, motions: Motions, t: Scalar
 ) -> list[tuple[str, Row, list[tuple[str, Wrench]]]]:
-    """Return label, row and Jacobian of each constraint row of a joint. The names of bodies in the
-    Jacobian are no keys, so that their order is kept."""
+    """Return label, row and Jacobian of each constraint row of a joint: the Jacobian as pairs,
+    since JAX would sort the keys of a dictionary."""
     rows = joint.rows(motions, t).items()
     return [(label, replace(row, jacobian={}), list(row.jacobian.items())) for label, row in rows]
 

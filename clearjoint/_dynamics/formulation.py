@@ -62,8 +62,8 @@ class Unstabilised(AbstractStabilisation):
 
 class Baumgarte(AbstractStabilisation):
     """Feedback that imposes -2 alpha rate - beta^2 value on the second time derivative of each
-    constraint (eq. 32 of the paper, where the first term lacks the dot that marks the rate; J.
-    Baumgarte 1972).
+    constraint (J. Baumgarte 1972; eq. 32 of P. Flores et al. 2006, where the first term lacks the
+    dot that marks the rate).
 
     `alpha` and `beta` are in 1/s, and not negative; 5 is usual.
 
@@ -102,8 +102,8 @@ class Formulation(eqx.Module):
       accelerate if all bodies were free.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
-    - `integrands`: further functions of a system, time, s, its variables, entry speeds and bristles
-      that are integrated with the state, by name.
+    - `integrands`: further functions ``f(system, t, variables, entry_speeds, bristles)``, by name,
+      that are integrated with the state.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates

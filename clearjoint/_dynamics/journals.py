@@ -69,7 +69,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of named joints centred; some joints have none."""
+    """Return the ideal joints, as far as there are any, that hold the journals of named joints
+    centred."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -147,6 +148,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
                     f"damping of its law {type(law).__name__} is so large that steps must be very "
                     f"short: {' or '.join(filter(None, [raising, other]))}."
                 )
+                # One sentence for each joint is enough.
                 break
     return sentences
 
@@ -161,10 +163,9 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(
     scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
 ) -> None:
-    """Check the penetrations of an initial state, the results of `starting_contacts`.
+    """Check the penetrations and approaches of an initial state, by `starting_contacts`.
 
-    **Raises:** `ValueError` if a contact is deeper than the limit that the joint's method `deepest`
-    returns for it.
+    **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
     **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit,
     and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
@@ -195,13 +196,13 @@ def require_in_bearings(
         require(depth <= limit, "state", depth, expected, "call assemble(scene, state) first")
         usual = FAR_OUTSIDE * limit
         remedy = "call assemble(scene, state), which puts the journal into its bearing"
+        # In the message, the place follows the unit.
         meaning, expected = f"m deep in the wall at {where}", f"at most {usual:g} m"
         caution_unless(depth <= usual, "state", depth, meaning, expected, remedy)
 
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
-    """Check that no contact of the named joints, whose bodies `assemble` has centred, is deep in a
-    wall.
+    """Check that no contact of the named joints, which `assemble` has centred, is deep in a wall.
 
     **Raises:** `ValueError`, for example for a pin beyond the end of its slot.
     """
@@ -242,7 +243,7 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the axial distance, m, from the end of each bearing to the journal beyond it, for N
+    """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it in N
     states of each body; negative until the journal has left a bearing of its own length completely.
     Joints whose journal cannot slide out are left out."""
     # NumPy is used so that nothing is compiled.
@@ -291,7 +292,7 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 def starting_contacts(
     scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
 ) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
-    """Return the results of `contact_depths` and `approaches_unknown` in scalar form."""
+    """Return the penetration of each contact, m, and the result of `approaches_unknown`."""
     gaps, laws = contact_gaps(scene, motions), scene.laws()
     # Gaps are measured from the onset of the force.
     surfaces = {
@@ -309,7 +310,8 @@ def starting_contacts(
 def _speeds_of_rest(
     names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
 ) -> ByLabel[Scalar]:
-    """Return the speed of an impact with the elastic energy of each contact; zero if it is open."""
+    """Return the speed, m/s, of an impact with the elastic energy of each contact of some joints
+    whose law uses the entry speed; zero if the contact is open."""
     formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
     system = System(unpack(scene), formulation)
     variables = system.encode(unpack(bodies))

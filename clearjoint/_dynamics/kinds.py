@@ -40,8 +40,9 @@ which they don't act. Others are raised at once: a handler of signals may raise 
 class Kinds:
     """Evaluates functions of the elements of a scene.
 
-    The number of elements of a class, not of a kind, decides whether they share functions: a kind
-    depends on which numbers are folded as constants, and a lane could differ from a single run.
+    The number of elements of a class, not of a kind, decides whether they share functions. Kinds
+    depend on which numbers are folded as constants, which may differ between a sweep and a single
+    run, but the results must not.
     """
 
     def __init__(self, scene: Scene):
@@ -55,11 +56,12 @@ class Kinds:
         motions: Motions,
         *others: object,
     ) -> Result:
-        """Return ``function(element, motions, *others)``.
+        """Return ``function(element, motions, *others)``, traced once for each kind of elements if
+        the class has many.
 
-        The function must be defined once, for instance in a module. Its result may contain names of
-        the element's bodies as leaves, but not as keys of dictionaries, since JAX would sort these
-        by other names. `others` have no names of bodies.
+        The function must be the same object in all calls, for instance one of a module. Its result
+        may contain names of the element's bodies as leaves, but not as keys of dictionaries, since
+        JAX would sort these by other names. `others` have no names of bodies.
         """
         if are_many(self._counts[type(element)]):
             common_names = {

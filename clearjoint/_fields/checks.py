@@ -153,8 +153,8 @@ def require_numbers(
     expected: str,
     remedy: str,
 ) -> None:
-    """Check a condition on the first of several values, which fill in `{0}` and so on in
-    `expected`."""
+    """Check ``condition(*values)``. The error is about the first value; `{0}`, `{1}` and so on in
+    `expected` stand for all values in their order."""
     if (arrays := checkable(*values)) is not None:
         holds = condition(*arrays)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
@@ -224,7 +224,7 @@ def require_count(argument: str, value: object, remedy: str, *, zero: bool = Fal
 def require_type(
     argument: str, value: object, kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` with the class of a value unless it is an instance of `kind`."""
+    """Raise a ``ValueError`` that names a value's class unless it is an instance of `kind`."""
     require(isinstance(value, kind), argument, type(value).__name__, expected, remedy)
 
 
@@ -257,8 +257,7 @@ def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> N
 
 
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
-    """Return a dictionary with the entries of a mapping, after `require_names` has checked its
-    keys.
+    """Return a mapping as a dictionary, after `require_names` has checked its keys.
 
     JAX sorts the keys of a dictionary in a module, and its error for keys of mixed types would not
     name the argument.
@@ -298,8 +297,8 @@ def caution_above(argument: str, value: object, unit: str, most: float, remedy: 
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` if a number, unless it is traced, is out of its usual
-    range."""
+    """Issue an `UnusualValueWarning` if a number is not from `least` to `most`; tracers are not
+    checked."""
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
@@ -350,7 +349,8 @@ def recheck(tree: PyTree) -> None:
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
     """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
-    without warnings: the faster form of `recheck` for a sweep.
+    without warnings: the faster form of `recheck` for a sweep. `changed` tells of each leaf of the
+    tree, whose `structure` is given, whether it has changed.
 
     Modules of this package that contain changed leaves only through a dictionary, list or tuple are
     left out, since their checks don't depend on the numbers in these containers.
@@ -371,12 +371,13 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Add the paths of modules to check to `paths`. Return whether a leaf has changed that no
-        dictionary, list or tuple in `tree` contains, and whether any leaf has changed."""
+        """Add the paths of modules to check to `paths`. Return two truth values: that a leaf has
+        changed that is in no dictionary, list or tuple of `tree`; that any leaf has changed."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
-            near, anywhere = (any(change[k] for change in changes) for k in range(2))
+            near = any(is_near for is_near, _ in changes)
+            anywhere = any(is_anywhere for _, is_anywhere in changes)
             # The checks of a user-defined class may read the entries of its dictionaries and lists.
             if near or (anywhere and not is_of_package(type(tree))):
                 paths.append(path)
@@ -384,7 +385,8 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
         if isinstance(tree, dict | list | tuple):
             keys = list(tree) if isinstance(tree, dict) else range(len(tree))
             changes = [collect(tree[key], (*path, key)) for key in keys]
-            return False, any(anywhere for _, anywhere in changes)
+            return False, any(is_anywhere for _, is_anywhere in changes)
+        # A leaf of this tree is the truth value that it has changed.
         return tree is True, tree is True
 
     collect(jax.tree.unflatten(structure, changed), ())
@@ -396,7 +398,7 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    """Call the checks of a module of its class and of each base class. While `conditions_of`
+    """Call the checks that a module's class and its base classes define. While `conditions_of`
     collects conditions, a check that fails because it needs known values is omitted."""
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:

@@ -18,7 +18,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
     The middle of a longer name is replaced by an ellipsis, since similar names differ mostly at the
     end. A name that begins with an underscore gets a space of zero width in front, since legends
-    omit such labels. Neither it nor escapes of dollar signs count as characters.
+    omit such labels. Neither this space nor escapes of dollar signs count as characters.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:
@@ -28,7 +28,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """Return the label of an axis in lines of about equal length, at most `WIDEST_LABEL`."""
+    """Return an axis's label, in lines of about equal length if it is above `WIDEST_LABEL`."""
     # The quotient rounded up. Lines end before a word that doesn't fit. With a width of six
     # characters more than the average, the text nearly always fits into this number of lines.
     lines = -(-len(label) // WIDEST_LABEL)

@@ -2,8 +2,8 @@
 
 JAX sorts the keys of a dictionary when it flattens a PyTree. So whatever has passed through a
 function of JAX is in the order of names, while a scene has the order in which its author wrote it
-down. Columns, rows and lists that are paired by position must not mix the two: they carry their
-names, or take them from one object.
+down. Columns, rows and lists that are paired by position must not mix these two orders: they carry
+their names, or take them from one object.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ def with_leaves(
     leaves: Sequence[PyTree],
     structure: jax.tree_util.PyTreeDef | None = None,  # pyright: ignore
 ) -> Tree:
-    """Return a scene, a state or a pair of both with other leaves, and with the names in their own
+    """Return a scene, a state or a pair of both with other leaves, and with the names in the tree's
     order; `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. The
     `structure` of the tree may be given if it is known."""
     structure = jax.tree.structure(tree) if structure is None else structure
@@ -29,9 +29,9 @@ def with_leaves(
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
-    """Return a new scene, state or tuple of such, whose modules are changed in place, with the
-    names in the order of `tree`. Dictionaries inside of elements keep their order, which can't
-    matter."""
+    """Return `other`, a scene, a state or a tuple of such, after it has been changed in place: its
+    dictionaries by name get the order that they have in `tree`. Dictionaries inside of elements
+    keep their order, which can't matter."""
     if type(other) is tuple:
         return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
     for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():
@@ -42,7 +42,8 @@ def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
 
 
 def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:
-    """Return the entries of `part` in the order of those of `names`, also in inner dictionaries."""
+    """Return the entries of `part`, also in inner dictionaries, in the order of the same keys in
+    `names`; unchanged if the keys differ."""
     if names.keys() != part.keys():
         return part
     entries = {name: part[name] for name in names}

@@ -148,7 +148,7 @@ def _as_optional_number(
 
 
 def described(unit: str, text: str = "") -> Any:
-    """Declare a field of a result, with the unit and the description that it has in tables."""
+    """Declare a field of a result, with a unit and a description that tables show."""
     return eqx.field(metadata={"unit": unit, "text": text})
 
 
@@ -261,7 +261,7 @@ class AbstractConverting(AbstractReadable):
 
     @classmethod
     def field_converter(cls, name: str) -> Callable[[PyTree], PyTree]:
-        """Return the function that converts the value of a field that declares no converter."""
+        """Return the converter of a field that declares none; by default `as_numbers`."""
         del name
         return as_numbers
 
@@ -293,8 +293,7 @@ def as_numbers(value: PyTree) -> PyTree:
 
 
 def with_arrays(tree: PyTree) -> PyTree:
-    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays, before a
-    run.
+    """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
 
     A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
     program, which would be compiled for each of its values. Traced numbers are not converted, nor
@@ -343,16 +342,17 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices of the leaves that hold numbers to convert, in JAX's order of leaves."""
+    """Return the indices, in JAX's order, of the leaves that `with_arrays` may convert."""
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:
         if isinstance(node, eqx.Module):
-            ours = is_of_package(type(node))
+            # In this package, all fields that are not static hold numbers.
+            of_package = is_of_package(type(node))
             for field in fields(node):
                 if not field.metadata.get("static", False):
-                    visit(getattr(node, field.name), ours or "converter" in field.metadata)
+                    visit(getattr(node, field.name), of_package or "converter" in field.metadata)
         elif isinstance(node, dict | list | tuple):
             for part in node.values() if isinstance(node, dict) else node:
                 visit(part, is_number)

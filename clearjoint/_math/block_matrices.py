@@ -2,9 +2,9 @@
 unrolled arithmetic.
 
 A matrix S = D X^T is divided into blocks of `SIZE` rows and columns, of which only those that are
-not structural zeros are stored, in one array, block after block and row by row. Which operations on
-blocks have to follow each other is known while JAX traces. They are listed in tables, over which
-loops run, so that the length of the program does not depend on the matrix.
+not structural zeros are stored, in one array, block after block and row by row. The sequence of
+operations on blocks is known while JAX traces. It is listed in tables, over which loops run, so
+that the length of the program does not depend on the matrix.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,22 +42,27 @@ _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
 
 def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
-    """Return the symmetric matrix S = D X^T of the rows of D and X, in the form that suits its
-    size."""
+    """Return the symmetric matrix S = D X^T of the rows of D and X: a `ScalarMatrix` if its
+    equations take at most `MOST_MULTIPLICATIONS`, otherwise a `BlockMatrix`."""
     supports = [[_support(row) for row in rows] for rows in (first, second)]
     neighbours: list[set[int]] = [set() for _ in first]
     shared: list[list[bool]] = []
     multiplications = 0
+    # An entry (i, j) of S, with j <= i, takes one multiplication for each column in which row i of
+    # D and row j of X both have an entry; it is zero if there is no such column.
     for i, of_first in enumerate(supports[0]):
         counts = [len(of_first & of_second) for of_second in supports[1][: i + 1]]
         multiplications += sum(counts)
         shared.append([count > 0 for count in counts])
+        # The indices j < i of the nonzero entries: `compress` skips those with a count of zero.
         for j in compress(range(i), counts):
             neighbours[i].add(j)
             neighbours[j].add(i)
     order = least_degree_order(neighbours)
     place = {row: k for k, row in enumerate(order)}
     below = below_diagonal([{place[other] for other in neighbours[row]} for row in order])
+    # Eliminating an unknown that is coupled with m later ones takes m multiplications for the
+    # column of the factor, and m (m + 1)/2 for the entries that it changes: m (m + 3)/2.
     multiplications += sum(len(column) * (len(column) + 3) // 2 for column in below)
     if multiplications > MOST_MULTIPLICATIONS:
         return BlockMatrix(first, second)
@@ -78,8 +83,8 @@ class _Plan:
     - `order`: the groups of rows in their order of elimination. All other indices of groups are
       places in this order.
     - `sizes`: the number of rows of each group.
-    - `slots`: index of each stored block, by its place, in and below the diagonal. Blocks of the
-      factor that are zero in the matrix (fill-in) are included.
+    - `slots`: index of each stored block by its place (row, column), on or below the diagonal.
+      Blocks of the factor that are zero in the matrix (fill-in) are included.
     - `entries`: the places of the blocks of the matrix itself.
     """
 
@@ -94,7 +99,8 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in reordered[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices of the rows that a group of rows has in a block."""
+        """Return the indices, among the rows of all blocks, of the rows of one block that belong to
+        a group: the block's first rows, without the padding after them."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
@@ -119,12 +125,10 @@ class _Plan:
         return table
 
     def solution(self, sweeps: int) -> list[_Step]:
-        """Return the table for `_iterated`, with rows (factor of the former content of a part of a
-        vector, factor of the product that is added, whether the block is transposed, index of the
-        part, of the block, of the part with which the block is multiplied).
-
-        The vectors are b, x, which is zero at first, and r, which equals b at first.
-        """
+        """Return the table for `_iterated`. Each row has (former, sign, transposed, target, block,
+        source), and means: part[target] = former * part[target] + sign * block @ part[source],
+        where a `transposed` of 1 transposes the block. The parts are those of three vectors, one
+        after the other: b, x (zero at first) and r (equal to b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         # The blocks of the matrix come first, then those of the factor, inverses, and the identity.
@@ -133,33 +137,36 @@ class _Plan:
         identity = first_inverse + count
         table: list[_Step] = []
         for sweep in range(sweeps):
+            # The residual r = b - S x, which is b in the first sweep.
             if sweep:
                 table += [(0, 1, 0, r[k], identity, b[k]) for k in range(count)]
-                for target, slot, source, turned in self.products():
-                    table.append((1, -1, turned, r[target], slot, x[source]))
+                for target, slot, source, transposed in self.products():
+                    table.append((1, -1, transposed, r[target], slot, x[source]))
+            # r = (L L^T)^-1 r, by forward and back substitution.
             for j, column in enumerate(self._below):
                 table.append((0, 1, 0, r[j], first_inverse + j, r[j]))
                 table += [(1, -1, 0, r[i], of_factor[i, j], r[j]) for i in column]
             for j, column in reversed([*enumerate(self._below)]):
                 table += [(1, -1, 1, r[j], of_factor[i, j], r[i]) for i in column]
                 table.append((0, 1, 1, r[j], first_inverse + j, r[j]))
+            # x = x + r.
             table += [(1, 1, 0, x[k], identity, r[k]) for k in range(count)]
         return table
 
     def products(self) -> list[tuple[int, int, int, int]]:
-        """Return the products of which a product of the matrix and a vector consists: place of the
-        result, index of the block, place of the factor, and whether the block is transposed."""
+        """Return the products whose sum is that of the matrix and a vector, each as (part of the
+        result, index of the block, part of the vector, 1 if the block is transposed)."""
         table = [(i, self.slots[i, j], j, 0) for i, j in self.entries]
         return table + [(j, slot, i, 1) for i, slot, j, _ in table if i != j]
 
 
 class BlockMatrix(AbstractMatrix):
-    """The symmetric matrix S = D X^T in blocks."""
+    """The symmetric matrix S = D X^T in blocks, from the rows of D (`first`) and X (`second`)."""
 
     def __init__(self, first: Sequence[Sequence[Scalar]], second: Sequence[Sequence[Scalar]]):
         self.n = len(first)
-        supports = [_support(row) for row in first]
-        groups = _groups([{k // SIZE for k in support} for support in supports])
+        # Rows of D with similar entries form groups: the rows of blocks of D, X and S.
+        groups = _groups([{k // SIZE for k in _support(row)} for row in first])
         columns = [_block_columns(groups, rows) for rows in (first, second)]
         count = len(groups)
         neighbours = [
@@ -169,28 +176,30 @@ class BlockMatrix(AbstractMatrix):
         self._plan = _Plan(neighbours, [*map(len, groups)])
         order = self._plan.order
         self._groups = [groups[k] for k in order]
-        # Place of each row among the elements of a vector in blocks.
+        # From here on, groups are in the order of elimination. The place of each row is its index
+        # in a vector of `SIZE` elements for each group.
         self._places = np.zeros(self.n, int)
         for k, group in enumerate(self._groups):
             self._places[group] = SIZE * k + np.arange(len(group))
         of_first, of_second = ([part[k] for k in order] for part in columns)
-        # Each block (i, j) of S is a sum of products of blocks (i, c) of D and (j, c) of X.
+        # Each block (i, j) of S is the sum over c of products A B^T of the blocks A = (i, c) of D
+        # and B = (j, c) of X. The blocks are numbered when they are first needed.
         steps: list[_Step] = []
-        slots: list[dict[_Place, int]] = [{}, {}]
+        slots_first: dict[_Place, int] = {}
+        slots_second: dict[_Place, int] = {}
         for i, j in self._plan.entries:
             for c in sorted(of_first[i] & of_second[j]):
-                a = slots[0].setdefault((i, c), len(slots[0]))
-                b = slots[1].setdefault((j, c), len(slots[1]))
+                a = slots_first.setdefault((i, c), len(slots_first))
+                b = slots_second.setdefault((j, c), len(slots_second))
                 targets, rows = (self._plan.rows(i, k) for k in (self._plan.slots[i, j], a))
                 steps += [(target, row, b) for target, row in zip(targets, rows, strict=True)]
-        left, right = (
-            _blocks(rows, self._groups, list(by_place))
-            for rows, by_place in zip((first, second), slots, strict=True)
-        )
+        left = _blocks(first, self._groups, list(slots_first))
+        right = _blocks(second, self._groups, list(slots_second))
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return blocks with ones on the diagonal in the rows beyond those of a group."""
+        """Return zero blocks, flattened, with ones on the diagonal in the rows beyond those of a
+        group, without which the blocks would be singular."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):
@@ -198,8 +207,10 @@ class BlockMatrix(AbstractMatrix):
         return blocks.ravel()
 
     def _diagonal(self) -> np.ndarray:
+        """Return the indices of the diagonal of S in the flattened blocks, (n,)."""
         group, row = np.divmod(self._places, SIZE)
         slots = np.array([self._plan.slots[k, k] for k in group.tolist()])
+        # Element (row, row) is the one with the index row * SIZE + row of its block.
         return slots * ELEMENTS + row * (SIZE + 1)
 
     def _vector(self, numbers: Sequence[Scalar]) -> jax.Array:
@@ -227,7 +238,8 @@ def _support(row: Sequence[Scalar]) -> set[int]:
 
 
 def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
-    """Return lists of at most `SIZE` consecutive rows that share a row of blocks.
+    """Return lists of at most `SIZE` consecutive rows that share a row of blocks, from the columns
+    of blocks in which each row has entries.
 
     A row joins the rows before it if less than half of their columns of blocks differ, as for the
     rows of one joint. Otherwise, blocks would couple rows that have nothing in common.
@@ -273,6 +285,7 @@ def _blocks(
 def _gathered(numbers: Sequence[Scalar], index: np.ndarray) -> jax.Array:
     """Return an array with the number of each index, or zero where the index is -1."""
     array = jnp.stack([*map(jnp.asarray, (*numbers, 0.0))])
+    # The remainder turns -1 into the index of the zero at the end.
     return _taken(array, index % len(array))
 
 
@@ -286,7 +299,7 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return a row of a block, or a part of a vector."""
+    """Return the row of a block, or the part of a vector, with an index among all of them."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 
@@ -295,7 +308,8 @@ def _looped(
     start: jax.Array,
     table: Sequence[_Step],
 ) -> jax.Array:
-    """Return an array of which each row of a table changes a row, with the numbers of `step`."""
+    """Return an array after a loop over the rows of a table. In each pass, ``step(array, row of the
+    table)`` returns the new numbers of one row of the array, and the index of this row."""
 
     def changed(array: jax.Array, row: jax.Array) -> tuple[jax.Array, None]:
         numbers, index = step(array, row)
@@ -307,8 +321,8 @@ def _looped(
 def _sums_of_products(
     start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[_Step]
 ) -> jax.Array:
-    """Return blocks plus products A B^T of blocks of `first` and `second`; the table has the
-    indices of the row of the sum, of the row of A, and of the block B."""
+    """Return the blocks `start` plus products A B^T of blocks A of `first` and B of `second`; the
+    table has the indices of the row of the sum, of the row of A, and of the block B."""
 
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, a, b = row
@@ -318,7 +332,7 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of the factor L of L L^T, and the inverses of its diagonal blocks."""
+    """Return the blocks of L, with L L^T the matrix in `blocks`, and its diagonal's inverses."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.
@@ -326,14 +340,16 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     for j, size in enumerate(plan.sizes):
         inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0
 
-    def inverse_row(row: jax.Array, lower: jax.Array, factor: jax.Array, target: jax.Array):
+    def inverse_row(row: jax.Array, lower: jax.Array, inverse: jax.Array, target: jax.Array):
         unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
         lower = jnp.where(unit > 0.0, 0.0, lower)
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
-        return (unit - lower @ factor) * pivot
+        return (unit - lower @ inverse) * pivot
 
     def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
         kind, target, source, block = entries
+        # An update subtracts L_kj times a row of L_ij from the same row of block (i, k). A division
+        # multiplies a row of block (i, j) by the inverse of L_jj, which gives the row of L_ij.
         here, row, factor = _row(blocks, target), _row(blocks, source), _block(blocks, block)
         image = factor @ row
         numbers = jax.lax.cond(
@@ -347,29 +363,33 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
 
 
 def _image(
-    blocks: jax.Array, block: jax.Array, turned: jax.Array, vectors: jax.Array, source: jax.Array
+    blocks: jax.Array,
+    block: jax.Array,
+    transposed: jax.Array,
+    vectors: jax.Array,
+    source: jax.Array,
 ) -> jax.Array:
-    """Return the product of a block, transposed where `turned` is 1, and a part of a vector."""
+    """Return the product of a block, transposed where `transposed` is 1, and a part of a vector."""
     matrix = _block(blocks, block)
-    return jnp.where(turned > 0, matrix.T, matrix) @ _row(vectors, source)
+    return jnp.where(transposed > 0, matrix.T, matrix) @ _row(vectors, source)
 
 
 def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
     # The vector is not a part of the array that the loop changes, so that JAX can transpose the
     # loop where the blocks are derivatives.
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
-        target, block, source, turned = row
-        return _row(sums, target) + _image(blocks, block, turned, vector, source), target
+        target, block, source, transposed = row
+        return _row(sums, target) + _image(blocks, block, transposed, vector, source), target
 
     return _looped(step, jnp.zeros_like(vector), plan.products())
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return the solution of a system of equations, see `_Plan.solution`."""
+    """Return the solution for a right side, by the operations in a table of `_Plan.solution`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
-        former, sign, turned, target, block, source = row
-        image = _image(blocks, block, turned, vectors, source)
+        former, sign, transposed, target, block, source = row
+        image = _image(blocks, block, transposed, vectors, source)
         return former * _row(vectors, target) + sign * image, target
 
     start = jnp.concatenate([right, jnp.zeros_like(right), right])
@@ -379,8 +399,8 @@ def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> ja
 def _solving(
     plan: _Plan, blocks: jax.Array, shifted: jax.Array, sweeps: int
 ) -> Callable[[jax.Array], jax.Array]:
-    """Factorise a matrix, and return the function that solves equations, see
-    `AbstractMatrix.solving`.
+    """Factorise the matrix `shifted`, and return the function that solves S x = b for the matrix S
+    in `blocks`, see `AbstractMatrix.solving`.
 
     The factorisation and the iteration are not differentiated, but the solution x of S x = b is: of
     a nonsingular S, x' = S^-1 (b' - S' x). Of a singular one, of constant rank and with the
@@ -405,6 +425,7 @@ def _solving(
         solve = partial(solution, stored, blocks)
         x = solve(right)
         rate = solve(right_rate - _product(plan, matrix_rate, x))
+        # Only a singular matrix takes several sweeps.
         if sweeps > 1:
             across = _product(plan, matrix_rate, solve(x))
             rate += across - solve(_product(plan, blocks, across))

@@ -89,7 +89,7 @@ class Bend(NamedTuple):
 
 
 class Quintic(NamedTuple):
-    """Polynomial of fifth degree over a step of length `h`, its lowest power of x first."""
+    """Polynomial of fifth degree over a step of `h`, s; `coefficients` are those of x^0 to x^5."""
 
     coefficients: tuple[Scalar, ...]
     h: Scalar
@@ -203,8 +203,8 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) 
 
 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
-    """Return the position x of the maximum of the parabola through three points, between the outer
-    ones; that of the middle point if there is no maximum."""
+    """Return the position x of the maximum of the parabola through three points, clipped to the
+    interval between the outer ones; the middle point's x if the parabola has no maximum."""
     left = _slope(first, middle)
     right = _slope(middle, last)
     bend = (right - left) / _positive(last.x - first.x)
@@ -288,7 +288,7 @@ def highest(
 def _nearest_three(
     first: Point, middle: Point, last: Point, new: Point
 ) -> tuple[Point, Point, Point]:
-    """Return the higher one of two inner points with its neighbours, in order of x."""
+    """Return the higher of the points `middle` and `new`, and its two neighbours, in order of x."""
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value
@@ -316,5 +316,5 @@ def _slope(first: Point, second: Point) -> Scalar:
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return a length, or 1 if it is zero, for use as a divisor of a difference, then zero too."""
+    """Return a length, or 1 in place of zero: a divisor of differences over this length."""
     return jnp.where(length > 0.0, length, 1.0)

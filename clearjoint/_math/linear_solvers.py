@@ -22,9 +22,9 @@ Solve = Callable[[Sequence[Scalar]], list[Scalar]]
 
 
 def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
-    """Return, for each column of the triangular factor of a symmetric matrix, the indices of the
-    rows below the diagonal with entries, from the columns of the entries in each row of the matrix.
-    """
+    """Return the sparsity of the triangular factor of a symmetric matrix: for each column, the rows
+    below the diagonal with nonzero entries, sorted. `neighbours` is that of the matrix: for each
+    row, the columns of its nonzero entries beside the diagonal."""
     columns = [{i for i in others if i > j} for j, others in enumerate(neighbours)]
     for column in columns:
         if column:
@@ -97,7 +97,7 @@ class UnrolledFactorisation:
 
 
 def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
-    """Return `start` minus the products of the entries that two dictionaries have in common."""
+    """Return `start` minus the sum of products of entries with the same key in both others."""
     for k, a in first.items():
         if k in second:
             start = subtract(start, multiply(a, second[k]))
@@ -201,8 +201,8 @@ class LeastNorm(AbstractSolver):
     where sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free
     augmented Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, it can be
     differentiated where eigenvalues coincide. `relative_shift` is eps relative to the mean of the
-    diagonal of S; unless sigma is far below that mean, three iterations reduce the error to the
-    size of rounding errors.
+    diagonal of S; unless sigma is far below that mean, three iterations (`sweeps`) reduce the error
+    to the size of rounding errors.
     """
 
     relative_shift = 1e-8

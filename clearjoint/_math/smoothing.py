@@ -30,12 +30,12 @@ def cosine(angle: Scalar) -> Scalar:
 
 
 def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return the polar angle, rad in [-pi, pi], of the point (cosine, sine) at any distance."""
+    """Return the polar angle, rad in [-pi, pi], of the point (cosine, sine), of any norm."""
     return library((sine, cosine)).arctan2(sine, cosine)
 
 
 def wrapped(value: Scalar, period: Scalar) -> Scalar:
-    """Return a value minus the nearest multiple of a period."""
+    """Return a value minus the nearest multiple of a period: within half a period of zero."""
     return value - period * library((value, period)).round(value / period)
 
 
@@ -61,7 +61,7 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
 
 
 def norm(vector: Vector) -> Scalar:
-    """Return the norm of a vector, as `norm_and_direction` does."""
+    """Return the norm of a vector; for one shorter than 1e-100 zero, with zero derivatives."""
     square = vector.dot(vector)
     vanishes = square <= _TINY
     return where(vanishes, 0.0, square_root(where(vanishes, 1.0, square)))
@@ -70,8 +70,7 @@ def norm(vector: Vector) -> Scalar:
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
     """Return the norm of a vector, and the unit vector in its direction.
 
-    For the zero vector, as which one shorter than 1e-100 counts, both are zero, with zero
-    derivatives.
+    For a vector shorter than 1e-100, both are zero, with zero derivatives.
 
     >>> norm, direction = extend.norm_and_direction(extend.Vector(3.0, 4.0, 0.0))
     >>> print(f"{norm:.1f}, {direction.x:.1f}, {direction.y:.1f}")

@@ -1,4 +1,4 @@
-"""PyTrees of many scalars as one array, so that an operation on all of them is a single equation.
+"""PyTrees of many scalars as one array, so that an operation on all is one equation of the program.
 
 Written out for each scalar, the sums of a Runge-Kutta step were a quarter of the program of a
 mechanism with 30 joints, and took as much of the time of its compilation.
@@ -13,19 +13,20 @@ from jaxtyping import Float, PyTree
 from .vectors import Scalar
 
 FEWEST = 49
-"""Number of scalars from which on they are stacked: native code has a loop over so many elements.
-For fewer, it computes the same as for a PyTree of scalars."""
+"""Smallest number of scalars that are stacked: native code has a loop over so many elements, but
+turns shorter arrays into separate scalars again."""
 
 
 class Stacked(eqx.Module):
-    """Numbers of a PyTree with n leaves as one array, along its last axis."""
+    """The n leaves of a PyTree, along the last axis of `array`, and the PyTree's `structure`."""
 
     array: Float[jax.Array, "... n"]
     structure: Hashable = eqx.field(static=True)
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
-    """Return a PyTree of `FEWEST` or more floats of JAX, or arrays of one shape, as a `Stacked`."""
+    """Return a PyTree as a `Stacked`, or unchanged if it has less than `FEWEST` leaves, or leaves
+    other than JAX arrays of one shape and dtype."""
     leaves, structure = jax.tree.flatten(tree)
     if len(leaves) < FEWEST or not all(isinstance(leaf, jax.Array) for leaf in leaves):
         return tree
@@ -37,7 +38,7 @@ def stacked(tree: PyTree[Scalar]) -> PyTree:
 
 
 def unstacked(tree: PyTree) -> PyTree[Scalar]:
-    """Return the PyTree whose numbers a `Stacked` has, and any other PyTree unchanged."""
+    """Return the PyTree that was `stacked`; any PyTree other than a `Stacked` is unchanged."""
     if not isinstance(tree, Stacked):
         return tree
     *shape, count = tree.array.shape

@@ -49,9 +49,9 @@ def are_traced_alike(a: Scalar, b: Scalar) -> bool:
 
 
 def have_primitive(a: Scalar, b: Scalar) -> bool:
-    """Return whether JAX's primitives can be called with both numbers as they are: tracers that are
-    `are_traced_alike`, or one of one number of float64 with a float of Python, for which an
-    operator takes four times as long."""
+    """Return whether JAX's primitives can be called with both numbers as they are: two tracers of
+    the same shape and dtype, or a float64 tracer of shape () and a Python float. An operator takes
+    four times as long to trace."""
     if isinstance(a, Tracer) and isinstance(b, Tracer):
         return a.aval == b.aval
     traced, number = (a, b) if isinstance(a, Tracer) else (b, a)
@@ -304,6 +304,7 @@ def fold_constants(
         # The numbers of all vectors are compared at once, since a scene has hundreds of vectors.
         numbers = np.concatenate(arrays, axis=None)
         is_one = numbers == 1.0
+        # One digit for each number, as in `_DIGITS`: 1 for zero, 2 for one, 0 for all others.
         digits = (is_one | (numbers == 0.0)).astype(np.uint8) + is_one
         return ConstantFolded(tree, _patterns(digits.tobytes(), vectors, sizes, len(leaves)))
     changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
@@ -321,7 +322,8 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of all leaves from the digits (`_DIGITS`) of all vectors' components."""
+    """Return the patterns of a number of `leaves`, from the indices of the vectors among them, the
+    `sizes` of these vectors, and the digits (`_DIGITS`) of all their components."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -330,7 +332,7 @@ def _patterns(
 
 
 NETWORKS = "equinox.nn"
-"""Package of the layers of networks."""
+"""Package of neural-network layers."""
 
 
 @lru_cache(maxsize=1024)
@@ -338,7 +340,8 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the indices and sizes of the leaves whose components may be marked."""
+    """Return, from the shapes of all leaves, the indices and sizes of those vectors and matrices
+    whose components may be marked as structural."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
     return vectors, tuple(math.prod(shapes[k]) for k in vectors)
@@ -373,7 +376,8 @@ def _pattern(leaf: ArrayLike) -> Pattern:
 
 
 def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
-    """Return a component. JAX traces primitives in half of the time of an index."""
+    """Return the component at an index after `leading` axes, by primitives if the leaf is traced:
+    JAX traces them in half of the time of an index."""
     if leading or not isinstance(leaf, Tracer):
         return leaf[(slice(None),) * leading + index]
     part = jax.lax.slice(leaf, index, [k + 1 for k in index])

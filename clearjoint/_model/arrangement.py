@@ -62,8 +62,7 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
 
 def satisfies_joints(scene: Scene, state: State) -> bool:
-    """Return whether the points of each joint coincide and its axes are parallel, within
-    `TOLERANCE`.
+    """Return whether each joint's points coincide and its axes are parallel, within `TOLERANCE`.
 
     Joints that close loops are tested too; joints that `arranged_state` ignores are not.
     """

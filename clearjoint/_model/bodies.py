@@ -60,7 +60,7 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
-    """Return the diameter of a hole, m, zero for none."""
+    """Return the checked diameter of a hole, m, zero for none."""
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, "give it in m", zero=True)
     expected = "less than the diameter, {1} m"
@@ -106,13 +106,16 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
     if (numbers := checkable(value)) is None:
         return
     (inertia,) = numbers
-    # The tests of the symmetry and of the largest moment allow for the rounding of given numbers.
-    # The largest moment is at most (1 + 1e-9) times the sum of the other two.
-    largest = inertia.sum() if inertia.ndim == 1 else inertia.trace()
-    largest = largest * (1 + 1e-9) / (2 + 1e-9)
+    # The tests of the symmetry and of the largest moment allow for the rounding of given numbers:
+    # the largest moment is at most (1 + 1e-9) times the sum of the other two, which is the sum of
+    # all less itself.
+    total = inertia.sum() if inertia.ndim == 1 else inertia.trace()
+    largest = total * (1 + 1e-9) / (2 + 1e-9)
     if inertia.ndim == 1:
         positive, is_rigid = inertia.min() > 0, inertia.max() <= largest
     else:
+        # All principal moments are below `largest` if this number times the identity, less the
+        # matrix, is positive definite.
         symmetric = abs(inertia - inertia.T).max() <= 1e-9 * abs(inertia).max()
         require(symmetric, argument, inertia, "symmetric", "average it with its transpose")
         positive = _is_positive_definite(inertia)
@@ -125,11 +128,9 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
-    """Return whether each pivot of Gaussian elimination is positive.
-
-    The eigenvalues of the matrix, (3, 3), would need an iteration, for which native code has no
-    rule: checks that compute them are slow.
-    """
+    """Return whether a symmetric matrix, (3, 3), is positive definite: has positive pivots in
+    Gaussian elimination. Eigenvalues would need an iteration, for which native code has no rule:
+    checks that compute them are slow."""
     xp = matrix.__array_namespace__()
     (a, b, c), (_, d, e), (_, _, f) = matrix
     first = xp.where(a > 0, a, 1.0)

@@ -99,8 +99,7 @@ class AbstractFilm(AbstractConverting):
         return scale * (gap.spin / height)
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        """Return the limits of validity for a bearing's radius and a film's length, m; none by
-        default.
+        """Return limits of validity for a bearing's radius and a film's length, m; none by default.
 
         A warning is issued for a value outside its range when a joint with the film is made.
         """

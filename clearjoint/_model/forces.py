@@ -178,7 +178,8 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 class _Strain(NamedTuple):
     """Deformation of a bushing and its rate, with components along the bushing's axes.
 
-    - `point_in_first`: the first body's material point at the place of the second body's point.
+    - `point_in_first`: the first body's material point at the place of the second body's point, m
+      from the centre of mass in body axes.
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`: displacement of the second body's point from the first body's, m.
     - `rotation`: rotation vector from the bushing's axes to those of `orientation_second`, rad.

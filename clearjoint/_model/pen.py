@@ -82,7 +82,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block on a rail along the axis of `rail`; if `turning`, a sleeve."""
+        """Draw a block on a rail along the axis of `rail`; if `turning`, a round sleeve."""
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
@@ -98,7 +98,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Draw an arrow for a force, (3,) N, global, or a function of time under `jax.vmap`."""
+        """Draw an arrow for a force, (3,) N, global, or a function of time that JAX can map."""
 
     @abc.abstractmethod
     def bearing(
@@ -141,7 +141,7 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a block with its length along the marker's axis and its height along `normal`."""
+        """Draw a block of a length, m, along the marker's axis and a height, m, along `normal`."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:

@@ -166,7 +166,8 @@ def spline_at(
     count: int,
     coefficients_around: Callable[[jax.Array | np.ndarray], jax.Array],
 ) -> Deviation:
-    """Return a periodic cubic spline with `count` evenly spaced knots, and two derivatives."""
+    """Return a periodic cubic spline at an angle, rad, and two derivatives, from the number of its
+    evenly spaced knots and `AbstractPeriodicSpline.coefficients_around`."""
     per_knot = count / (2.0 * np.pi)
     # The knots next to angles that are known before compilation are found by NumPy, so that
     # the compiled program need not search for them.
@@ -292,6 +293,7 @@ class JournalInBearing(NamedTuple):
 
     - `x`, `y`: position of the journal's centre, m.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
+    - `axes`: those of the journal, to which its profile refers, in the bearing's cross-section.
     """
 
     x: NumberOrArray
@@ -335,14 +337,14 @@ class JournalInBearing(NamedTuple):
         return Approach(cosine, sine, self.overlap(angle) - clearance, part)
 
     def overlap(self, angle: NumberOrArray) -> Scalar:
-        """Return how much journal and wall overlap at an angle, rad, m, with no clearance."""
+        """Return the penetration at an angle, rad, if the clearance were zero, m."""
         numpy = library((angle,))
         cosine, sine = numpy.cos(angle), numpy.sin(angle)
         part, _, _ = self._deviation_of_journal(cosine, sine)
         return self.x * cosine + self.y * sine - self._wall(angle).value + part.value
 
     def _newton_step(self, angle: Scalar) -> Scalar:
-        """Return the change of an angle, rad, that leads to the maximum of `overlap`."""
+        """Return the change of an angle, rad, by a Newton step to the maximum of `overlap`."""
         # First and second derivative of the penetration by the angle. Those of the journal's
         # deviation contain the rate of the angle about the journal's own axis, which may be tilted.
         x, y, cosine, sine = self.x, self.y, jnp.cos(angle), jnp.sin(angle)
@@ -358,7 +360,8 @@ class JournalInBearing(NamedTuple):
     def _deviation_of_journal(
         self, cosine: Scalar, sine: Scalar
     ) -> tuple[Deviation, Scalar, Scalar]:
-        """Return the journal's deviation in a direction, and two derivatives of its own angle."""
+        """Return the journal's deviation in a direction, and the first and second derivatives of
+        the direction's angle about the journal's axis by that about the bearing's."""
         if self.journal is None:
             return _ROUND, 0.0, 0.0
         axes = self.axes
@@ -378,7 +381,8 @@ class JournalInBearing(NamedTuple):
 def require_room(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
-    """Raise a `ValueError` if a centred journal may touch the wall at any relative rotation."""
+    """Raise a `ValueError` if a centred journal may touch the wall at some relative rotation."""
+    # Without profiles, any positive clearance leaves room.
     if bearing is None and journal is None:
         return
     # The highest point of the journal may face the point where the bearing is narrowest.
@@ -397,6 +401,7 @@ def caution_two_contacts(
     radius of curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of
     radius R and a deviation h.
     """
+    # Two circles touch at one point.
     if bearing is None and journal is None:
         return
     wall, part = _sampled(bearing), _sampled(journal)

@@ -70,8 +70,7 @@ class AbstractScale(abc.ABC):
 
     @abc.abstractmethod
     def value(self, coordinate: Scalar) -> Scalar:
-        """Return the parameter's value at a coordinate, by a function that JAX can
-        differentiate."""
+        """Return the parameter's value at a coordinate; JAX must be able to differentiate it."""
 
     @abc.abstractmethod
     def coordinate(self, value: Scalar | np.ndarray) -> float:
@@ -251,6 +250,7 @@ class Parameter:
         unit: str | None = None,
     ):
         variation = path if isinstance(path, AbstractVariation) else SceneNumber(path, unit)
+        # The error for a class that was not called, such as cj.Log, names this class.
         kind = scale if isinstance(scale, type) else type(scale)
         remedy = "pass for example cj.Log() or cj.Bounded(0.0, 1.0)"
         is_scale = isinstance(scale, AbstractScale | None)
@@ -267,8 +267,9 @@ class Parameter:
         value: float | None = None,
         unit: str | None = None,
     ) -> "Parameter":
-        """Return a parameter that is a number of the initial state, such as ``lambda state:
-        state.bodies["arm"].spin[2]``. **Arguments:**, **Raises:** as `Parameter`."""
+        """Return a parameter that is a number of the initial state, selected by a path such as
+        ``lambda state: state.bodies["arm"].spin[2]``. **Arguments:**, **Raises:** as `Parameter`.
+        """
         return Parameter(StateNumber(path, unit), scale, value=value)
 
     @staticmethod

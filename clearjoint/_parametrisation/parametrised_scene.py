@@ -57,14 +57,14 @@ class AbstractSceneFamily(eqx.Module):
     ) -> tuple[PyTree, PyTree, PyTree]:
         """Compute a function of the scene and its derivatives along the directions.
 
-        The arguments of the function are the scene, in the form of the method `scene`, and
-        `primals`, earlier results of a run, whose derivatives are `tangents`. It returns a value,
-        which is differentiated, and an auxiliary result. Returned are the value, the auxiliary
-        result, and the value's derivatives, with a first axis over tangents in each array.
+        ``function(scene, *primals)`` returns a value, which is differentiated, and an auxiliary
+        result. The scene has the form of the method `scene`. `primals` are earlier results of a
+        run, and `tangents` their derivatives. Returned are the value, the auxiliary result, and the
+        value's derivatives. Derivatives have a first axis over tangents in each array.
         """
 
     def scene(self, values: PyTree) -> Scene:
-        """Return the scene at parameters, in scalar form and with folded constants as numbers."""
+        """Return the scene at parameters, as scalars, and folded constants as Python numbers."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: PyTree) -> State:
@@ -95,9 +95,9 @@ class ParametrisedScene(AbstractSceneFamily):
 
     - `values`: (p,) coordinates of the parameters on their scales.
     - `base`: scene and initial state before any change.
-    - `changes`, `scales`: of each parameter.
-    - `directions`: (n, p), those of the derivatives in the space of coordinates; ``None`` for the
-      derivatives by each parameter.
+    - `changes`, `scales`: function that sets the value of each parameter, and its scale.
+    - `directions`: (n, p), n directions in the space of coordinates along which derivatives are
+      computed; ``None`` for those by each parameter.
     """
 
     values: Coordinates
@@ -108,11 +108,13 @@ class ParametrisedScene(AbstractSceneFamily):
     directions: Coordinates | None = None
 
     def in_groups(self, largest: int) -> "list[ParametrisedScene]":
-        """Return copies with derivatives by equally many parameters each, at most `largest`, one
-        after the other. The last parameter is repeated in the last group."""
+        """Return copies that share the parameters among them: each computes the derivatives by the
+        same number of parameters, at most `largest`. The last one repeats the last parameter if the
+        division leaves a remainder."""
         count = len(self.values)
         if count <= largest:
             return [self]
+        # Quotients rounded up.
         groups = -(-count // largest)
         size = -(-count // groups)
         numbers = np.minimum(np.arange(groups * size), count - 1).reshape(groups, size)
@@ -178,8 +180,8 @@ def parametrised(
     """Return a scene and its initial state as functions of p parameters, in the order of `values`,
     their coordinates.
 
-    **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for a
-    delay of a measured series, which is not part of a scene.
+    **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for an
+    error of sensors, such as a delay, which is not part of a scene (see `readings.in_scene`).
     """
     # A Python number would be a constant of the program, which would be compiled anew for each
     # value of the number.
@@ -241,4 +243,5 @@ class DirectedScene(AbstractSceneFamily):
 
 
 def _with_axis(tree: PyTree) -> PyTree:
+    """Return a PyTree with a first axis of length one in each array: that of the one tangent."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], tree)

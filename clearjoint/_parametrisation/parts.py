@@ -1,4 +1,4 @@
-"""Parts of a scene or of an initial state, of any number of numbers, that parameters set."""
+"""Parts of a scene, from a number to a whole element, or numbers of its state, to be set."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -67,14 +67,17 @@ def parts_of(
 def _selected(
     scene: Scene, state: State, path: Callable[[Scene], PyTree], argument: str
 ) -> tuple[PyTree, Change]:
-    """Return the numbers that one path selects, and the function that sets them."""
+    """Return the numbers that a path, called `argument` in errors, selects, and their setter."""
+    # The path runs on a tree whose leaves are their own locations. If it raises an error, it runs
+    # again in `value_at`, which raises the error with a remedy.
     element = None
-    # `value_at` raises these errors with a remedy.
     with suppress(AttributeError, KeyError, IndexError, TypeError):
         element = path(marked(jax.tree.structure(scene)))
+    # One number, or several tied ones, as for a `Parameter`.
     if element is None or isinstance(element, Number | list | tuple):
         value = jnp.asarray(value_at(scene, path), float)
         return np.asarray(value), SceneNumber(path).setter(scene, state, value)
+    # A whole element, whose leaves must be whole arrays of the scene.
     places, structure = jax.tree.flatten(element)
     leaves = jax.tree.leaves(scene)
     stored = all(isinstance(place, Number) and not place.component for place in places)
@@ -83,9 +86,7 @@ def _selected(
     chosen = [p.leaf for p in places if eqx.is_inexact_array(leaves[p.leaf])]
     require(bool(chosen), argument, element, "a part with numbers", remedy)
     value = jax.tree.unflatten(structure, [leaves[place.leaf] for place in places])
-    arrays = jax.tree.map(
-        lambda leaf: np.asarray(leaf, float), eqx.filter(value, eqx.is_inexact_array)
-    )
+    arrays = jax.tree.map(_as_floats, eqx.filter(value, eqx.is_inexact_array))
     return arrays, PartSetter(tuple(chosen))
 
 
@@ -94,20 +95,22 @@ def _as_floats(array: PyTree) -> np.ndarray:
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in the space of all numbers, always the same. Numbers of a
-    `Parameter` change by about a unit of the coordinate on its scale; those of an array by their
-    root mean square, or by 1 if all are zero."""
+    """Return a random direction in the space of all numbers, the same for the same numbers.
+
+    The components are normally distributed. Their standard deviation is, for a `Parameter`, the
+    change of its value for a unit of the coordinate on its scale; for an array the root mean square
+    of its numbers, or 1 if all are zero."""
     random = np.random.default_rng(0)
 
     def of_array(array: np.ndarray) -> np.ndarray:
         size = float(np.sqrt(np.mean(np.square(array)))) if array.size else 0.0
         return (size or 1.0) * random.standard_normal(array.shape)
 
-    def of(name: str, path: Part) -> PyTree:
+    def direction_of(name: str, path: Part) -> PyTree:
         if not isinstance(path, Parameter):
             return jax.tree.map(of_array, numbers[name])
         scale = path.scale
         slope = scale.slope(scale.coordinate(numbers[name]))
         return np.asarray(slope * random.standard_normal(), float)
 
-    return {name: of(name, path) for name, path in paths.items()}
+    return {name: direction_of(name, path) for name, path in paths.items()}

@@ -104,8 +104,7 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
 
 
 def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with another value, in SI units, at a path; tied numbers
-    all receive it.
+    """Return a copy of a scene or state with another value, SI, at a path: of all tied numbers.
 
     The constructors' checks, such as that a mass is positive, are not repeated.
 
@@ -121,7 +120,7 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 
 
 def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with a value at each of the locations."""
+    """Return a copy of a scene or state with the same value at all given locations."""
     leaves, value = jax.tree.leaves(tree), as_number(value)
     require_fits(leaves, numbers, value)
     for number in numbers:
@@ -191,8 +190,7 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Yield name, value and unit of each number of a part of a scene or state, in the order of
-    `jax.tree.leaves`. The unit of the part holds for numbers outside of fields, which declare their
-    own."""
+    `jax.tree.leaves`. Fields declare their units; `name` and `unit` are those of the part."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

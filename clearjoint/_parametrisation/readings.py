@@ -37,7 +37,7 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value of the error with an index, (...), at coordinates (..., p)."""
+        """Return the value, (...), of the error with the index `number` at coordinates (..., p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
@@ -64,15 +64,19 @@ def with_sensor_errors(
     elapsed: Row,
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p), from the
-    quantities and their derivatives by the coordinates."""
+    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
+    (T, p), from the quantities, (T,) `values`, and their `derivatives`; `elapsed`, (T,) s, is the
+    time since the start of the run."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
-    for name in {name: None for _, error in sensors.errors for name in error.series}:
+    # Without duplicates, since a sensor may have several errors.
+    with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
+    for name in with_errors:
 
         def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
 
-        # A reading depends on the quantity at the same time only.
+        # A reading depends on the quantity at the same time only, so that one product with ones
+        # gives the diagonal of its Jacobian.
         readings[name], factor = jax.jvp(
             lambda quantity: reading(quantity, coordinates),
             (values[name],),
@@ -90,7 +94,8 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each."""
+    """Return the readings of all sensors in n runs, (n, T) each, from the quantities `values`, the
+    times since the start, s, and the coordinates of each run."""
 
     def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
@@ -126,7 +131,7 @@ def sensor_errors(
 
 
 def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters, with errors of sensors as parameters that change nothing."""
+    """Return the parameters, with each error of sensors replaced by one that changes nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
         name: Parameter(still, parameter.scale, value=parameter.value)

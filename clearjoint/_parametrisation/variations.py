@@ -26,7 +26,7 @@ class AbstractVariation(abc.ABC):
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The function that says what varies; a sweep's results contain a description of it."""
+        """The user's function that selects or makes what varies, described in a sweep's results."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -50,7 +50,8 @@ class AbstractVariation(abc.ABC):
 class AbstractNumber(AbstractVariation):
     """A number, or several tied numbers, that a path selects in the scene or the initial state.
 
-    `example` is the source of a typical path, for error messages.
+    `unit` labels the value, ``None`` for the number's SI unit. `example` is the source of a typical
+    path, for error messages.
     """
 
     path: NumberPath
@@ -146,6 +147,7 @@ class AbstractSeriesVariation(AbstractVariation):
     - `series`: names of the series, or of the outputs or sensors of a prediction.
     - `neutral`: value of an ideal sensor.
     - `noun`: name of the kind of error, also of the function of `Parameter` that makes one.
+    - `users`: names of the functions that accept such an error, for error messages.
     """
 
     series: tuple[str, ...]

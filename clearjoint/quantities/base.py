@@ -223,8 +223,7 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check that the scene has the elements that the quantity names, before a run, sweep or
-        fit.
+        """Check, before a run, sweep or fit, that the scene has the elements that are named.
 
         **Raises:** `ValueError` with a list of the scene's names.
         """
@@ -284,7 +283,7 @@ def optional_numbers(values: ArrayLike | None) -> Numbers | None:
 class AbstractVectorQuantity(AbstractQuantity):
     """Base class of quantities that are a component of a vector, or with ``None`` its magnitude.
 
-    It precedes the other base class of a quantity, so that `component` follows its fields.
+    It is the first base of its subclasses, so that `component` follows the fields of the others.
     """
 
     component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)

@@ -153,8 +153,8 @@ class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
 
 
 class AngularVelocity(AbstractVectorQuantity, AbstractBodyQuantity):
-    """Angular velocity of a body, rad/s: its magnitude or a component, as of a gyroscope in body
-    axes.
+    """Angular velocity of a body, rad/s: its magnitude or a component; a gyroscope measures the
+    components in body axes.
 
     >>> spin = cj.quantities.AngularVelocity("arm 2", "z")
     >>> outputs = {"fastest": cj.Peak(spin, "rad/s")}

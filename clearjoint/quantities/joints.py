@@ -84,8 +84,10 @@ class ContactForce(AbstractContactQuantity):
     @override
     def __call__(self, now: Instant) -> Scalar:
         contacts = now.contacts[self.joint]
-        if self.contact is not None or len(contacts) == 1:
-            (label,) = contacts if self.contact is None else [self.contact]
+        label = self.contact
+        if label is None and len(contacts) == 1:
+            (label,) = contacts
+        if label is not None:
             return contacts[label].normal_force
         forces = [force.contact.normal * force.normal_force for force in contacts.values()]
         return norm_and_direction(reduce(Vector.__add__, forces))[0]

@@ -122,7 +122,7 @@ class JointMechanics(AbstractMechanics):
 
     @cached_property
     def _solvers(self) -> list[AbstractTreeSolver]:
-        """The equations of motion of each tree. Checks of constraints never need them."""
+        """The equations of motion of each tree, made on first use: some checks don't need them."""
         solvers = []
         for i, j in pairwise(self._starts):
             parents = [None if parent is None else parent - i for parent in self._parents[i:j]]
@@ -167,7 +167,7 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return the loads on the links of bodies, from the roots to the leaves."""
+        """Return the loads of wrenches on links, by index, from the roots to the leaves."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
@@ -254,7 +254,7 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return that part of the load on a link that changes its speeds."""
+    """Return a link's load by wrench and weight, minus its inertial forces at constant speeds."""
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass
@@ -362,7 +362,7 @@ class JointCoordinates(AbstractCoordinates):
 
 
 def _branches(trees: Sequence[Sequence[TreeBranch]]) -> Iterator[tuple[TreeBranch, Evaluate]]:
-    """Yield the branches of all trees, each with how to evaluate functions of it."""
+    """Yield the branches of all trees, each with the result of `evaluation` for its tree."""
     for tree in trees:
         evaluate = evaluation(len(tree))
         for branch in tree:

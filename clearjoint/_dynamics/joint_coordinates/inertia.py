@@ -62,16 +62,16 @@ class Inertia:
     def without(
         self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
     ) -> "Inertia":
-        """Return the part of this inertia, that of the bodies which a joint carries, that acts on
-        the carrier (the parent) of the joint if all r of the joint are zero.
+        """Return the part of this inertia, of the bodies that a joint carries, that acts on the
+        joint's carrier (its parent) while all rates r of the joint are zero.
 
-        In the unknowns of the equations of motion, the carried bodies do not follow the carrier's
-        angular acceleration about the joint's axis (see `.coordinates`). So their inertia about
-        this axis does not act on the carrier. Let M be the 6x6 matrix of this inertia, let column
-        be the twist for a unit of the joint's speed, and whole = M column. The matrix P = 1 -
-        column axis^T removes the rotation about the axis from a twist. The result is P^T M P = M -
-        axis whole^T - rest axis^T with rest = P^T whole, in which `axis`, the angular part of the
-        column, has a linear part of zero. For a joint of several axes, P removes the rotations
+        `wholes` and `rests` are results of `momenta`. In these unknowns, the carried bodies do not
+        follow the carrier's angular acceleration about the joint's axis (see `.coordinates`), so
+        that their inertia about this axis does not act on the carrier. Let M be the 6x6 matrix of
+        this inertia, column the twist for a unit of the joint's speed, axis the angular part of the
+        column with a linear part of zero, and whole = M column. The matrix P = 1 - column axis^T
+        removes the rotation about the axis from a twist. The result is P^T M P = M - axis whole^T -
+        rest axis^T with rest = P^T whole. For a joint of several axes, P removes the rotations
         about all of them, and their terms are subtracted.
         """
         angular, coupling = self.angular, self.coupling
@@ -110,13 +110,14 @@ def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass in the tree's axes."""
+    """Return a body's inertia about its centre of mass, in axes to which `rotation` leads."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
 
 def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about its reference point."""
+    """Return the spatial inertia of a body about its reference point, from the `arm` to its centre
+    of mass and the inertia about this centre."""
     # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
     h, r = arm * mass, tuple(arm)
     first = tuple(h)
@@ -124,8 +125,9 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
     def shift(i: int, j: int) -> Scalar:  # parallel axes: m (r.r identity - r r^T)
         if i != j:
             return subtract(0.0, multiply(first[i], r[j]))
-        k, m = (i + 1) % 3, (i + 2) % 3
-        return add(multiply(first[k], r[k]), multiply(first[m], r[m]))
+        # Along an axis only the other two components count.
+        p, q = (i + 1) % 3, (i + 2) % 3
+        return add(multiply(first[p], r[p]), multiply(first[q], r[q]))
 
     coupling = Matrix(
         Vector(0.0, subtract(0.0, h.z), h.y),
@@ -143,12 +145,12 @@ def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the power of a load with a twist, or the product of a momentum with a column."""
+    """Return a product: the power of a load and a twist, or that of a momentum and a column."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load about the parent's reference point, from which `offset` leads to its own."""
+    """Return a load about a point from which `offset` leads to the present one."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
@@ -185,8 +187,8 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return the momentum of carried bodies for a unit of each speed, its products with the
-    columns, and the part of it that acts on the carrier."""
+    """Return, for a unit of each speed, the momentum of the carried bodies, its products with the
+    columns, and the part of this momentum that acts on the carrier."""
     wholes = [carried.momentum(column) for column in columns]
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
@@ -236,10 +238,12 @@ class LoadedJoint:
     def under(
         columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia of its carrier with the part that the joint transmits."""
+        """Return a joint, and the inertia `carrier` plus what it transmits of that `carried`."""
         wholes, block, rests = momenta(columns, carried)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
+        # `rests` has a twist for each speed of the joint. Their transpose has a row for each of the
+        # six components of a twist, for which the factors solve.
         solved = [factors.solve(row) for row in zip(*map(_components, rests), strict=True)]
         gains = tuple(Twist(Vector(*g[:3]), Vector(*g[3:])) for g in zip(*solved, strict=True))
         for rest, gain in zip(rests, gains, strict=True):
@@ -251,8 +255,8 @@ class LoadedJoint:
 def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
-    """Return the rates r that a load causes if the carrier does not accelerate, and the load on the
-    carrier with the part that the joint transmits."""
+    """Return the rates r that a load and generalised forces cause if the carrier does not
+    accelerate, and the load on the `carrier` plus the part that the joint transmits."""
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)
@@ -262,7 +266,8 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates of a joint, and its body's acceleration, if the carrier accelerates."""
+    """Return the rates of a joint, `alone` if the carrier did not accelerate, and the acceleration
+    of its body, for an acceleration of the `carrier`."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -273,7 +278,8 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return the acceleration of a body due to all r, and the rates u' of its joint."""
+    """Return a body's acceleration, and its joint's rates u', from its rates r and the carrier's
+    acceleration."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -303,14 +309,12 @@ def is_small(bodies: int) -> bool:
 
 
 Evaluate: TypeAlias = Callable[..., PyTree]
-"""Function that returns the result of a function, its first argument, for all other arguments."""
+"""Function that returns ``function(*arguments)`` for its arguments ``function, *arguments``."""
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return how to evaluate functions of the branches of a tree with a number of bodies.
-
-    In a large tree, JAX traces a function once for all branches of a kind.
-    """
+    """Return the way to evaluate functions of the branches of a tree with a number of bodies: in a
+    large tree, JAX traces each function once for all branches of a kind."""
     return _written_out if is_small(bodies) else _traced_once
 
 
@@ -328,7 +332,7 @@ def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree, from the inertia of each body alone."""
+    """Solution of the equations of motion of one tree, from the inertia of each single body."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
@@ -359,6 +363,7 @@ class MassMatrix(AbstractTreeSolver):
             columns, first, parent = links[k].columns, self._firsts[k], self._parents[k]
             wholes, block, rests = momenta(columns, carried[k])
             for j, rest in enumerate(rests):
+                # A row ends at the diagonal: its last j + 1 entries are those of the own joint.
                 matrix[first + j][first:] = block[j][: j + 1]
                 self._fill_row(matrix[first + j], parent, rest)
             if parent is not None:
@@ -427,7 +432,8 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree of this size from the inertias about the centres of mass."""
+    """Return the solver for a tree, which depends on its size; `central` are the inertias of the
+    bodies about their centres of mass, in the tree's axes."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, own)
@@ -443,10 +449,11 @@ def along_columns(
     loads: Mapping[int, Twist],
     evaluate: Sequence[Evaluate],
 ) -> list[Speeds]:
-    """Return the generalised forces in the joint of each link of loads on some links."""
+    """Return the generalised forces that loads on some links cause in the joint of each link."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
-    # Each link comes after its parent.
+    # Each link comes after its parent. Links are visited by falling index, so that all loads on a
+    # link are known when they are passed on; the heap returns the smallest, so indices are negated.
     waiting = [-k for k in totals]
     heapify(waiting)
     while waiting:

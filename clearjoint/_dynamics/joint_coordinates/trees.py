@@ -117,11 +117,9 @@ class FreeBranch:
     parent: ClassVar[str] = GROUND
 
     def nameless(self) -> "FreeBranch":
-        """Return the branch without names, so that alike branches are traced together."""
         return replace(self, body="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> BodyState:
-        """Return the state of the body as variables."""
         orientation, motion = body
         position = motion.position
         if self.anchor is not None:
@@ -130,11 +128,9 @@ class FreeBranch:
         return BodyState(position, orientation, motion.velocity, motion.spin)
 
     def orientation(self, parent: EulerParameters, state: BodyState) -> EulerParameters:
-        """Return the Euler parameters in the body's state."""
         return state.orientation
 
     def motion(self, parent: Motion, state: BodyState) -> Motion:
-        """Return the motion of the body."""
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
@@ -156,7 +152,6 @@ class FreeBranch:
     def rates(
         self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
     ) -> BodyState:
-        """Return the time derivatives of the variables."""
         shift = self._shift(axes, state.velocity, state.spin)
         orientation = euler_parameter_rates(state.orientation, state.spin)
         acceleration = axes @ Vector(*speed_rates[:3]) + gravity
@@ -177,16 +172,13 @@ class FreeBranch:
         return replace(state, position=state.position + shift, orientation=orientation)
 
     def after_speed_change(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state with changes of velocity and spin, both in body axes."""
         velocity = state.velocity + axes @ Vector(*changes[:3])
         return replace(state, velocity=velocity, spin=state.spin + Vector(*changes[3:]))
 
     def without_drift(self, state: BodyState) -> BodyState:
-        """Return the state with Euler parameters of unit norm."""
         return replace(state, orientation=kept_unit(state.orientation))
 
     def with_speeds(self, state: BodyState, other: BodyState) -> BodyState:
-        """Return a state with the pose of `state`, and velocity and spin of `other`."""
         return replace(state, velocity=other.velocity, spin=other.spin)
 
 
@@ -211,7 +203,7 @@ class JointedBranch:
     motion_subspace: AbstractMotionSubspace
 
     def nameless(self) -> "JointedBranch":
-        """Return the branch without names."""
+        """Return the branch without names, so that alike branches are traced together."""
         return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
@@ -249,10 +241,10 @@ class JointedBranch:
         tree; otherwise it is the joint's point on the parent.
         """
         subspace = self.motion_subspace
-        # Rotation from the body's axes to the tree's, the joint's point on the parent relative to
-        # the parent's reference point, m, and acceleration of the former at constant speeds, m/s^2.
-        # For a root on the ground they are the identity and zeros, since the tree's axes are those
-        # of the root.
+        # `rotation` leads from the body's axes to the tree's, and `offset`, m, from the parent's
+        # reference point to the joint's point on the parent. `bias`, m/s^2, is the acceleration of
+        # this point at constant speeds. For a root on the ground they are the identity and zeros,
+        # since the tree's axes are those of the root.
         rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
@@ -324,7 +316,8 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """Names in the trees of a scene, each with the root first and a parent before its children."""
+    """The `trees` of a scene, each a list with the root first and a parent before its children, and
+    the `places` of all trees by name of body."""
 
     def __init__(self, trees: list[list[Place]]):
         self.trees = trees
@@ -345,12 +338,11 @@ class Topology:
 
 
 _known: OrderedDict[int, tuple[weakref.ref[Scene], Topology]] = OrderedDict()
-"""Topology of each scene that exists, by the scene's identity. Changes of an `OrderedDict` do not
-count as a change of the package's code: with a plain one, processes kept no programs."""
+"""Topology of each scene object that exists, and a weak reference to it, by its `id`."""
 
 
 def topology(scene: Scene) -> Topology:
-    """Return the names in the trees of a scene, which are found once for each scene object."""
+    """Return the trees of a scene, which are found once for each scene object."""
     key = id(scene)
     if key not in _known or _known[key][0]() is not scene:
         trees = Topology(_grown_trees(scene))
@@ -420,7 +412,8 @@ def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
 
 
 def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
-    """Return a place for each body outside of `placed` that an ideal joint carries on `parent`."""
+    """Return a place for each body outside of `placed` that an ideal joint carries on `parent`, and
+    add these bodies to `placed`."""
     children = []
     for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for

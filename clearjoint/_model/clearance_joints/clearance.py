@@ -99,8 +99,7 @@ class AbstractAxialPolicy(AbstractConverting):
         return None
 
     def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
-        """Return the shoulders' friction law and mean radius, m; ``None``, the default, for
-        none."""
+        """Return the shoulders' friction law and mean radius, m; by default ``None``, for none."""
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:

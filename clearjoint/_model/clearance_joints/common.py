@@ -49,8 +49,7 @@ bearing's axis, or along the normal of flat walls."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share the laws `law` and `friction`, ``None`` for
-    none."""
+    """Base class of joints whose contacts share a `law` and a `friction` law or ``None``."""
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]
@@ -236,8 +235,10 @@ def resting_depth(
         return float(np.log(max(force, LEAST_FORCE) / load))
 
     low, high = np.log(LEAST_DEPTH), np.log(float(deepest) + ahead)
+    # The force is too small even at the largest penetration.
     if excess(high) <= 0.0:
         return float(deepest)
+    # The force is large enough right at its onset, where that of some laws jumps.
     if excess(low) >= 0.0:
         return LEAST_DEPTH - ahead
     root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root

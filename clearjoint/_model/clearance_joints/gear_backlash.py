@@ -78,8 +78,7 @@ class MeshCycle:
     factor: tuple[Scalar, Scalar] | None
 
     def varied(self, gap: Gap, side: float, law: AbstractContactLaw) -> tuple[Gap, SideForce]:
-        """Return the gap of a flank, with the parts due to the mesh cycle, and the force beside its
-        normal force.
+        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`.
 
         **Arguments:** `gap`: its depth includes the transmission error, its rate does not; `side`:
         of the flank, as in `FLANKS`; `law`: that of the mesh, without the factor.
@@ -301,11 +300,11 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
-            gap, beside = Gap(depth, sliding.dot(normal)), None
+            gap, side_force = Gap(depth, sliding.dot(normal)), None
             if cycle is not None:
-                gap, beside = cycle.varied(gap, side, self.law)
+                gap, side_force = cycle.varied(gap, side, self.law)
             # The mesh has no friction, so that its slip is ``None``.
-            contacts[label] = Contact(gap, normal, at_first, at_second, None, side=beside)
+            contacts[label] = Contact(gap, normal, at_first, at_second, None, side=side_force)
         return contacts
 
     @override

@@ -1,5 +1,4 @@
-"""Position and velocity of the journal's two bases, the circles at its ends, and of points
-between."""
+"""Position and velocity of a journal's bases, the circles at its ends, and of points between."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -51,16 +50,15 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
-    """Return the position of each contact on the journal's axis, -1 for base V and 1 for base W, by
-    label."""
+    """Return the position, -1 at base V to 1 at base W, of each contact on the journal's axis."""
     on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
     points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
     return {label: point.position for label, point in points.items()}
 
 
 def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
-    """Raise a `ValueError` if a journal has contacts between its bases, which models of wear don't
-    know."""
+    """Raise a `ValueError` if a journal has contacts between its bases, for models of wear that
+    support contacts at the bases only."""
     between = sorted(axial_positions(labels).keys() - {*BASES})
     reason = "wear along the axis is not resolved"
     expected = f"a joint whose journal touches at its bases, not at {between} too ({reason})"
@@ -83,8 +81,7 @@ class HasJournal(Protocol):
 
 @dataclass(frozen=True)
 class JournalBase:
-    """Position and velocity, relative to the bearing, of a base of the journal or of a point
-    between.
+    """Position and velocity, relative to the bearing, of the journal's base or a point between.
 
     - `axis`: of the bearing, a global unit vector.
     - `height`: of the base above the bearing's centre along the axis, m.

@@ -104,7 +104,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth at which to evaluate the formula, and the tangent's force and energy."""
+        """Return the depth at which to evaluate the formula, m, and force, N/m, and energy, J/m,
+        that the tangent adds at larger depths."""
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)

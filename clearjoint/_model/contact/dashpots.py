@@ -81,8 +81,8 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
 
 def damping_ratio(restitution: Scalar) -> Scalar:
-    """Return -ln c/sqrt(pi^2 + ln^2 c) of a linear oscillator whose speed falls by the factor c in
-    half a period."""
+    """Return the damping ratio -ln c/sqrt(pi^2 + ln^2 c) of a linear oscillator whose speed falls
+    by the factor c, the `restitution`, in half a period."""
     logarithm = jnp.log(restitution)
     return -logarithm / jnp.sqrt(jnp.pi**2 + logarithm**2)
 

@@ -101,7 +101,8 @@ def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
 
 @jax.custom_jvp
 def _logarithm(e: Scalar) -> Scalar:
-    """Return y = -ln(1 - chi e), which doesn't lose digits where chi e rounds to one."""
+    """Return y = -ln(1 - chi e) for the damping factor chi that delivers the restitution e; unlike
+    chi, y doesn't lose digits where chi e rounds to one."""
     # For e above 0.4, start from the damping factor of Carvalho and Martins, whose error is below
     # 0.5 % there. For smaller e, start from 1 plus the asymptote of y for small e, which is
     # 1 + 1/e - ln(1 + 1/e). `jnp.where` evaluates both expressions for every e: the minimum keeps
@@ -141,7 +142,7 @@ def _relation(y: Scalar, e: Scalar) -> Scalar:
 
 
 def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
-    """Return sqrt(2 (x - ln(1 + x)))/|x| for x > -1, accurate near zero too."""
+    """Return sqrt(2 (x - ln(1 + x)))/|x|, from x > -1 and ln(1 + x); accurate near zero too."""
     near = jnp.abs(x) < _SERIES_WITHIN
     small = jnp.where(near, x, 0.0)
     large, logarithm = jnp.where(near, 1.0, x), jnp.where(near, 0.0, logarithm)
@@ -450,7 +451,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 
 
 class AbstractReboundingLaw(AbstractDampedLaw):
-    """Base class of laws whose damping factor is infinite for c = 0, which they refuse too."""
+    """Base class of laws that refuse c = 0, for which their damping factor is infinite."""
 
     @override
     def __check_init__(self):

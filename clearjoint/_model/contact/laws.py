@@ -35,9 +35,9 @@ class Gap:
       instead of the journal's radius, because a difference of radii would lose digits.
     - `reduced_radius`: m, for spheres that touch from outside: R1 R2/(R1 + R2) of two, and the
       radius of a sphere on a plane; otherwise ``None``.
-    - `factor`: factor of the law's force and its time derivative, 1/s, for a stiffness that varies
-      with the pose, such as that of meshing teeth; ``None`` for 1. A joint that sets it applies its
-      law through a `VaryingLaw`.
+    - `factor`: by which the law's force is multiplied, with the factor's time derivative, 1/s, for
+      a stiffness that varies with the pose, such as that of meshing teeth; ``None`` for 1. A joint
+      that sets it applies its law through a `VaryingLaw`.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{gap.journal_radius:.4f} m")
@@ -133,7 +133,8 @@ _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 class AbstractElasticity(AbstractConverting):
     """Base class of the elastic force of a contact, which laws accept as their `stiffness`.
 
-    It need not be a power of the penetration; it then ignores the law's exponent n.
+    The force is a power of the penetration with the law's exponent n, or any other function of it,
+    which ignores n.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -150,7 +151,7 @@ class AbstractElasticity(AbstractConverting):
         """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force begins without a kink, so that none is corrected."""
+        """Return whether the force begins with zero slope: it has no kink to be corrected for."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:

@@ -40,8 +40,7 @@ from .functions_of_time import (
 
 
 class AbstractDrive(AbstractPair):
-    """Base class of elements that prescribe, or apply a torque to, the angle of a body about an
-    axis.
+    """Base class of elements that prescribe a body's angle about an axis, or apply a torque to it.
 
     They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
     is in the first body's axes, any length, and `orientation` that of the second body in the

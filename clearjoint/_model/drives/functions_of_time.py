@@ -173,8 +173,7 @@ class Spline(AbstractTable):
 
 
 class Increasing(eqx.Module):
-    """Breakpoints of a table, (N,) s, known to be increasing: the next one is found without all
-    others."""
+    """Breakpoints of a table, (N,) s, known to be increasing: bisection finds the next one."""
 
     times: ArrayLike
 
@@ -369,6 +368,7 @@ def breakpoints_of(*contents: PyTree) -> PyTree:
     Those of the tables of this module are `Increasing`. The entry of a Python function is empty,
     because its breakpoints are unknown.
     """
+    # A vector may be a tuple of three components.
     parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))
 

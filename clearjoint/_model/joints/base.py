@@ -73,7 +73,8 @@ class Row:
 class AbstractElement(AbstractConverting):
     """Base class of joints, forces and drivers, which act on the bodies of a scene.
 
-    `point_fields` has the name of each field with a point, and of the field with the body's name.
+    `point_fields` maps the name of each field that holds a point to the name of the field that
+    holds the name of the point's body.
     """
 
     point_fields: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -148,10 +149,9 @@ class AbstractConstraint(AbstractElement):
         """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the motion that the joint allows relative to the body `parent`, in joint
-        coordinates.
+        """Return the motion that the joint allows relative to the body `parent`.
 
-        It replaces the constraint rows; ``None``, the default, keeps them.
+        In joint coordinates it replaces the constraint rows; ``None``, the default, keeps them.
         """
         return None
 
@@ -203,16 +203,16 @@ class AbstractForce(AbstractElement):
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, slots=True)
 class SideForce:
-    """A force beside the normal force of a contact whose penetration or stiffness also varies with
-    an angle of the joint, such as that of meshing teeth.
+    """Additional force of a contact whose penetration or stiffness also varies with an angle of the
+    joint, such as that of meshing teeth.
 
-    The stored energy then changes with the angle, and its gradient has a part beside the normal: a
-    pair of opposite forces at a common point, in addition to the normal force.
+    Since the stored energy depends on this angle too, its gradient is not only the normal force: in
+    addition, opposite forces act on the two bodies at a common point.
 
     - `arm_first`, `arm_second`: the point, m from each body's centre of mass in its axes.
-    - `slope`: global vector; its product with the velocity of the second body's point relative to
-      the first's is the part of the penetration's rate that is not along the normal. A normal force
-      F therefore acts on the second body with -F times this vector.
+    - `slope`: global vector. Its product with the velocity of the second body's point relative to
+      the first's is the rate of the penetration due to the angle. With a normal force F, the force
+      -F times this vector therefore acts on the second body.
     - `elastic`: force on the second body, N in global axes, by which the stored energy changes at
       constant penetration.
     """
@@ -223,7 +223,7 @@ class SideForce:
     elastic: Vector
 
     def on_second(self, normal_force: Scalar) -> Vector:
-        """Return the force on the second body, N in global axes, beside a normal force, N."""
+        """Return the force on the second body, N in global axes, for a normal force, N."""
         return self.elastic - self.slope * normal_force
 
 
@@ -253,7 +253,7 @@ class Contact:
       friction F acts as a couple with the moment `lever` F. `slip` is then `lever` times the
       angular velocity of the second body relative to the first.
     - `side`: ``None``, except for a contact whose penetration or stiffness also varies with an
-      angle of the joint: the force beside the normal force. There is then no friction.
+      angle of the joint: the force in addition to the normal force. There is then no friction.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.0)
     >>> arms = extend.Vector(0.0, 0.0, 0.0), extend.Vector(0.0, 0.0, -0.01)
@@ -348,7 +348,7 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench of a film, which only dissipates, on each body; empty by default."""
+        """Return the wrench on each body of a film, which stores no energy; empty by default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
@@ -363,38 +363,35 @@ class AbstractContactJoint(AbstractElement):
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return how far the second body has slid out of the first, m; ``None``, by default, if it
-        can't.
+        """Return how far the second body has slid out of the first, m; ``None`` if it can't.
 
         A run warns of positive values at its saved times and at its end.
         """
         return None
 
     def centred_joint(self) -> AbstractConstraint | None:
-        """Return the ideal joint to which `assemble` moves a body that starts outside its
-        clearance.
+        """Return the ideal joint that holds the second body midway between its contacts.
 
-        It holds the second body midway between its contacts; ``None`` by default.
+        `assemble` uses it for a body that starts outside its clearance; ``None`` by default.
         """
         return None
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body where it rests under a load; ``None``
-        by default.
+        """Return the ideal joint that holds the second body where it rests under a load.
 
-        `assemble` uses it for the joints in its argument `resting`. There the elastic forces of the
-        contacts carry the load: (3,) N, an array, force of the second body on the first, in the
-        first body's axes.
+        `assemble` uses it for the joints in its argument `resting`; ``None`` by default. At rest
+        the elastic forces of the contacts carry the load: force of the second body on the first,
+        (3,) N, an array in the first body's axes.
         """
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the name of a body that a joint connects with the ground, its point and the
-        ground's.
+        """Return the body's name and the two points, on the body and on the ground, of a joint that
+        connects a body with the ground; ``None``, the default, for other joints.
 
-        The small vector between the points, m in body and in global axes, may replace the body's
-        position as an integration variable: computed as a difference of large coordinates, it would
-        lose digits. ``None``, the default, stands for other joints.
+        The points are in m, in body axes and in global axes. The small vector between them may
+        replace the body's position as an integration variable: computed as a difference of large
+        coordinates, it would lose digits.
         """
         return None
 
@@ -462,7 +459,7 @@ class AbstractPairAtPoints(AbstractPair):
 def each_label(
     function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
 ) -> ByLabel[T]:
-    """Return the results of a function of each joint's name and label, by joint and label."""
+    """Return ``function(joint, label)`` for each label in ``tables[joint]``, by joint and label."""
     return {
         name: {label: function(name, label) for label in labels} for name, labels in tables.items()
     }

@@ -34,7 +34,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of a point's coordinate in a fixed direction."""
+    """Return Jacobian and bias of the coordinate of a body's point along a global unit vector."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -292,9 +292,9 @@ def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
 
 
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
-    """Return the row (x^2 + y^2 + ... - length^2)/(2 length), m, of the length of a vector.
+    """Return the row (x^2 + y^2 + ... - length^2)/(2 length), m, which holds a vector at a length.
 
-    Its components x, y, ..., m, are the values of rows without `time_rate`.
+    The vector's components x, y, ..., m, are the values of rows without `time_rate`.
     """
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
@@ -311,8 +311,8 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
 
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
-    """Return the row that makes the value of `row` follow a function that JAX differentiates
-    twice."""
+    """Return the row that makes the value of `row` follow a function of the time t, s, which JAX
+    differentiates twice."""
 
     def rate(t: Scalar) -> Scalar:
         return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
@@ -324,7 +324,7 @@ def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> 
 
 
 def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
-    """Return the row `first` plus a constant times the row `second`, which couples two motions."""
+    """Return the row `first` plus a constant `factor` times the row `second`."""
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
         jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * factor

@@ -141,6 +141,8 @@ class ScrewMotion(AbstractTurning):
     @override
     def encode(self, relative: Relative) -> JointState:
         angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
+        # The advance determines the number of revolutions, and the orientation the angle up to
+        # whole revolutions, exactly.
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
         error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
         return JointState(angle_by_advance - error, (rate,))
@@ -155,8 +157,8 @@ class ScrewMotion(AbstractTurning):
 
 
 def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of the shortest rotation from the second vector to
-    the first."""
+    """Return Euler parameters, not normalised, of the shortest rotation from the second unit vector
+    to the first."""
     vector = second.cross(first)
     return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
 
@@ -389,10 +391,13 @@ class JointCoupling(AbstractConstraint):
         def slope(x: Scalar) -> Scalar:
             return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
 
+        # The row is the follower's position minus f of the leader's, x. Its rate contains -f' times
+        # the leader's rate, and its second time derivative -f'' times the square of this rate.
         x = jnp.asarray(leader.value, dtype=float)
         factor, curvature = jax.jvp(slope, (x,), (jnp.ones_like(x),))
         row = plus_multiple(follower, leader, -factor)
         value = follower.value - function(x)
+        # Angles are known up to whole revolutions.
         if isinstance(self.follower, RevoluteJoint):
             value = wrapped(value, 2.0 * math.pi)
         bias = row.bias - curvature * rate_of(leader, motions) ** 2

@@ -42,9 +42,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
     """Base class of ideal joints between a point of one body and a point of another.
 
     Its private methods return the constraint rows of which the joints are composed. In joint
-    coordinates a motion subspace replaces the rows, unless the joint has none or closes a loop. A
-    joint's first lines say how many rows it has; `rows` lists them, and each has a Lagrange
-    multiplier.
+    coordinates a motion subspace replaces the rows, unless the joint has none or closes a loop.
+    Each row has a Lagrange multiplier.
     """
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
@@ -90,11 +89,11 @@ class AbstractOrientedJoint(AbstractPairJoint):
     orientation: eqx.AbstractVar[Quadruple]  # pyright: ignore[reportGeneralTypeIssues]
 
     def _same_orientation(self, motions: Motions) -> dict[str, Row]:
-        """Return three rows that keep the frame F, to which `orientation` transforms, parallel to
-        the first's."""
+        """Return three rows that hold the second body at `orientation` in the first."""
         relative = rotation_matrix(self.orientation)
-        # Parallel frames have y perpendicular to z, z to x, and x to y. A small rotation about x
-        # changes only the first of these products, and so on.
+        # `transposed_times` gives the axes of the frame on the second body that is parallel to the
+        # first body's frame at this orientation. Parallel frames have y perpendicular to z, z to x,
+        # and x to y. A small rotation about x changes only the first of these products, and so on.
         return {
             label: self._perpendicular(motions, a, relative.transposed_times(b))
             for label, a, b in (
@@ -115,7 +114,8 @@ class AbstractAxisJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Return the cosines between the first axis and two directions across the second."""
+        """Return the rows of the cosines between the first axis and the second's
+        `transverse_axes`."""
         axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
         return {
             "tilt 1": self._perpendicular(motions, axis, first),
@@ -125,8 +125,7 @@ class AbstractAxisJoint(AbstractPairJoint):
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`.
 
-        It is zero if the bodies' frames differ by the shortest rotation that makes the axes
-        parallel.
+        It is zero if the frames differ by the shortest rotation that makes the axes parallel.
         """
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 

@@ -176,11 +176,8 @@ class AbstractMotionSubspace(eqx.Module):
         return sum((column * speed for column, speed in parts), REST)
 
     def rotation_rate(self, state: JointState) -> Scalar | None:
-        """Return how fast the child rotates relative to its parent, rad/s; ``None`` if no step need
-        limit it.
-
-        See `AbstractCoordinates.rotation_rates`.
-        """
+        """Return how fast the child rotates relative to its parent, rad/s, or ``None`` if this need
+        not limit the step, see `AbstractCoordinates.rotation_rates`."""
         spin = self.twist(state).angular
         return None if all(map(is_zero, spin)) else norm(spin)
 
@@ -242,8 +239,7 @@ class AbstractTurning(AbstractMotionAtPoints):
 
     @override
     def rotation(self, position: Scalar) -> Matrix:
-        """Return R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), R for `reference` and b for
-        the axis.
+        """Return R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), R of `reference`, b the axis.
 
         This form has few products if the axis is along x, y or z: its components are then exactly 0
         or 1, and are compiled as constants.

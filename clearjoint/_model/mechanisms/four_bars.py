@@ -125,6 +125,7 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
     foot = np.array([feet, 0.0])
     tip = crank * np.array([math.cos(angle), math.sin(angle)])
     pin = _intersection(tip, foot, coupler, rocker)
+    # Vectors along the coupler, to the rocker pin, and along the rocker, from its axis.
     along, arm = pin - tip, pin - foot
     tip_velocity = speed * _perpendicular(tip)
     # Coupler and rocker have the same velocity at their common pin, which gives two equations for
@@ -143,7 +144,8 @@ def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
 
 
 def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: float) -> np.ndarray:
-    """Return the pin, (2,) m, where circles about `tip` and `foot` meet to the left."""
+    """Return the rocker pin, (2,) m: where circles of the radii `coupler` and `rocker` about `tip`
+    and `foot` meet, to the left of the line from `tip` to `foot`."""
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's coordinate along the line between the centres, and the square of the pin's distance

@@ -44,8 +44,8 @@ def gear_pair(
     such as a `DriveTorque`, to the scene's forces. The initial state is in the middle of the play.
 
     With the default law, teeth that approach at the speed v along the line of action rebound at the
-    restitution times v. They cross the backlash j in the time j cos(20 degrees)/v. At 2 kN its
-    deflection is that of the mean mesh stiffness of ISO 6336, 20 N/(mm um).
+    restitution times v. They cross the backlash j in the time j cos(20 degrees)/v. Under 2 kN, they
+    yield by as much as with the mean mesh stiffness of ISO 6336, 20 N/(mm um).
 
     **Arguments:**
 

@@ -93,7 +93,7 @@ class LinkFrame:
         return composed(self.orientation, EulerParameters(*turned_about_z(angle)))
 
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
-        """Return the frame of the next link of a chain, after a rotation about this z axis, rad."""
+        """Return the frame of the next link, rotated by `angle`, rad, about this frame's z axis."""
         orientation = composed(self.turned(angle), link.tilt())
         axes = LinkFrame(self.origin, orientation).axes
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
