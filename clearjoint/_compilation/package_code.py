@@ -51,12 +51,13 @@ def remember_contents() -> None:
 
 
 def source_digest() -> str:
-    """Return the digest of the package's source files when its import began.
+    """Return the digest of the package's source files as they were when its import began.
 
     **Raises:** `ChangedCodeError` if the files have changed since then, because the package was
     upgraded or edited while the process ran; if a function, class or constant in a module of this
-    package, or an attribute of one of its classes, was replaced after the import; or if
-    `remember_contents` has not been called. From then on, every call raises this error.
+    package, or an attribute of one of its classes, was replaced after the import; or if there are
+    no source files or `remember_contents` has not been called. After a change that a call has
+    noticed, every later call raises this error, even if the change is undone.
     """
     global _contents
     # The files are read before the comparison, which then also covers the files that were read.

@@ -100,7 +100,8 @@ def is_private(folder: Path) -> bool:
 
 
 def _exposed(folder: Path) -> Path | None:
-    """The folder, or else the first folder above it, to which other users may write."""
+    """The folder, or else the first one above it, to which other users may write; ``None`` if they
+    may write to none."""
     if not hasattr(os, "getuid"):
         return None
     if not _is_ours(folder.stat()):
@@ -137,8 +138,8 @@ def system_errors_suppressed() -> Iterator[None]:
 def _read_private(path: Path) -> bytes | None:
     """Return the content of a file; ``None`` if others may write to it or to its folder.
 
-    Permissions are those of the opened folder and file, so that neither can be exchanged after the
-    check.
+    Folder and file are opened before their permissions are checked, so that neither can be
+    exchanged between the check and the reading.
     """
     if not hasattr(os, "getuid"):
         return path.read_bytes()
@@ -155,8 +156,8 @@ def _read_private(path: Path) -> bytes | None:
 
 
 class ProgramStore:
-    """Folder of compiled programs, with a file for each key, which consists of a checksum and of
-    the compressed content."""
+    """Folder with a file for each compiled program: a checksum, and the compressed content. The
+    files have at most `most_bytes` in all."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes

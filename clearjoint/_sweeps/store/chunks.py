@@ -89,7 +89,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _codec(array: "zarr.Array") -> "Codec | None":
-    """What encodes the entries of an array of texts; ``None`` for numbers."""
+    """Encoder of the entries of an array of texts; ``None`` for an array of numbers."""
     from numcodecs.vlen import VLenUTF8
 
     return None if array.dtype.kind in "biuf" else VLenUTF8()
@@ -154,8 +154,8 @@ def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of a group, and return its values and the faults of its files by chunk, where
-    the values are the fill value."""
+    """Read an array of a group. Return its values, and the faults of its files by chunk; the values
+    of such a chunk are the fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

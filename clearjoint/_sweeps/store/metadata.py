@@ -100,7 +100,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def _move_all(new: Path, path: Path) -> None:
-    """Move those files of a group whose content is new to another folder.
+    """Move the files of the group at `new` to the folder `path`, except those that it has already.
 
     The file `ROOT` lists the arrays and is moved last: until then the group reads as before. Result
     codes are moved after all other arrays.
@@ -142,9 +142,9 @@ Writing one takes about a second."""
 class Contents(NamedTuple):
     """Contents of a store without the results.
 
-    `identity` has the digests by which the sweep and its lanes are recognised, `order` the number
-    of the lane in each row, and `added` the names of variables that were added after the store was
-    made.
+    - `identity`: digests by which the sweep and its lanes are recognised.
+    - `order`: (lanes,) number of the lane in each row.
+    - `added`: names of the variables that were added after the store was made.
     """
 
     layout: Layout

@@ -60,8 +60,8 @@ result."""
 
 
 class Fingerprints(NamedTuple):
-    """Digests of the entries of the dictionary that a function returns, by key, and their shapes:
-    each entry with `jax.ShapeDtypeStruct` in place of its arrays."""
+    """Digest of each entry of the dictionary that a function returns, and its shape: the entry with
+    `jax.ShapeDtypeStruct` in place of its arrays. Both are by key."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]

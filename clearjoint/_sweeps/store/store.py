@@ -143,7 +143,8 @@ def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """A line for each traced program that both sweeps have, but with different digests."""
+    """A line for each traced program that both sweeps have, but with different digests; with
+    `without_run`, none for the program of the run itself."""
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
         if program != new.get(name, program) and not (without_run and name == RUN):
@@ -402,7 +403,8 @@ def _same_axes(layout: Layout, other: Layout) -> bool:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Numbers of the pending lanes, by number of their chunk."""
+    """Numbers of the pending lanes, by number of their chunk, from the result code and the number
+    of the lane in each row, and the number of rows in a chunk."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
