@@ -65,6 +65,7 @@ def _compare_totally(name: str) -> Rule:
         numbers = a.compare(name, b)
         if name == "eq":
             return numbers | (a.is_nan() & b.is_nan())
+        # NaN is the largest: every a is less than or equal to it, and every number is less.
         return numbers | (b.is_nan() if name == "le" else b.is_nan() & ~a.is_nan())
 
     return rule

@@ -392,8 +392,8 @@ class _Writer:
         return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result. Operations without a result return what must
-        not be used."""
+        """Write an operation and return its result. If the operation has none, what is returned has
+        no meaning."""
         name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)

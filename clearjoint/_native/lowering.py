@@ -119,7 +119,7 @@ def aval_of(atom: Atom) -> ShapedArray:
 
 
 def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
-    """Return the kind of the elements of an array."""
+    """Return the kind of the elements of an array, such as "f" (see `.operations`)."""
     kind = _KINDS.get(array.dtype)
     if kind is None:
         raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
@@ -437,19 +437,19 @@ class Lowering:
             ops.store(rule(*values), out.start, index)
 
         step = ops.packed if by_vectors and ops.packed else 1
-        if step > 1:
-            vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
-            length = ops.constant("i", step)
-
-            def visit(k: Value) -> None:
-                apply_to("p", vectors, ops.emit("mul", "i", k, length))
-
-            ops.repeat(out.size // step, visit)
-        # The elements that don't fill a vector.
-        for k in range(out.size // step * step, out.size if step > 1 else 0):
-            apply_to("", forms, ops.constant("i", k))
         if step == 1:
             ops.repeat(out.size, partial(apply_to, "", forms))
+            return out
+        vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
+        length = ops.constant("i", step)
+
+        def visit(k: Value) -> None:
+            apply_to("p", vectors, ops.emit("mul", "i", k, length))
+
+        ops.repeat(out.size // step, visit)
+        # The elements that don't fill a vector.
+        for k in range(out.size // step * step, out.size):
+            apply_to("", forms, ops.constant("i", k))
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
@@ -529,8 +529,8 @@ class Lowering:
         last_reads: dict[Atom, int],
         number: int,
     ) -> None:
-        """Add an equation to the program and its results to `arrays`, those of the variables so
-        far.
+        """Add an equation, the one with the given number in its jaxpr, to the program, and its
+        results to `arrays`. `last_reads` has the number of the last equation that reads a variable.
 
         Arrays in memory that something else may read later are marked as not owned: arguments that
         are read again, and results that share cells with these or with each other.

@@ -496,9 +496,9 @@ class Operations:
     def add_function_of_vectors(
         self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
     ) -> None:
-        """Add the function `of_vectors` that computes several calls of a pure function at once.
-        There is none in a program of several lanes, nor for functions that use memory or vectors of
-        tangents."""
+        """Add the function `of_vectors` that computes several calls of a pure function at once;
+        `kinds` and `build` as in `pure_function`. There is none in a program of several lanes, nor
+        for functions that use memory or vectors of tangents."""
         if (
             self.calls_at_once == 1
             or self.width > 1
@@ -508,8 +508,11 @@ class Operations:
             return
         kinds_before = len(self.kinds)
         number = self.pure_function(kinds, build, self.calls_at_once)
-        ends = (self.signatures[each][1] for each in (function, number))
-        is_alike = [self.kinds[v] for v in next(ends)] == [self.kinds[v] for v in next(ends)]
+        # `build` may have added other operations than for single numbers.
+        kinds_of_results, new_kinds_of_results = (
+            [self.kinds[value] for value in self.signatures[each][1]] for each in (function, number)
+        )
+        is_alike = kinds_of_results == new_kinds_of_results
         has_tangents = any(kind.endswith("p") for kind in self.kinds[kinds_before:])
         if is_alike and not has_tangents and number in self._without_memory:
             self.of_vectors[function] = number

@@ -200,6 +200,7 @@ def _reduce_memory(
     ops, out = lower.ops, lower.new_array(shape, array.kind)
     along = array.size // (before * after)
 
+    # The index `first` plus the sum of the products of values and sizes.
     def index(first: int, *terms: tuple[Value, int]) -> Value:
         place = ops.constant("i", first)
         for k, size in terms:
@@ -210,7 +211,8 @@ def _reduce_memory(
     def element(i: Value, k: Value) -> None:
         target = index(0, (i, after), (k, 1))
 
-        # In the order of the elements, with the result so far in memory.
+        # In the order of the elements, with the result so far in memory. It begins as the first
+        # element, so that j = 0 stands for the second one, which is `after` places further on.
         def add(j: Value) -> None:
             place = index(after, (i, along * after), (j, after), (k, 1))
             total = ops.load(array.kind, out.start, target)

@@ -45,7 +45,8 @@ lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
-    """Integration method and outputs, by name, that all lanes of a batch share."""
+    """Integration method, and outputs by name, that all lanes of a batch share. `saves`: whether
+    states are saved at given times; `impacts`: recorders of tables of impacts."""
 
     scheme: Scheme
     reductions: dict[str, AbstractReduction]
@@ -78,8 +79,8 @@ class Plan(eqx.Module):
 class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
-    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on, in the order of
-      the rows of the emptied buffer; infinite where no such time is left.
+    - `window`: (`WINDOW`,) s, the next times to save at, for the rows of the emptied buffer and one
+      row more; infinite where no time is left.
     - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
       impacts.
     """
@@ -159,9 +160,9 @@ def begin_lane(
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
-    """Return a lane after one turn: it tries one step, unless its run has ended, it waits for the
-    host, or a state within its latest step is still to be saved; then it saves at most one state.
-    """
+    """Return a lane after one turn. It tries one step, unless its run has ended, it waits for the
+    host, or a state within its latest step is still to be saved. After that it saves one state, if
+    the lane has reached a time to save at."""
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))
     if lane.saved is None:

@@ -81,7 +81,7 @@ class BoxProblem:
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
         """Return the impulse of row i, N s, that satisfies the row's conditions while all other
-        impulses stay; so far the row has the impulse x, N s, and the `velocity`, m/s."""
+        impulses stay. Its present impulse is x, N s, and its present `velocity` is in m/s."""
         return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
