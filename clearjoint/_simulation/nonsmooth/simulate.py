@@ -48,8 +48,9 @@ both are far smaller."""
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps: whether each contact had an impulse in the last step, its totals
-    since the start, and the largest residual and the number of steps that did not fail."""
+    """A run between two steps: whether each contact was `touching` in the last step, that is, had
+    an impulse; its `totals` since the start; and the largest `residual` and the number of the
+    `steps` that did not fail."""
 
     t: Scalar
     variables: MotionVariables

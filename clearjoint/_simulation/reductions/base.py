@@ -84,15 +84,17 @@ class AbstractReduction(AbstractConverting):
     def instants(
         self, results: Mapping[str, Scalar], span: tuple[float, float]
     ) -> tuple[float, ...]:
-        """Return the instants, s, in a run over the time `span`, s. There are `results` if the
-        reduction `finds_instants`."""
+        """Return the instants, s, at which `observed` quantities are evaluated, or until which
+        `integrands` are integrated, in a run over the time `span`, s. `results` of the run are
+        given if the reduction `finds_instants`; otherwise the dictionary is empty."""
         raise NotImplementedError
 
     def combined(
         self, values: Float[Array, "instants values"], instants: tuple[float, ...]
     ) -> dict[str, Scalar]:
-        """Return the `differentiated` results from the values of the `observed` quantities and of
-        the integrals of the `integrands` at the instants. JAX differentiates this function."""
+        """Return the `differentiated` results. `values` has for each instant those of the
+        `observed` quantities, or of the integrals of the `integrands`. JAX differentiates this
+        function."""
         raise NotImplementedError
 
     def check(self, scene: Scene) -> None:

@@ -272,7 +272,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         # those of other joints are recorded or not.
         count = sum(map(len, laws.values()))
 
-        def after(name: str, label: str) -> ContactRecord:
+        def contact_after(name: str, label: str) -> ContactRecord:
             recorded = record[name][label]
             law, end = laws[name][label], ends[name][label]
             arguments = recorded.contact, law, t0, t1, end, lands
@@ -286,7 +286,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             rows = recorded.rows.with_row(row, written)
             return ContactRecord(choose(accepted, contact, recorded.contact), rows)
 
-        return each_label(after, record)
+        return each_label(contact_after, record)
 
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step

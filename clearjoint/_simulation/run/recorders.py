@@ -92,8 +92,8 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 class TangentPeak(NamedTuple):
     """Largest derivative of a speed of the motion by each of p parameters over all accepted steps,
-    the time when it was reached, s since the start of the run, and the largest derivative of a
-    position since then, (p,) each."""
+    `size`; the `time` when it was reached, s since the start of the run; and the largest derivative
+    of a position since then; (p,) each."""
 
     size: jax.Array
     time: jax.Array

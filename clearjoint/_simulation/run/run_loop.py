@@ -101,8 +101,8 @@ class AbstractRecorder(eqx.Module, Generic[R]):
         except in records of rejected steps."""
 
     def searched(self, now: Instant) -> PyTree[Scalar]:
-        """Return the numbers at an instant that the recorder evaluates at few instants of a step,
-        so that a step must not pass many of their oscillations; by default none."""
+        """Return the numbers that the recorder evaluates at only a few instants of each step, by
+        default none. A step must not skip oscillations of these numbers."""
         del now
         return ()
 
