@@ -31,10 +31,8 @@ class ChangedCodeError(Exception):
 
 
 def remember_contents() -> None:
-    """Record the objects in the loaded modules and classes of the package, for `source_digest`.
-
-    It must be called at the end of the import of the package.
-    """
+    """Record the objects in the loaded modules and classes of the package, for `source_digest`. It
+    must be called at the end of the import of the package."""
     global _contents
     modules: list[_Namespace] = [
         vars(module)
@@ -83,11 +81,9 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Size, times of change and inode of each source file of the package, by path.
-
-    At least one of these numbers changes if the file is written or replaced. To compare them is
-    much faster than to read the files.
-    """
+    """Size, times of change and inode of each source file of the package, by path. At least one of
+    these numbers changes if the file is written or replaced. To compare them is much faster than to
+    read the files."""
     paths = (
         os.path.join(folder, name)
         for folder, _, names in os.walk(_FOLDER)

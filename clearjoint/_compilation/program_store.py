@@ -123,11 +123,9 @@ def _is_ours(status: os.stat_result) -> bool:
 
 @contextmanager
 def system_errors_suppressed() -> Iterator[None]:
-    """Context that suppresses errors of the operating system.
-
-    A `TimeoutError` without the number of such an error is raised: a handler of signals has raised
-    it, to end a run after a limit of time.
-    """
+    """Context that suppresses errors of the operating system. A `TimeoutError` without the number
+    of such an error is raised: a handler of signals has raised it, to end a run after a limit of
+    time."""
     try:
         yield
     except OSError as error:
@@ -136,11 +134,9 @@ def system_errors_suppressed() -> Iterator[None]:
 
 
 def _read_private(path: Path) -> bytes | None:
-    """Return the content of a file; ``None`` if others may write to it or to its folder.
-
-    Folder and file are opened before their permissions are checked, so that neither can be
-    exchanged between the check and the reading.
-    """
+    """Return the content of a file; ``None`` if others may write to it or to its folder. Folder and
+    file are opened before their permissions are checked, so that neither can be exchanged between
+    the check and the reading."""
     if not hasattr(os, "getuid"):
         return path.read_bytes()
     if not is_private(path.parent):

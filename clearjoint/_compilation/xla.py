@@ -75,10 +75,8 @@ ELEMENTWISE = "elementwise_function"
 
 
 def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    """Evaluate a function that works element by element on arrays of one shape, and scalars.
-
-    Native code has one loop over the elements if they are many, instead of one for each operation.
-    """
+    """Evaluate a function that works element by element on arrays of one shape, and scalars. Native
+    code has one loop over the elements if they are many, instead of one for each operation."""
 
     def elementwise_function(*arguments: PyTree) -> Result:
         return function(*arguments)
@@ -261,11 +259,9 @@ class Traced(NamedTuple):
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
-    """Trace a function for given arguments.
-
-    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
-    lowers the jaxpr. Here they are expanded to the equations of which they consist.
-    """
+    """Trace a function for given arguments. In JAX 0.12 some operations, such as
+    `jax.numpy.searchsorted`, are a single equation until JAX lowers the jaxpr. Here they are
+    expanded to the equations of which they consist."""
     with _one_program() as context:
         program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.
@@ -440,10 +436,8 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """A list with the result of `call`, or an empty list if NumPy cannot compute it.
-
-        `is_new`: it is not yet known whether the function needs JAX.
-        """
+        """A list with the result of `call`, or an empty list if NumPy cannot compute it. `is_new`:
+        it is not yet known whether the function needs JAX."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:

@@ -85,8 +85,8 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return the root mean square displacement of the quantities of `points`, (T, p), per unit of
-    each of p parameters, from derivatives of quantities by name."""
+    """Return the root mean square displacement, (T, p), per unit of each of p parameters, from the
+    `derivatives`, (T, p) by name, of the quantities `names` from `points`."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))

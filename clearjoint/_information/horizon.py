@@ -297,11 +297,9 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the errors of a run's values, and of its derivatives by the p parameters.
-
-    The error of the values is in units of the noise, the largest of all outputs. The error of
-    derivatives is relative to their norm over the record so far, the largest of all parameters.
-    """
+    """Bounds of the errors of a run's values, and of its derivatives by the p parameters. The error
+    of the values is in units of the noise, the largest of all outputs. The error of derivatives is
+    relative to their norm over the record so far, the largest of all parameters."""
     values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
@@ -341,10 +339,8 @@ def _wrong_guess(
     offset: np.ndarray,
     weights: Mapping[str, np.ndarray],
 ) -> WrongGuess:
-    """Test for which records the misfit falls all the way from a wrong guess to the truth.
-
-    `run_at` computes the run at given coordinates; `offset` is the guess minus `truth`.
-    """
+    """Test for which records the misfit falls all the way from a wrong guess to the truth. `run_at`
+    computes the run at given coordinates; `offset` is the guess minus `truth`."""
     times = true_run.times
     true_values, blocked = _weighted(true_run.outputs, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.

@@ -145,10 +145,8 @@ class _Joining:
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
         """Move the cells from which values are read next to each other, and return the first one;
-        ``None`` if the values are not all read from cells that can be moved.
-
-        Such cells hold values from outside of a function, such as the parameters of elements.
-        """
+        ``None`` if the values are not all read from cells that can be moved. Such cells hold values
+        from outside of a function, such as the parameters of elements."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None

@@ -122,8 +122,8 @@ def _if_any(
 
 
 class _DifferentArraysError(Exception):
-    """Raised if two branches give different arrays in memory, of which the first must not be
-    written."""
+    """Raised if two branches give different arrays in memory, and that of the first branch must not
+    be overwritten."""
 
 
 def _branch(

@@ -318,7 +318,6 @@ class FlatArguments:
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
-        """Flatten arguments."""
         return FlatArguments.joined(tuple(map(flattened, arguments)))
 
     @staticmethod
@@ -395,7 +394,6 @@ _FLOAT64 = np.dtype(np.float64)
 
 
 def flattened(argument: PyTree) -> FlatArguments:
-    """Flatten a single argument."""
     if isinstance(argument, ConstantFolded):
         # The folded scene is an argument of each program of a run, so its parts are kept with it.
         kept = vars(argument)
@@ -412,7 +410,7 @@ same identity."""
 
 
 def keep_flattened(argument: Argument) -> Argument:
-    """Keep the flattened form of an argument of many calls, which must be small."""
+    """Keep the flattened form of a small argument of many calls, and return the argument."""
     _KEPT.add(id(argument), _newly_flattened(argument))
     return argument
 
@@ -490,7 +488,6 @@ class NativeFunction:
         return self.run(FlatArguments.of(arguments))
 
     def run(self, flat: FlatArguments) -> PyTree:
-        """Return the function's result for flattened arguments."""
         program, result = self.program(flat)
         return result(program(flat.arrays, flat.floats))
 

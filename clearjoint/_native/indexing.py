@@ -141,11 +141,9 @@ def _dynamic_update_slice(
 
 
 def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
-    """Return one block of the array for each row of indices (see `jax.lax.gather`).
-
-    In the mode "fill", all elements of a block that does not lie wholly inside of the array become
-    the fill value. In all other modes, the block is moved inside.
-    """
+    """Return one block of the array for each row of indices (see `jax.lax.gather`). In the mode
+    "fill", all elements of a block that does not lie wholly inside of the array become the fill
+    value. In all other modes, the block is moved inside."""
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     if numbers.operand_batching_dims:

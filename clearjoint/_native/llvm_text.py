@@ -84,11 +84,9 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
 
 
 class _Writer:
-    """Writes the text of a program, in three passes over its entries.
-
-    The first pass goes backwards and finds the entries that are needed. Of these, the second pass
-    finds the products that are computed together with a sum, and the third pass writes the text.
-    """
+    """Writes the text of a program, in three passes over its entries. The first pass goes backwards
+    and finds the entries that are needed. Of these, the second pass finds the products that are
+    computed together with a sum, and the third pass writes the text."""
 
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
@@ -283,7 +281,6 @@ class _Writer:
     # Text.
 
     def _add(self, instruction: str) -> Word:
-        """Add an instruction and return its result."""
         self._number += 1
         word = f"%v{self._number}"
         self._lines.append(f"{word} = {instruction}")
@@ -578,10 +575,8 @@ class _Writer:
 
     def _write_branch(self, entry: Branch) -> None:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
-        else to `no`.
-
-        Operations "select" give the other lanes their results (see `.operations.Branch`).
-        """
+        else to `no`. Operations "select" give the other lanes their results (see
+        `.operations.Branch`)."""
         yes, no, end = self._label(), self._label(), self._label()
         condition = self._holds_in_any(entry.condition)
         self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")

@@ -83,7 +83,6 @@ class InMemory:
 
     @property
     def size(self) -> int:
-        """The number of elements."""
         return math.prod(self.shape)
 
     def overlaps(self, other: "InMemory") -> bool:
@@ -317,9 +316,9 @@ class Lowering:
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Add the writes of an array to the cells from `start`, or `start` + `index`, on. They must
-        not overlap with those of an array in memory, which is copied one element after the
-        other."""
+        """Add the writes of an array to the cells from `start`, or `start` + `index`, on. If the
+        array is in memory, its own cells must not overlap with these, because it is copied one
+        element after the other."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -699,9 +698,9 @@ class Lowering:
         return [values_by_name.get(value, value) for value in self.flatten(function.results)]
 
     def _elementary(self, name: str, argument: Value) -> Value:
-        """Add an elementary function of a float; after `MOST_ELEMENTARY` of them, a call of a
-        function. One function returns both sine and cosine, which have most of their operations in
-        common."""
+        """Add the operations of an elementary function of a float or, after `MOST_ELEMENTARY` of
+        them, a call of a function of machine code. One such function returns both sine and cosine,
+        which have most of their operations in common."""
         ops = self.ops
         if ops.number(argument) is not None:
             return apply(ops, name, argument)
@@ -724,8 +723,8 @@ class Lowering:
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
     ) -> Callable[..., Value]:
-        """Return the function that applies the elementwise primitive `name`, with a result as
-        `aval`."""
+        """Return the function that applies the elementwise primitive `name`, with a `parameter` as
+        in `apply`; its result has the dtype of `aval`."""
 
         if name in ELEMENTARY:
             return partial(self._elementary, name)

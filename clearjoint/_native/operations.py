@@ -76,7 +76,6 @@ class Branch:
 
     @property
     def blocks(self) -> "tuple[Block, Block]":
-        """Both blocks."""
         return self.yes, self.no
 
 
@@ -104,7 +103,6 @@ class Loop:
 
     @property
     def blocks(self) -> "tuple[Block, Block]":
-        """Both blocks."""
         return self.head, self.body
 
 
@@ -339,8 +337,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation `name` that computed a value; ``None`` for another
-        one."""
+        """Return the argument of the operation `name` that computed a value; ``None`` if another
+        operation did."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -414,11 +412,9 @@ class Operations:
 
     @contextmanager
     def masked(self, condition: Value | None) -> Iterator[None]:
-        """Within the context, only lanes in which a condition holds write to memory.
-
-        The conditions of nested contexts must all hold. With ``None``, all lanes write, whatever
-        the conditions of outer contexts.
-        """
+        """Within the context, only lanes in which a condition holds write to memory. The conditions
+        of nested contexts must all hold. With ``None``, all lanes write, whatever the conditions of
+        outer contexts."""
         outer = self._mask
         if outer is None or condition is None:
             self._mask = condition
@@ -697,7 +693,6 @@ class Symbol:
         return Symbol(self.ops, value)
 
     def is_nan(self) -> "Symbol":
-        """Return whether this float is NaN."""
         return self.emit("is_nan_either", self, letter="b")
 
 

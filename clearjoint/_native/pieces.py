@@ -169,8 +169,8 @@ def cells_of(program: Operations, value: Value, start: int) -> range:
 
 
 def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:
-    """Return the cells to which the operations of a block may write. `by_functions` has the cells
-    to which the functions write that the block may call."""
+    """Return the cells to which the operations of a block may write. `by_functions` has these cells
+    for each function that the block may call."""
     cells = set[int]()
     for entry in block:
         for inner in entry.blocks:

@@ -152,7 +152,6 @@ class Lanes:
         return eqx.combine(varied, jax.tree.map(in_all, tree))
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Return the scene and the initial state of a lane."""
         varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
         return ordered_like((self.scene, self.state), (eqx.combine(varied, self.scene), state))
 
@@ -246,11 +245,9 @@ def _columns_by_functions(
     values: Mapping[str, np.ndarray],
     bad: dict[int, str],
 ) -> Columns:
-    """Columns by calling the axes' functions for every lane.
-
-    A lane gets the unchanged leaves and an entry in `bad` if a function raises a `ValueError` for
-    it, or changes more than numbers, such as a name or the shape of an array.
-    """
+    """Columns by calling the axes' functions for every lane. A lane gets the unchanged leaves and
+    an entry in `bad` if a function raises a `ValueError` for it, or changes more than numbers, such
+    as a name or the shape of an array."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):

@@ -459,10 +459,8 @@ class _Search:
 
     def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
         """Add a row of values between the last value before the first violation and the violation.
-
         With `below`, it begins `CLOSE` times their distance lower, but not below the smallest
-        value.
-        """
+        value."""
         first = first_violation(known.margins)
         last, violation = known.coordinates[first - 1 : first + 1]
         start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last
@@ -507,9 +505,9 @@ class _Search:
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
         """Return the two values between which the first violation begins.
 
-        With several draws and a quantile below 1, these are the last value before any violation is
-        possible by the margins' intervals, or the smallest one, and the first at which it is
-        certain, or the largest one. Otherwise the margins are exact.
+        With several draws and a quantile below 1, these are the last value before one at which the
+        margins' intervals allow a violation, but at least the smallest value, and the first value
+        at which they make it certain, but at most the largest. Otherwise the margins are exact.
         """
         possible, certain = first_violation(known.low), first_violation(known.high)
         values = self._values(known)

@@ -85,7 +85,7 @@ class Layout:
     - `chunk`: number of lanes in a chunk.
     - `variables`: results by name, with ``"result"``, the result code, among them.
     - `coordinates`: labels along dimensions of variables, if they have any.
-    - `settings`: texts by name, for settings on which the numbers depend.
+    - `settings`: texts by name, for settings on which the results depend.
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
       the name of a function.
 
@@ -136,16 +136,13 @@ class Layout:
 
     @property
     def lanes(self) -> int:
-        """Number of lanes of the sweep."""
         return int(np.prod(self.shape))
 
     @property
     def chunks(self) -> int:
-        """Number of chunks of the sweep."""
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:
-        """Return the range of lanes of a chunk."""
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:

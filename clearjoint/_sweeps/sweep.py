@@ -144,7 +144,6 @@ def _variables_of_output(
 def _states(
     scene: Scene, name: str, description: str, along: Along = ((), ())
 ) -> dict[str, Variable]:
-    """Variables with the states of all bodies, by name."""
     dims, shape = along
     return {
         variable_name(name, part): Variable(

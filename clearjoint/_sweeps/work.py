@@ -97,10 +97,8 @@ class Work:
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
         """Return the recorded rows, by name of the output and of the column, with their number as
-        "count".
-
-        For impact tables, all arrays have a dimension of contacts after that of the lanes.
-        """
+        "count". For impact tables, all arrays have a dimension of contacts after that of the
+        lanes."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }

@@ -175,7 +175,7 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lan
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """Return the outcome of a lane so far, which is final if the lane has ended."""
+    """Return the outcome of a lane at its present time; it is final if the lane has ended."""
     system = plan.scheme.system(scene)
     step = lane.run.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
@@ -257,8 +257,8 @@ class Common(eqx.Module):
     - `channels[log][name]`: quantities that are reported for each recorded state of a log of
       crossings, or of saved states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: pairs of name and digest of the traced programs; empty if unknown. No compiled
-      program is reused that was traced from code that has changed since.
+    - `programs`: pairs of name and digest of the traced programs; empty if unknown. Only a compiled
+      program with the same digests is reused, so that none is of code that has changed since.
     """
 
     plan: Plan

@@ -81,9 +81,9 @@ class Ended:
 
 @dataclass(frozen=True)
 class Running:
-    """Progress of the lanes that have begun and not ended: their number, the smallest and the
-    largest simulated time that one of them has reached, s, and the estimated computing time until
-    all lanes of the batch have ended, s; ``None`` if there is no estimate yet."""
+    """Progress of the lanes that have begun and not ended: their number; the smallest and the
+    largest simulated time, s, that one of them has reached; and the estimated computing time, s,
+    until all lanes of the batch have ended, or ``None`` if there is no estimate yet."""
 
     lanes: int
     earliest: float
@@ -274,6 +274,7 @@ class _Shared:
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
     - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
+    - `finished`: set when a group has ended; `stops`: whether all groups are to end.
     """
 
     batch: Batch
@@ -300,7 +301,7 @@ class _Shared:
         return lanes
 
     def wait_for_caller(self) -> None:
-        """Wait while lanes that have ended have not been handed over for `LONGEST_WAIT`."""
+        """Wait while the caller has not received lanes that ended more than `LONGEST_WAIT` ago."""
         while (
             self.records and time.monotonic() - self.handed_over > LONGEST_WAIT and not self.stops
         ):

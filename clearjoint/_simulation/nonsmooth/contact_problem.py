@@ -102,7 +102,8 @@ class Touch:
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
     """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
-    bodies. Raise a `ValueError` for a thrust face whose friction has a moment."""
+    bodies. Raise a `ValueError` for a thrust face whose friction has a moment, and for friction of
+    an ideal joint."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()

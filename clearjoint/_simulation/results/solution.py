@@ -414,14 +414,10 @@ class FinishedRun(Protocol):
     """Type of the result of any kind of run."""
 
     @property
-    def time(self) -> Scalar:
-        """Time at which the run ended, s."""
-        ...
+    def time(self) -> Scalar: ...
 
     @property
-    def result(self) -> RESULTS:
-        """The `RESULTS` code."""
-        ...
+    def result(self) -> RESULTS: ...
 
 
 def is_abstract(tree: PyTree) -> bool:

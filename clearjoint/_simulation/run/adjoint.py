@@ -159,7 +159,7 @@ class Adjoint(eqx.Module):
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with derivatives along the
-        guard's direction, or along another one, of which they are then linear functions."""
+        guard's direction; with a `direction`, along this one, as linear functions of it."""
         family = replace(self.family, values=values)
         if direction is not None:
             family = replace(family, direction=direction, transposable=True)
@@ -179,7 +179,6 @@ class Adjoint(eqx.Module):
         )
 
     def start(self, values: PyTree, rows: int) -> Progress:
-        """Return a run before its first step."""
         family = replace(self.family, values=values)
         first = first_step_of(self.scheme, family, self.origin, self.end, self.first_step)
         return self.loop(values, rows).start(first)
@@ -272,8 +271,8 @@ def values_at(
     rows: Numbers,
     times: Numbers,
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run, of which each lies in
-    the step of its row."""
+    """Return quantities, (N,) each, at N times, s since the start of the run. The k-th time lies in
+    the step that row k of `rows` records."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:

@@ -290,7 +290,7 @@ def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
 
 
 def on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
-    """Return the result of a function of arrays that Python computes, of known `shapes`."""
+    """Return the result, of known `shapes`, of a function of NumPy arrays, also if JAX traces."""
     if is_traced(arguments):
         return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
     # A callback would wrap the error of a run that fails in one of JAX's own.

@@ -98,13 +98,12 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return a step of the structure of all steps, the same one for all runs."""
+        """Return the first step that was passed here, as an example of the steps of all runs."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
 
     def recorded(self, values: Sequence[PyTree]) -> "list[RecordedRun]":
-        """Return runs at values of the parameters."""
         recordings: dict[int, _Recording] = {}
         if len(values) > 1 and self.has_lanes:
             recordings = self._or_refused(lambda: _in_lanes(self, values)) or {}
@@ -255,7 +254,6 @@ class RecordedRun:
         return all(segment.rows is not None for segment in self.segments)
 
     def rows(self) -> np.ndarray:
-        """Return the rows of all steps, (M, n)."""
         return np.concatenate([self.rows_of(segment) for segment in self.segments])
 
     def gradient(self, seeds: "Seeds") -> PyTree:
@@ -320,7 +318,6 @@ class Seeds(NamedTuple):
 
 
 def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
-    """Record a run, in segments."""
     run, kept = recorder.run, 0
     own_end, limit = float(run.end - run.origin), int(run.max_steps)
     step, tallies = adjoint.begun(run, at)

@@ -50,7 +50,6 @@ class RowBuffer(eqx.Module, Generic[R]):
         return jax.tree.leaves(self.rows)[0].shape[0] - 1
 
     def is_full(self) -> Condition:
-        """Return whether there is no room for another row."""
         return self.count >= self.capacity
 
     def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":

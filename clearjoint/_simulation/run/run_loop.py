@@ -41,7 +41,6 @@ class RunStart:
 
     @cached_property
     def now(self) -> Instant:
-        """The start as an `Instant`."""
         return Snapshot(self.step.t, self.step.y, self.step.entry_speeds).instant(self.loop.system)
 
     @cached_property
@@ -159,6 +158,8 @@ class RunLoop:
         return Progress(after, records)
 
     def _method(self, step: Step) -> Method:
+        # The rotations of those bodies are limited on which searched numbers depend. These are only
+        # traced, for any instant of the next step: its `inside` is the same instant.
         def searched(motion: MotionVariables) -> PyTree:
             y = replace(step.y, motion=motion)
 

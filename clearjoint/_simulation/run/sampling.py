@@ -294,7 +294,7 @@ def sampled(
 
 
 def _joined(runs: list[Sampled], count: int) -> Sampled:
-    """Return the result of runs with derivatives by some of `count` parameters each."""
+    """Join runs, each with derivatives by some of `count` parameters, to one result."""
 
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
@@ -317,9 +317,9 @@ def _joined(runs: list[Sampled], count: int) -> Sampled:
 def recorded_run(
     arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
-    """Call `sampled` with the `arguments` before `recorders`, and return its result as NumPy
-    arrays. With `impacts`, all impacts are recorded at the key `IMPACTS`, by larger buffers in
-    further runs until they have room for all."""
+    """Return the result of `sampled` as NumPy arrays. `arguments`: those before `recorders`;
+    `impacts`: whether all impacts are recorded too, at the key `IMPACTS`. If a buffer has no room
+    for all of them, the run is repeated with larger buffers."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}

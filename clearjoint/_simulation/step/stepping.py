@@ -356,10 +356,8 @@ def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, from the variables and their
-    rates.
-
-    `UnrolledExplicit` keeps these rates as its state; with other solvers the result is zero.
-    """
+    rates. `UnrolledExplicit` keeps these rates as its state; with other solvers the result is
+    zero."""
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)

@@ -47,10 +47,8 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Context in which this process holds the lock of a folder, so that it can change the store.
-
     The lock of a process that dies is released. If the system has no locks, or the folder can't be
-    written to, the context begins at once and without a lock.
-    """
+    written to, the context begins at once and without a lock."""
     with ExitStack() as stack:
         # Windows has no such locks, a folder may be read only, and some file systems lack locks.
         with suppress(ImportError), system_errors_suppressed():
@@ -148,7 +146,6 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
 
 
 def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
-    """Write all entries of an array."""
     for chunk, first in enumerate(range(0, len(values), array.chunks[0])):
         write_chunk(path, array, chunk, values[first : first + array.chunks[0]])
 

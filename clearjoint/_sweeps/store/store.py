@@ -191,7 +191,6 @@ class SweepMemory:
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, parts: Parts) -> None:
-        """Keep the results of some lanes."""
         for lanes, results in parts.values():
             for name, values in results.items():
                 self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
@@ -263,11 +262,9 @@ class SweepStore:
         return missing
 
     def write(self, parts: Parts) -> None:
-        """Write results of some lanes of one or more chunks to disk.
-
-        When this method returns, the lanes count as done, even if the process is killed afterwards.
-        The grid is written too if its last writing is long enough ago.
-        """
+        """Write results of some lanes of one or more chunks to disk. When this method returns, the
+        lanes count as done, even if the process is killed afterwards. The grid is written too if
+        its last writing is long enough ago."""
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = opened_group(self._folder)
@@ -418,10 +415,8 @@ def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """Read the variables of all lanes by name, in the order of the store's rows.
-
-    A warning names damaged files.
-    """
+    """Read the variables of all lanes by name, in the order of the store's rows. A warning names
+    damaged files."""
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
     lanes = slice(len(contents.order))  # Another process may have added lanes.
@@ -457,7 +452,8 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
 
 
 def _flush_all(paths: Iterable[Path]) -> None:
-    """Wait until the given files are safely on disk, after they have all been written."""
+    """Wait until files are safely on disk. `paths` yields each one after it has been written; all
+    are written before the first is flushed."""
     written = list(paths)
     # A file system finishes the flushes of several threads together.
     with ThreadPoolExecutor(_FLUSHED_TOGETHER) as threads:
