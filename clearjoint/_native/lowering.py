@@ -576,6 +576,7 @@ class Lowering:
             return arguments
         if name in RULES:
             return [self._elementwise(equation, arguments)]
+        # Some calls become calls of functions, or loops; the jaxprs of all others are inlined.
         if name in CALLS:
             closed = equation.params[CALLS[name]]
             if equation.params.get("name") == SHARED:
@@ -702,6 +703,7 @@ class Lowering:
         them, a call of a function of machine code. One such function returns both sine and cosine,
         which have most of their operations in common."""
         ops = self.ops
+        # A known number is not counted: its sine, for instance, needs no operation.
         if ops.number(argument) is not None:
             return apply(ops, name, argument)
         self._count_of_elementary += 1

@@ -488,6 +488,7 @@ def _warn_of_failures(
     unassembled = np.flatnonzero(codes.ravel() == result_number(RESULTS.not_assembled))
     if unassembled.size:
         lane = int(unassembled[0])
+        # The lane has only its result code: the error of these checks says what is violated.
         try:
             with quiet():
                 check_structure(*lanes.of(lane), start_time, coordinates)

@@ -321,9 +321,10 @@ def pulled_outputs(
             attempt = replace(tried, step=step, tangents=tangents.inside)
             return _observed(run.systems(values, direction), method, attempt, time, outputs)
 
-        pulled, by_direction = jax.linear_transpose(along, example_of(run, example), none)(
-            {name: seed[None] for name, seed in seeds.items()}
-        )
+        # `along` is linear in both arguments. JAX transposes it for arguments like these examples.
+        transposed = jax.linear_transpose(along, example_of(run, example), none)
+        # A derivative has a first axis of length 1, since there is one tangent.
+        pulled, by_direction = transposed({name: seed[None] for name, seed in seeds.items()})
         return jax.tree.map(jnp.add, total, by_direction), in_one_array(pulled)
 
     total, pulled = jax.lax.scan(pull, none, (rows, times, cotangents))

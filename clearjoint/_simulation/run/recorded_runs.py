@@ -389,9 +389,11 @@ def _through(
     serve: Callable[[L, np.ndarray, bool], bool],
 ) -> None:
     """Run lanes in the columns of a loop, one after the other. `begin` returns the cells of a
-    lane's own data and of its state. `serve` is called with a lane, the cells of its column, and
-    whether it moves, each time that a lane has stopped, and returns whether the lane goes on."""
+    lane's own data and of its state. Each time that the loop has returned, `serve` is called for
+    each lane, with the cells of its column and whether it moves; it returns whether the lane goes
+    on."""
     columns, waiting = loop.columns(shared), deque(lanes)
+    # The lane in each column; ``None`` for an empty one.
     slots: list[L | None] = [None] * loop.width
     while True:
         for number, lane in enumerate(slots):
@@ -495,6 +497,7 @@ def _gradients_in_lanes(
     tangents = sum(map(np.size, jax.tree.leaves(example.tangents)))
     inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
     width = runs[0].rows_of(runs[0].segments[0]).shape[1]
+    # Examples of a lane's data and state, for the loop's layout.
     steps = PulledSteps(
         np.zeros((LANE_ROWS, width)), np.zeros((room + 1, inside)), np.zeros(LANE_ROWS, int)
     )
@@ -504,6 +507,8 @@ def _gradients_in_lanes(
     shared = recorder.run, example
     loop = made_lane_loop(_pulled_lane, _status_of_pulled_lane, (shared, own, state))
     own_cells, steps_cells, state_cells = Cells(own), Cells(steps), Cells(state)
+    # In a lane's column: the cells of its steps, the last ones of its own data, and that of the
+    # number of steps through which to pull back.
     steps_at = slice(loop.own_cells.stop - steps_cells.size, loop.own_cells.stop)
     count_at = loop.state_cells.start + int(state_cells.columns().count)
 
@@ -519,6 +524,7 @@ def _gradients_in_lanes(
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         lane, left = lanes[number], int(column[count_at : count_at + 1].view(np.int64)[0])
+        # Lanes that will soon be through are served with those that are, since they would stop all.
         if moves and left > LANE_ROWS // 2:
             return True
         if left == 0 and lane.first == 0:

@@ -222,8 +222,8 @@ def _sampled_from(
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
     step, records = now.step, now.records
     # Index of the first of equal times, of which the quantities are copied.
-    latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
-    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
+    firsts = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    values, derivatives = jax.tree.map(lambda leaf: leaf[firsts], sampled)
     return Sampled(
         values=values,
         derivatives=derivatives,
