@@ -543,8 +543,10 @@ class NativeFunction:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
+        # The structure of the function's result, known once JAX has traced `of_arrays`.
         result: list[PyTree] = []
 
+        # Leaves that are no arrays are not arguments of the program but parts of it.
         def of_arrays(arrays: list[PyTree]) -> list[PyTree]:
             remaining = iter(arrays)
             leaves = [next(remaining) if eqx.is_array(leaf) else leaf for leaf in flat.leaves]

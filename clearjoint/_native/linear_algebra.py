@@ -177,7 +177,8 @@ def _triangular_solve(
     parameter `left_side` false, that of X A = B (see `jax.lax.linalg.triangular_solve`)."""
     parameters, ops = equation.params, lower.ops
     shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
-    a, b = (lower.in_memory(x, shape) for x, shape in zip((matrix, right), shapes, strict=True))
+    pairs = zip((matrix, right), shapes, strict=True)
+    a, b = (lower.in_memory(array, shape) for array, shape in pairs)
     x, n, left = lower.copied(b), shapes[0][-1], parameters["left_side"]
     # X A = B is A^T X^T = B^T, so that A is transposed once more if it stands on the right. There
     # are `columns` systems of n equations for each matrix. Successive unknowns of a system are

@@ -215,6 +215,7 @@ class _Writer:
             if entry.out is not None and not uses[entry.out]:
                 return False
             uses.update(entry.arguments)
+            # A function computes only those of its results that any call needs.
             if entry.name == "result":
                 number, k = (int(self._program.constants[value]) for value in entry.arguments[1:])
                 self._needed_results.setdefault(number, set()).add(k)

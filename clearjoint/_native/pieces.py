@@ -146,6 +146,7 @@ class Division:
                 new.append(entry)
                 continue
             numbers = entry.numbers
+            # Pieces write their own values, and unchanged cells already have theirs.
             for value, cell in self._cells.items():
                 if value in self._definers or value in self._unchanged:
                     continue

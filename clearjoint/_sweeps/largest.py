@@ -440,11 +440,13 @@ class _Search:
         return known
 
     def _confirmed(self, known: LaneMargins) -> LaneMargins:
-        """Confirm the margins just below the first violation by plain runs."""
-        if self.plain is None:
+        """Lower the margins just below the first violation to those of `plain` runs, where these
+        are smaller."""
+        if self.plain is None:  # `margins` already has the settings that the user has given
             return known
-        # Adding rows may move the first violation to values that plain runs have not confirmed. To
-        # make sure that the loop ends, rows are added at most `INSPECTIONS` times.
+        # Lower margins, and rows added between a value and the violation, may move the first
+        # violation to values without plain runs. So that the loop ends, rows are added at most
+        # `INSPECTIONS` times.
         checked, rounds = np.empty(0), 0
         first = first_violation(known.margins)
         while known.coordinates[first - 1] not in checked:

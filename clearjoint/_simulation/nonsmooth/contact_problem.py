@@ -49,10 +49,10 @@ NEGLIGIBLE = 1e-9
 impulses have to change, but not to smaller ones than this: those of a block at rest are rounding
 errors of 1e-17 m/s, of which no residual is a small fraction."""
 ROUNDED = 1e-3
-"""Part of the largest contact velocity of a problem, to which the residual of a part of it is
-relative at least. Velocities along the slip of a block at rest are differences of its normal ones,
-and below 1e-16 of them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above.
-"""
+"""The residuals of the normal and of the friction impulses are relative to the velocities that
+these impulses have to change, but not to smaller ones than this part of the largest of all.
+Velocities along the slip of a block at rest are differences of its normal ones, and below 1e-16 of
+them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 """Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
@@ -280,7 +280,7 @@ class ContactProblem:
         `aims`: as in `normal_impulses`; `slips`: velocities along the slip directions without
         impulses.
         """
-        if not slips:
+        if not slips:  # without friction
             return self.normal_impulses(closed, aims)
         # `owner` is the index of the contact to which each tangential row belongs.
         count, size = self._count, len(self.rows)

@@ -447,6 +447,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         rows = column[rows_from : rows_from + count * width].reshape(count, width)
         lane.rows.append(np.array(rows))
         integers[count_at] = 0
+        # The run goes on with an empty buffer, unless it has too many steps to be kept.
         if integers[runs_at]:
             return lane.bytes_kept() <= KEPT_BYTES
         state = cells.trees(column[None, loop.state_cells])

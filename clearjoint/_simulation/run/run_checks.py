@@ -229,7 +229,7 @@ def _passes(
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
-    if not scene.joints:
+    if not scene.joints:  # nor constraints or contacts
         return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
     # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
     # of its wrapper is called.

@@ -309,6 +309,8 @@ derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
+    """Return the error message of a run that failed because its derivatives have grown; ``None`` if
+    it has not failed so."""
     stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():

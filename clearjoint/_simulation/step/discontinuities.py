@@ -84,8 +84,8 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 
 _COMPARES: RecentPrograms[bool] = RecentPrograms()
-"""Results of `compares_time` by the form of the part. They don't depend on its numbers, which runs
-trace, but for structural zeros and ones."""
+"""Results of `compares_time` by the structure of the part. They don't depend on its numbers, which
+runs trace, except for those that are exactly 0 or 1."""
 
 
 def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
