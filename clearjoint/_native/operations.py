@@ -504,7 +504,7 @@ class Operations:
             return
         kinds_before = len(self.kinds)
         number = self.pure_function(kinds, build, self.calls_at_once)
-        # `build` may have added other operations than for single numbers.
+        # Results of a joined call replace those of single calls, and must have the same kinds.
         kinds_of_results, new_kinds_of_results = (
             [self.kinds[value] for value in self.signatures[each][1]] for each in (function, number)
         )

@@ -333,7 +333,7 @@ def pulled_outputs(
 
 class Pulled(NamedTuple):
     """Cotangents of the tangents after the first `count` steps, as one array, and `total`, those of
-    the direction of the parameters, from all later steps."""
+    the direction of the parameters, from the outputs and all later steps."""
 
     count: Integers
     cotangents: Numbers
