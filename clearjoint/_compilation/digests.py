@@ -13,7 +13,8 @@ LONG = 40
 
 
 def digest(*parts: str | bytes, digits: int = DIGITS) -> str:
-    """Return the digest of a sequence of texts or bytes, in hexadecimal digits (at most 128)."""
+    """Return the digest of a sequence of texts or bytes, `digits` hexadecimal digits (even, at most
+    128)."""
     state = hashlib.blake2b(digest_size=digits // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

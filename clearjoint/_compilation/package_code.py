@@ -31,10 +31,8 @@ class ChangedCodeError(Exception):
 
 
 def remember_contents() -> None:
-    """Record the objects in the loaded modules and classes of the package, for `source_digest`.
-
-    It must be called at the end of the import of the package.
-    """
+    """Record the objects in the loaded modules and classes of the package, for `source_digest`. It
+    must be called at the end of the import of the package."""
     global _contents
     modules: list[_Namespace] = [
         vars(module)
@@ -51,12 +49,13 @@ def remember_contents() -> None:
 
 
 def source_digest() -> str:
-    """Return the digest of the package's source files when its import began.
+    """Return the digest of the package's source files as they were when its import began.
 
     **Raises:** `ChangedCodeError` if the files have changed since then, because the package was
     upgraded or edited while the process ran; if a function, class or constant in a module of this
-    package, or an attribute of one of its classes, was replaced after the import; or if
-    `remember_contents` has not been called. From then on, every call raises this error.
+    package, or an attribute of one of its classes, was replaced after the import; or if there are
+    no source files or `remember_contents` has not been called. After a change that a call has
+    noticed, every later call raises this error, even if the change is undone.
     """
     global _contents
     # The files are read before the comparison, which then also covers the files that were read.
@@ -82,11 +81,9 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Size, times of change and inode of each source file of the package, by path.
-
-    At least one of these numbers changes if the file is written or replaced. To compare them is
-    much faster than to read the files.
-    """
+    """Size, times of change and inode of each source file of the package, by path. At least one of
+    these numbers changes if the file is written or replaced. To compare them is much faster than to
+    read the files."""
     paths = (
         os.path.join(folder, name)
         for folder, _, names in os.walk(_FOLDER)

@@ -35,18 +35,18 @@ class NotPlainError(Exception):
 def digest_of(value: object) -> str:
     """Return the digest of a value, 40 hexadecimal digits, which is the same in all processes.
 
-    Types count, as of 1 and 1.0, and so does the order of the items of a dictionary. Arrays of
-    NumPy and JAX with the same numbers, dtype and shape have the same digest. A value may consist
-    of
+    The numbers 1 and 1.0 have different digests, as have dictionaries with their items in different
+    orders. Arrays of NumPy and JAX with the same numbers, dtype and shape have the same digest. A
+    value may consist of
 
     - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
       sets;
-    - functions and classes that are members of a module of this package, of one in `VERSIONED` or
-      of basic ones of Python, such as `functools`; their methods; and instances of such classes
-      that can be pickled.
+    - functions and classes from modules of this package, of the packages `VERSIONED`, or of a few
+      modules of Python, such as `functools`; their methods; and instances of such classes that can
+      be pickled.
 
-    **Raises:** `NotPlainError` for a value that contains anything else, an array that JAX traces,
-    an array of objects, or itself, and for a value that is nested too deeply.
+    **Raises:** `NotPlainError` for a value that contains anything else, such as an array that JAX
+    traces or an array of objects, that contains itself, or that is nested too deeply.
     """
     try:
         return digest(repr(_nested(value)), digits=LONG)

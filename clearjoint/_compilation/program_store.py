@@ -100,7 +100,8 @@ def is_private(folder: Path) -> bool:
 
 
 def _exposed(folder: Path) -> Path | None:
-    """The folder, or else the first folder above it, to which other users may write."""
+    """The folder, or else the first one above it, to which other users may write; ``None`` if they
+    may write to none."""
     if not hasattr(os, "getuid"):
         return None
     if not _is_ours(folder.stat()):
@@ -122,11 +123,9 @@ def _is_ours(status: os.stat_result) -> bool:
 
 @contextmanager
 def system_errors_suppressed() -> Iterator[None]:
-    """Context that suppresses errors of the operating system.
-
-    A `TimeoutError` without the number of such an error is raised: a handler of signals has raised
-    it, to end a run after a limit of time.
-    """
+    """Context that suppresses errors of the operating system. A `TimeoutError` without the number
+    of such an error is raised: a handler of signals has raised it, to end a run after a limit of
+    time."""
     try:
         yield
     except OSError as error:
@@ -135,11 +134,9 @@ def system_errors_suppressed() -> Iterator[None]:
 
 
 def _read_private(path: Path) -> bytes | None:
-    """Return the content of a file; ``None`` if others may write to it or to its folder.
-
-    Permissions are those of the opened folder and file, so that neither can be exchanged after the
-    check.
-    """
+    """Return the content of a file; ``None`` if others may write to it or to its folder. Folder and
+    file are opened before their permissions are checked, so that neither can be exchanged between
+    the check and the reading."""
     if not hasattr(os, "getuid"):
         return path.read_bytes()
     if not is_private(path.parent):
@@ -155,8 +152,8 @@ def _read_private(path: Path) -> bytes | None:
 
 
 class ProgramStore:
-    """Folder of compiled programs, with a file for each key, which consists of a checksum and of
-    the compressed content."""
+    """Folder with a file for each compiled program: a checksum, and the compressed content. The
+    files have at most `most_bytes` in all."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes

@@ -75,10 +75,8 @@ ELEMENTWISE = "elementwise_function"
 
 
 def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    """Evaluate a function that works element by element on arrays of one shape, and scalars.
-
-    Native code has one loop over the elements if they are many, instead of one for each operation.
-    """
+    """Evaluate a function that works element by element on arrays of one shape, and scalars. Native
+    code has one loop over the elements if they are many, instead of one for each operation."""
 
     def elementwise_function(*arguments: PyTree) -> Result:
         return function(*arguments)
@@ -107,7 +105,8 @@ _program: ContextVar[_Program | None] = ContextVar("program", default=None)
 
 @contextmanager
 def _one_program() -> Iterator[_Program]:
-    """Context in which JAX traces one program, with all of its parts."""
+    """Context in which JAX traces a program. Contexts inside it yield the same object, since they
+    trace parts of the program."""
     program = _program.get() or _Program()
     token = _program.set(program)
     try:
@@ -129,8 +128,8 @@ class NotSharedError(Exception):
 
 
 class _Shared:
-    """A function of PyTrees that JAX traces once, for one structure of its arguments, and that is
-    called with their leaves."""
+    """A function of PyTrees that JAX has traced for the kind of arguments with the given leaves and
+    structure, see `traced_for_a_kind`. It is called with leaves."""
 
     def __init__(
         self,
@@ -194,10 +193,10 @@ def traced_for_a_kind(
     """Evaluate a function of PyTrees by a jaxpr that all calls with arguments of one kind share.
 
     Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
-    arrays of equal shapes and dtypes. JAX traces the function once for a kind in each program, and
-    native code has one function for it, or with `is_called` false its equations at the place of
-    each call. Leaves of the result that are no arrays are returned as at the first call. The
-    function must be defined once, since its identity tells it from others.
+    arrays of equal shapes and dtypes. In each program, JAX traces the function once for each kind.
+    In native code this becomes one function; if `is_called` is false, its equations are instead
+    repeated at each call. Leaves of the result that are no arrays are returned as at the first
+    call. All calls must pass the same function object: two objects never share a jaxpr.
 
     **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
     if a static part of the arguments is not hashable, or the function uses a value that JAX traces
@@ -260,11 +259,9 @@ class Traced(NamedTuple):
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
-    """Trace a function for given arguments.
-
-    In JAX 0.12 some operations, such as `jax.numpy.searchsorted`, are a single equation until JAX
-    lowers the jaxpr. Here they are expanded to the equations of which they consist.
-    """
+    """Trace a function for given arguments. In JAX 0.12 some operations, such as
+    `jax.numpy.searchsorted`, are a single equation until JAX lowers the jaxpr. Here they are
+    expanded to the equations of which they consist."""
     with _one_program() as context:
         program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.
@@ -331,8 +328,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context at the end of which the time of compiling ends, unless this thread was already
-    compiling."""
+    """Context at the end of which this thread's time in `seconds_of_compiling` ends, unless the
+    time had begun before the context."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)
@@ -439,10 +436,8 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """A list with the result of `call`, or an empty list if NumPy cannot compute it.
-
-        `is_new` says that the function might need JAX.
-        """
+        """A list with the result of `call`, or an empty list if NumPy cannot compute it. `is_new`:
+        it is not yet known whether the function needs JAX."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:

@@ -132,7 +132,7 @@ class Identifiability:
     of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
     parameter's value on its scale, such as the logarithm of the value.
 
-    - `names`, `scales`, `coordinates`: of the parameters, in the order of all arrays.
+    - `names`, `scales`, `coordinates`: those of the parameters. All arrays have their order.
     - `sensors`, `sample_times`: (M,) name of the sensor and time of each sample, in order of time,
       for the M samples of all channels.
     - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
@@ -370,10 +370,10 @@ def identifiability_from(
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:
-    """Return the `Identifiability` of p parameters from a run with the sensors' outputs at all
-    their times.
+    """Return the `Identifiability` of p parameters from a run with the sensors' outputs at the
+    times of all sensors.
 
-    The first p columns of its derivatives are by the parameters' coordinates; others are not used.
+    The first p derivatives of the run are by the parameters' coordinates; others are not used.
     """
     p, names, times, rows = len(coordinates), [], [], []
     for name, sensor in sensors.items():

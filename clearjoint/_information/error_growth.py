@@ -35,7 +35,8 @@ class _Push:
 
     Every body gets the same additional velocity, of this size, and an additional spin that moves
     points at its radius of gyration with the same speed. Components of the perturbation that ideal
-    joints forbid are dropped, but joints that close a loop are not taken into account.
+    joints forbid are dropped, but joints that close a loop are not taken into account. `radii`:
+    name and radius of gyration, m, of each body.
     """
 
     radii: tuple[tuple[str, float], ...]
@@ -63,7 +64,8 @@ def disturbance(scene: Scene) -> Parameter:
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the global coordinates of four points of each body as quantities by name."""
+    """Return the global coordinates, m, of the four points of each body (see the module) as
+    quantities by name."""
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
@@ -74,7 +76,7 @@ def points(scene: Scene) -> dict[str, Quantity]:
 
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
-    """Return the penetrations of all contacts as quantities by name."""
+    """Return the penetrations of all contacts, m, as quantities by name."""
     return {
         f"penetration of {joint}: {contact}": Penetration(joint, contact)
         for joint, laws in scene.laws().items()
@@ -83,8 +85,8 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return the root mean square displacement of the quantities of `points`, (T, p), per unit of
-    each of p parameters, from derivatives of quantities by name."""
+    """Return the root mean square displacement, (T, p), per unit of each of p parameters, from the
+    `derivatives`, (T, p) by name, of the quantities `names` from `points`."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
@@ -103,5 +105,6 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
-    """Return the root mean square distance of each body's mass from its centre of mass, by name."""
+    """Return each body's radius of gyration, m, by name: the root mean square distance of its mass
+    from the centre of mass."""
     return {name: body.gyration_radius() for name, body in scene.bodies.items()}

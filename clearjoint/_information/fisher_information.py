@@ -4,8 +4,8 @@ The information is F = J^T J, with the derivatives J (N, p) of N samples, divide
 deviations of their noise. The inverse of F bounds the covariance of every unbiased estimate (Cramér
 and Rao), and it is the covariance of least squares for small noise. Computing F would lose half of
 the digits, and with them combinations that the data hardly determine. Most functions here therefore
-take a root R (p, p) with R^T R = F, or a stack of roots, each with any number r >= p of rows.
-`accuracy` is the relative error of the derivatives.
+take a root R (r, p) with R^T R = F, such as J itself or the result (p, p) of `root_of`, or a stack
+of roots. `accuracy` is the relative error of the derivatives.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ of parameters stays finite."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return a root of the information, by a QR decomposition."""
+    """Return the root (p, p) of the information, by a QR decomposition of J, `rows`."""
     # With p rows of zeros, the root has p rows also if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
@@ -59,8 +59,8 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Contributions of singular directions to the bounds, whose norm is that of
-    `deviations_together`."""
+    """Contributions of the k singular directions to the p bounds of `deviations_together`: a bound
+    is the norm of the k contributions to it."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -101,10 +101,11 @@ def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 def floored(
     rows: Float[np.ndarray, "N p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
-    """Return the result of `_equilibrated` without numbers that are zero or negligible.
+    """Return the column norms, singular values and directions of `_equilibrated`, none of them too
+    small as a divisor.
 
-    Norms and singular values are at least `LEAST_SINGULAR_VALUE` times the largest, or times 1 if
-    that is larger.
+    Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the largest, or times 1 if
+    that is larger. A norm of zero is replaced by such a multiple of the largest norm or of 1.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
@@ -181,8 +182,8 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 def _equilibrated(
     roots: Float[np.ndarray, "*T r p"],
 ) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
-    """Norms of the columns of roots, and singular values, the largest first, and right singular
-    vectors of the roots with columns of unit length."""
+    """Norms of the columns of roots; then, of the roots with their columns scaled to unit length,
+    the singular values, the largest first, and right singular vectors."""
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
     _, values, directions = np.linalg.svd(scaled, full_matrices=False)
@@ -190,5 +191,6 @@ def _equilibrated(
 
 
 def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Whether the data don't determine the combination of a singular value."""
+    """For each singular value, the largest first: whether it is zero, or too small relative to the
+    largest for the data to determine its combination of parameters."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

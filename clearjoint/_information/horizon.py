@@ -64,9 +64,9 @@ class WrongGuess:
     """A wrong guess, and the records for which a fit from it may not find the truth.
 
     - `offsets`: coordinates of the guess minus those of the truth.
-    - `blocked`: whether the misfit rises somewhere on the path to the truth, for the record that
-      ends at each of the T times of samples; `since` is the end of the shortest such record, or
-      infinite.
+    - `blocked`: for each record, from the start to one of the T times of samples, whether the
+      misfit rises somewhere on the path to the truth.
+    - `since`: end of the shortest blocked record; infinite if none is blocked.
     """
 
     offsets: Float[np.ndarray, " p"]
@@ -284,10 +284,8 @@ def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.n
 def _near(
     run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
 ) -> Sensitivities:
-    """Return a copy of a run with its periodic outputs, such as angles, near to a reference run.
-
-    The residuals of a fit are differences modulo the period too.
-    """
+    """Return a copy of a run whose periodic outputs, such as angles, are shifted by whole periods
+    to the values nearest to a reference run. The residuals of a fit are reduced in the same way."""
     values = dict(run.outputs)
     for name, output in outputs.items():
         if (period := getattr(output, "period", None)) is not None:
@@ -299,11 +297,9 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the errors of a run's values, and of its derivatives by the p parameters.
-
-    The error of the values is in units of the noise, the largest of all outputs. The error of
-    derivatives is relative to their norm over the record so far, the largest of all parameters.
-    """
+    """Bounds of the errors of a run's values, and of its derivatives by the p parameters. The error
+    of the values is in units of the noise, the largest of all outputs. The error of derivatives is
+    relative to their norm over the record so far, the largest of all parameters."""
     values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
@@ -343,7 +339,8 @@ def _wrong_guess(
     offset: np.ndarray,
     weights: Mapping[str, np.ndarray],
 ) -> WrongGuess:
-    """Test for which records the misfit falls all the way from a wrong guess to the truth."""
+    """Test for which records the misfit falls all the way from a wrong guess to the truth. `run_at`
+    computes the run at given coordinates; `offset` is the guess minus `truth`."""
     times = true_run.times
     true_values, blocked = _weighted(true_run.outputs, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
@@ -370,8 +367,10 @@ def blocked_records(
 ) -> Bool[np.ndarray, " T"]:
     """Return for which records the misfit rises towards the truth at a point of a path.
 
-    If the run at the point failed, longer records are blocked. A misfit below the noise doesn't
-    block a fit. Neither does one that is constant along the path: before the first impact, the run
+    `truth` and `values` are the outputs at the truth and at the point, and `slopes` the derivatives
+    at the point along the direction from truth to guess, all divided by the noise. If the run at
+    the point failed after n of T times, longer records are blocked. A misfit below the noise blocks
+    no fit. Neither does one that is constant along the path: before the first impact, the run
     doesn't depend on the clearance, but in a longer record it does.
     """
     n = values.shape[1]

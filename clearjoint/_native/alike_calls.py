@@ -35,11 +35,11 @@ class _Joining:
 
     def __init__(self, program: Operations, fixed: set[int]):
         self._program, self._fixed = program, fixed
-        # Cells to which the function whose blocks are read writes, or those that it calls.
+        # Cells to which the function that is being read writes, or a function that it calls.
         self._written = set[int]()
         # New numbers of cells that have moved next to each other, by their former numbers.
         self._moved: dict[int, int] = {}
-        # Loads of single cells in the function whose blocks are read, by their results.
+        # Loads of single cells in the function that is being read, by their results.
         self._loads: dict[Value, Operation] = {}
 
     def join_all(self) -> None:
@@ -94,9 +94,9 @@ class _Joining:
             if name == "load":
                 level = max(level, written)
                 accessed = max(accessed, level)
-            elif name in ("store", "call"):
+            elif name in ("store", "call"):  # a called function takes its arguments from memory
                 level = accessed = written = max(level, accessed)
-            elif name == "evaluate":
+            elif name == "evaluate":  # a call that exchanges values only
                 function = int(program.constants[operation.arguments[0]])
                 if function in program.of_vectors:
                     level += 1
@@ -114,7 +114,9 @@ class _Joining:
         for level in sorted(by_level):
             # The joined calls come first on their level, since their arguments have lower levels.
             for (level_of_calls, function), alike in calls.items():
-                for group in _groups(alike) if level_of_calls == level else ():
+                if level_of_calls != level:
+                    continue
+                for group in _groups(alike):
                     *arguments, call = self._call_of_vectors(program.of_vectors[function], group)
                     new += [*arguments, call]
                     places |= {single.out: (call, place) for place, single in enumerate(group)}
@@ -143,10 +145,8 @@ class _Joining:
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
         """Move the cells from which values are read next to each other, and return the first one;
-        ``None`` if the values are not all read from cells that can be moved.
-
-        Such cells hold values from outside of a function, such as the parameters of elements.
-        """
+        ``None`` if the values are not all read from cells that can be moved. Such cells hold values
+        from outside of a function, such as the parameters of elements."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
@@ -168,7 +168,8 @@ class _Joining:
         place: int,
         vectors: dict[tuple[Value | None, Value], Value],
     ) -> Iterator[Operation]:
-        """Yield the operations that take the result of one call from the vector of all results."""
+        """Yield the operations that replace `result`, which reads a result of one call: they take
+        the element `place` from the vector that the joined `call` returns."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         vector = vectors.get((call.out, number))

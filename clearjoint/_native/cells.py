@@ -32,12 +32,10 @@ class Region(NamedTuple):
 
     @property
     def start(self) -> int:
-        """The first cell."""
         return self.cells.start
 
     @property
     def size(self) -> int:
-        """The number of cells."""
         return self.cells.stop - self.cells.start
 
 

@@ -83,7 +83,7 @@ def is_native() -> bool:
 
 
 def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) -> Result:
-    """Return the results of a function for the first of n rows, stacked in arrays (n, ...).
+    """Return the results of a function for the first `count` of n rows, in arrays (n, ...).
 
     In native code a loop computes one row after another, because a mapped function would be written
     out once for each row. Elsewhere `jax.vmap` computes all rows at once.

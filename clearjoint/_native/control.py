@@ -85,6 +85,7 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
 
 
 def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, InMemory]]:
+    """Pairs of a new and an old array in memory that do not begin at the same cell."""
     return [
         (a, b)
         for a, b in zip(new, old, strict=True)
@@ -100,8 +101,8 @@ def _if_any(
     size: int,
     in_memory: bool,
 ) -> list[Array]:
-    """Add a branch for the lanes in which its condition holds. Its results in other lanes are not
-    used."""
+    """Add a branch with `size` equations for the lanes in which its condition holds. Its results in
+    other lanes are not used. `in_memory`: whether any result is an array in memory."""
     # A jump would cost more than a short branch. Since the short branch is executed in all lanes,
     # it must not overwrite its arguments, which lanes that need the other branch still use.
     if size <= LONGEST_CHOICE and not in_memory:
@@ -121,8 +122,8 @@ def _if_any(
 
 
 class _DifferentArraysError(Exception):
-    """Raised if two branches give different arrays in memory, of which the first must not be
-    written."""
+    """Raised if two branches give different arrays in memory, and that of the first branch must not
+    be overwritten."""
 
 
 def _branch(
@@ -132,7 +133,7 @@ def _branch(
     no: core.ClosedJaxpr,
     arguments: Sequence[Array],
 ) -> list[Array]:
-    """Add a branch in a program of one lane."""
+    """Add a jump to one of two branches, for a condition that all lanes share, or a single lane."""
 
     def added(copies: bool) -> list[Array]:
         first_results: list[Array] = []
@@ -270,8 +271,8 @@ def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array])
 
 
 def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
-    """Add a loop over rows of arrays in memory (`jax.lax.scan`), at an index that the loop
-    counts."""
+    """Add a loop (`jax.lax.scan`) that counts an index, and reads and writes rows of arrays in
+    memory at this index."""
     # JAX's arguments are constants, first carries and inputs; its results are carries and outputs.
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:

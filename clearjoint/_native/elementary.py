@@ -169,8 +169,8 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
-    """Return `usual`, or the result of the C library, called only if arguments of any lane do not
-    fit."""
+    """Return `usual` if `fits` holds, else the result of the C function `name`. A program calls it
+    only if `fits` is false in some lane."""
     ops, beyond = usual.ops, ~fits
     first, *others = arguments
 

@@ -65,6 +65,7 @@ def _compare_totally(name: str) -> Rule:
         numbers = a.compare(name, b)
         if name == "eq":
             return numbers | (a.is_nan() & b.is_nan())
+        # NaN is the largest: every a is less than or equal to it, and every number is less.
         return numbers | (b.is_nan() if name == "le" else b.is_nan() & ~a.is_nan())
 
     return rule
@@ -108,11 +109,9 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers.
-
-    LLVM leaves divisions by zero and of the least integer by -1 undefined. For these divisors the
-    operation divides by one, and its result is not used.
-    """
+    """Return the quotient or remainder of integers. LLVM leaves divisions by zero and of the least
+    integer by -1 undefined. For these divisors the operation divides by one, and its result is not
+    used."""
     is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
     quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))
     return is_zero.select(by_zero, is_minus_one.select(by_minus_one, quotient))
@@ -187,11 +186,9 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the dtype with the given letter.
-
-    A float becomes an integer without its fraction, or the nearest integer of the range; NaN
-    becomes zero. An int64 becomes an int32 that keeps the lower 32 bits.
-    """
+    """Convert a value to the dtype with the given letter. A float becomes an integer without its
+    fraction, or the nearest integer of the range; NaN becomes zero. An int64 becomes an int32 that
+    keeps the lower 32 bits."""
     old = a.letter
     if old == letter:
         return a

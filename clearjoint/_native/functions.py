@@ -99,8 +99,9 @@ class NativeProgram:
         stopwatch.end("lowering")
         self.code = Code(lowering, stopwatch)
         # All small arguments of floats are written at once, and so are all those of integers and
-        # bools. This takes a tenth of the time of separate writes. Of the numbers of all small
-        # arguments, one after the other, `_small` has the cells and the indices of those used.
+        # bools. This takes a tenth of the time of separate writes. `_small` has an entry for floats
+        # and one for the others: the arguments' numbers `ks`; the cells of those that the program
+        # uses; and the indices of these elements if all arguments `ks` are joined to one array.
         avals = [aval_of(variable) for variable in closed.jaxpr.invars]
         small = [k for k, aval in enumerate(avals) if aval.size < LARGE]
         floats = [k for k in small if avals[k].dtype.kind == "f"]
@@ -123,14 +124,15 @@ class NativeProgram:
         `floats`: their `FlatArguments.floats`, if known already.
         """
         memory = self.code.memory()
-        joined_numbers = floats, None
-        for target, numbers, (ks, cells, sources) in zip(
-            (memory.floats, memory.integers), joined_numbers, self._small, strict=True
+        small_floats, small_others = self._small
+        for target, joined, (ks, cells, sources) in (
+            (memory.floats, floats, small_floats),
+            (memory.integers, None, small_others),
         ):
             if len(cells):
-                if numbers is None:
-                    numbers = np.concatenate([leaves[k] for k in ks], axis=None)
-                target[cells, 0] = numbers[sources]
+                if joined is None:
+                    joined = np.concatenate([leaves[k] for k in ks], axis=None)
+                target[cells, 0] = joined[sources]
         for k, region in self._large.items():
             memory.write(region, leaves[k])
         return memory
@@ -159,6 +161,7 @@ class _Reading:
         self._groups = [(shape, len(ks)) for shape, ks in by_shape.items()]
         others = [k for k in range(len(regions)) if k not in set(order)]
         self._others = [regions[k] for k in others]
+        # The arrays are read in the order [*order, *others]; this is the place of each in it.
         self._places = np.argsort([*order, *others]).tolist() if regions else []
 
     def __call__(self, memory: Memory) -> list[np.ndarray]:
@@ -315,7 +318,6 @@ class FlatArguments:
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
-        """Flatten arguments."""
         return FlatArguments.joined(tuple(map(flattened, arguments)))
 
     @staticmethod
@@ -392,7 +394,6 @@ _FLOAT64 = np.dtype(np.float64)
 
 
 def flattened(argument: PyTree) -> FlatArguments:
-    """Flatten a single argument."""
     if isinstance(argument, ConstantFolded):
         # The folded scene is an argument of each program of a run, so its parts are kept with it.
         kept = vars(argument)
@@ -409,7 +410,7 @@ same identity."""
 
 
 def keep_flattened(argument: Argument) -> Argument:
-    """Keep the flattened form of an argument of many calls, which must be small."""
+    """Keep the flattened form of a small argument of many calls, and return the argument."""
     _KEPT.add(id(argument), _newly_flattened(argument))
     return argument
 
@@ -487,7 +488,6 @@ class NativeFunction:
         return self.run(FlatArguments.of(arguments))
 
     def run(self, flat: FlatArguments) -> PyTree:
-        """Return the function's result for flattened arguments."""
         program, result = self.program(flat)
         return result(program(flat.arrays, flat.floats))
 
@@ -543,8 +543,10 @@ class NativeFunction:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
+        # The structure of the function's result, known once JAX has traced `of_arrays`.
         result: list[PyTree] = []
 
+        # Leaves that are no arrays are not arguments of the program but parts of it.
         def of_arrays(arrays: list[PyTree]) -> list[PyTree]:
             remaining = iter(arrays)
             leaves = [next(remaining) if eqx.is_array(leaf) else leaf for leaf in flat.leaves]
@@ -555,6 +557,7 @@ class NativeFunction:
         stopwatch = Stopwatch()
         traced = program_of(of_arrays, flat.arrays)
         stopwatch.end("tracing")
+        # A single tangent is a number, and more than `LONGEST_PACKED` are an array like any other.
         tangents = traced.tangents if 1 < traced.tangents <= LONGEST_PACKED else 0
         program = NativeProgram(traced.jaxpr, tangents, stopwatch)
         return program, Result(result[0])

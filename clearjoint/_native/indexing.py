@@ -42,8 +42,8 @@ def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
 def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
-    """Return the starts of a block of the given sizes, moved into the array, and whether it was
-    inside."""
+    """Return the starts of a block along some axes, moved so that it lies inside of the array, and
+    whether it did before. `lengths` and `sizes`: of the array and the block along these axes."""
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
@@ -91,8 +91,8 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the row-major index of a slice's first element, after it is moved inside, and the
-    offsets."""
+    """Return the row-major index of a slice's first element, after the slice is moved inside, and
+    the offsets of all its elements from there."""
     values = [lower.values(start)[0] for start in starts]
     inside, _ = _moved_inside(lower, values, shape, sizes)
     strides = _strides(shape)
@@ -141,11 +141,9 @@ def _dynamic_update_slice(
 
 
 def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
-    """Return one block of the array for each row of indices (see `jax.lax.gather`).
-
-    In the mode "fill", all elements of a block that does not lie wholly inside of the array become
-    the fill value. In all other modes, the block is moved inside.
-    """
+    """Return one block of the array for each row of indices (see `jax.lax.gather`). In the mode
+    "fill", all elements of a block that does not lie wholly inside of the array become the fill
+    value. In all other modes, the block is moved inside."""
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     if numbers.operand_batching_dims:
@@ -187,7 +185,8 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         return [lower.array(values.ravel().tolist(), tuple(out.shape))]
 
     # A large result is written by a loop over the blocks. Unless their axes come last, a table has
-    # the place of each element in the result.
+    # the place of each element in the result: `elements` has the number of the element at each
+    # place, so that `argsort` gives the inverse.
     elements = np.arange(out.size).reshape([*batch, *block])
     elements = np.moveaxis(elements, range(len(batch), elements.ndim), numbers.offset_dims)
     places = None if is_contiguous(elements.ravel()) else _table(lower, np.argsort(elements, None))

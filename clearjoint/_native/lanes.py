@@ -57,11 +57,9 @@ class AbstractLaneLoop(abc.ABC):
 
     @abc.abstractmethod
     def run(self, columns: Memory) -> int:
-        """Advance all lanes by the same number of steps, and return this number.
-
-        The loop returns when lanes need their host, or after a largest number of steps. The
-        subclass decides on this number, and on how many lanes must need the host.
-        """
+        """Advance all lanes by the same number of steps, and return this number. The loop returns
+        when lanes need their host, or after a largest number of steps. The subclass decides on this
+        number, and on how many lanes must need the host."""
 
     def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
         """Put a lane into a column, with rows of numbers as `Cells.rows` returns them."""
@@ -75,10 +73,8 @@ class AbstractLaneLoop(abc.ABC):
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
         """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
-
         Integers and bools are int64. The arrays are views of the memory, which the next `run`
-        changes.
-        """
+        changes."""
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()

@@ -64,6 +64,7 @@ def _carried(
 
 
 def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term) -> Symbol:
+    """Return `first` plus the terms at the indices from `begin` to `end` - 1."""
     (total,) = _carried(lower, begin, end, [first], lambda k, carry: [carry[0] + term(k)])
     return total
 
@@ -140,7 +141,8 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
     ops, zero = lower.ops, _index(lower, 0)
 
     def row(number: Symbol) -> None:
-        # `number` counts the rows of all matrices.
+        # `number` counts the rows of all matrices. In row i, L_ij = rest(j) / L_jj for j < i, and
+        # L_ii = sqrt(rest(i)), with rest(j) = A_ij - (sum of L_ik L_jk over k < j).
         i = number.emit("remainder_whole", n)
         top = (number - i) * n
 
@@ -175,9 +177,12 @@ def _triangular_solve(
     parameter `left_side` false, that of X A = B (see `jax.lax.linalg.triangular_solve`)."""
     parameters, ops = equation.params, lower.ops
     shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
-    a, b = (lower.in_memory(x, shape) for x, shape in zip((matrix, right), shapes, strict=True))
+    pairs = zip((matrix, right), shapes, strict=True)
+    a, b = (lower.in_memory(array, shape) for array, shape in pairs)
     x, n, left = lower.copied(b), shapes[0][-1], parameters["left_side"]
-    # X A = B is A^T X^T = B^T. There are `columns` systems of n equations for each matrix.
+    # X A = B is A^T X^T = B^T, so that A is transposed once more if it stands on the right. There
+    # are `columns` systems of n equations for each matrix. Successive unknowns of a system are
+    # `step` cells from each other, and the first unknowns of successive systems `apart`.
     transposed = parameters["transpose_a"] == left
     forward = parameters["lower"] != transposed
     columns = shapes[1][-1] if left else shapes[1][-2]

@@ -84,11 +84,9 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
 
 
 class _Writer:
-    """Writes the text of a program, in three passes over its entries.
-
-    The first pass goes backwards and finds the entries that are needed. Of these, the second pass
-    finds the products that are computed together with a sum, and the third pass writes the text.
-    """
+    """Writes the text of a program, in three passes over its entries. The first pass goes backwards
+    and finds the entries that are needed. Of these, the second pass finds the products that are
+    computed together with a sum, and the third pass writes the text."""
 
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
@@ -217,6 +215,7 @@ class _Writer:
             if entry.out is not None and not uses[entry.out]:
                 return False
             uses.update(entry.arguments)
+            # A function computes only those of its results that any call needs.
             if entry.name == "result":
                 number, k = (int(self._program.constants[value]) for value in entry.arguments[1:])
                 self._needed_results.setdefault(number, set()).add(k)
@@ -283,7 +282,6 @@ class _Writer:
     # Text.
 
     def _add(self, instruction: str) -> Word:
-        """Add an instruction and return its result."""
         self._number += 1
         word = f"%v{self._number}"
         self._lines.append(f"{word} = {instruction}")
@@ -392,8 +390,8 @@ class _Writer:
         return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result. Operations without a result return what must
-        not be used."""
+        """Write an operation and return its result. If the operation has none, what is returned has
+        no meaning."""
         name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)
@@ -578,10 +576,8 @@ class _Writer:
 
     def _write_branch(self, entry: Branch) -> None:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
-        else to `no`.
-
-        Operations "select" give the other lanes their results (see `.operations.Branch`).
-        """
+        else to `no`. Operations "select" give the other lanes their results (see
+        `.operations.Branch`)."""
         yes, no, end = self._label(), self._label(), self._label()
         condition = self._holds_in_any(entry.condition)
         self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")

@@ -83,7 +83,6 @@ class InMemory:
 
     @property
     def size(self) -> int:
-        """The number of elements."""
         return math.prod(self.shape)
 
     def overlaps(self, other: "InMemory") -> bool:
@@ -119,7 +118,7 @@ def aval_of(atom: Atom) -> ShapedArray:
 
 
 def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
-    """Return the kind of the elements of an array."""
+    """Return the kind of the elements of an array, such as "f" (see `.operations`)."""
     kind = _KINDS.get(array.dtype)
     if kind is None:
         raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
@@ -317,9 +316,9 @@ class Lowering:
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Add the writes of an array to the cells from `start`, or `start` + `index`, on. They must
-        not overlap with those of an array in memory, which is copied one element after the
-        other."""
+        """Add the writes of an array to the cells from `start`, or `start` + `index`, on. If the
+        array is in memory, its own cells must not overlap with these, because it is copied one
+        element after the other."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -437,19 +436,19 @@ class Lowering:
             ops.store(rule(*values), out.start, index)
 
         step = ops.packed if by_vectors and ops.packed else 1
-        if step > 1:
-            vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
-            length = ops.constant("i", step)
-
-            def visit(k: Value) -> None:
-                apply_to("p", vectors, ops.emit("mul", "i", k, length))
-
-            ops.repeat(out.size // step, visit)
-        # The elements that don't fill a vector.
-        for k in range(out.size // step * step, out.size if step > 1 else 0):
-            apply_to("", forms, ops.constant("i", k))
         if step == 1:
             ops.repeat(out.size, partial(apply_to, "", forms))
+            return out
+        vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
+        length = ops.constant("i", step)
+
+        def visit(k: Value) -> None:
+            apply_to("p", vectors, ops.emit("mul", "i", k, length))
+
+        ops.repeat(out.size // step, visit)
+        # The elements that don't fill a vector.
+        for k in range(out.size // step * step, out.size):
+            apply_to("", forms, ops.constant("i", k))
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
@@ -529,8 +528,8 @@ class Lowering:
         last_reads: dict[Atom, int],
         number: int,
     ) -> None:
-        """Add an equation to the program and its results to `arrays`, those of the variables so
-        far.
+        """Add an equation, the one with the given number in its jaxpr, to the program, and its
+        results to `arrays`. `last_reads` has the number of the last equation that reads a variable.
 
         Arrays in memory that something else may read later are marked as not owned: arguments that
         are read again, and results that share cells with these or with each other.
@@ -577,6 +576,7 @@ class Lowering:
             return arguments
         if name in RULES:
             return [self._elementwise(equation, arguments)]
+        # Some calls become calls of functions, or loops; the jaxprs of all others are inlined.
         if name in CALLS:
             closed = equation.params[CALLS[name]]
             if equation.params.get("name") == SHARED:
@@ -699,10 +699,11 @@ class Lowering:
         return [values_by_name.get(value, value) for value in self.flatten(function.results)]
 
     def _elementary(self, name: str, argument: Value) -> Value:
-        """Add an elementary function of a float; after `MOST_ELEMENTARY` of them, a call of a
-        function. One function returns both sine and cosine, which have most of their operations in
-        common."""
+        """Add the operations of an elementary function of a float or, after `MOST_ELEMENTARY` of
+        them, a call of a function of machine code. One such function returns both sine and cosine,
+        which have most of their operations in common."""
         ops = self.ops
+        # A known number is not counted: its sine, for instance, needs no operation.
         if ops.number(argument) is not None:
             return apply(ops, name, argument)
         self._count_of_elementary += 1
@@ -724,8 +725,8 @@ class Lowering:
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
     ) -> Callable[..., Value]:
-        """Return the function that applies the elementwise primitive `name`, with a result as
-        `aval`."""
+        """Return the function that applies the elementwise primitive `name`, with a `parameter` as
+        in `apply`; its result has the dtype of `aval`."""
 
         if name in ELEMENTARY:
             return partial(self._elementary, name)

@@ -82,7 +82,7 @@ MOST_PROGRAMS = 256
 
 
 class RecentPrograms(OrderedDict[Hashable, Program]):
-    """Programs of a process by their keys, at most `MOST_PROGRAMS`. Threads may use it at once.
+    """Programs of a process by their keys, at most `MOST_PROGRAMS`, for use by several threads.
 
     A program occupies about 1 MB and four of the mappings of memory of which a process may have 65
     530. Beyond the limit, the least recently used program is removed. Its machine code is freed

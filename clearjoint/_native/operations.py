@@ -76,7 +76,6 @@ class Branch:
 
     @property
     def blocks(self) -> "tuple[Block, Block]":
-        """Both blocks."""
         return self.yes, self.no
 
 
@@ -104,7 +103,6 @@ class Loop:
 
     @property
     def blocks(self) -> "tuple[Block, Block]":
-        """Both blocks."""
         return self.head, self.body
 
 
@@ -339,8 +337,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation `name` that computed a value; ``None`` for another
-        one."""
+        """Return the argument of the operation `name` that computed a value; ``None`` if another
+        operation did."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -414,11 +412,9 @@ class Operations:
 
     @contextmanager
     def masked(self, condition: Value | None) -> Iterator[None]:
-        """Within the context, only lanes in which a condition holds write to memory.
-
-        The conditions of nested contexts must all hold. With ``None``, all lanes write, whatever
-        the conditions of outer contexts.
-        """
+        """Within the context, only lanes in which a condition holds write to memory. The conditions
+        of nested contexts must all hold. With ``None``, all lanes write, whatever the conditions of
+        outer contexts."""
         outer = self._mask
         if outer is None or condition is None:
             self._mask = condition
@@ -496,9 +492,9 @@ class Operations:
     def add_function_of_vectors(
         self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
     ) -> None:
-        """Add the function `of_vectors` that computes several calls of a pure function at once.
-        There is none in a program of several lanes, nor for functions that use memory or vectors of
-        tangents."""
+        """Add the function `of_vectors` that computes several calls of a pure function at once;
+        `kinds` and `build` as in `pure_function`. There is none in a program of several lanes, nor
+        for functions that use memory or vectors of tangents."""
         if (
             self.calls_at_once == 1
             or self.width > 1
@@ -508,8 +504,11 @@ class Operations:
             return
         kinds_before = len(self.kinds)
         number = self.pure_function(kinds, build, self.calls_at_once)
-        ends = (self.signatures[each][1] for each in (function, number))
-        is_alike = [self.kinds[v] for v in next(ends)] == [self.kinds[v] for v in next(ends)]
+        # Results of a joined call replace those of single calls, and must have the same kinds.
+        kinds_of_results, new_kinds_of_results = (
+            [self.kinds[value] for value in self.signatures[each][1]] for each in (function, number)
+        )
+        is_alike = kinds_of_results == new_kinds_of_results
         has_tangents = any(kind.endswith("p") for kind in self.kinds[kinds_before:])
         if is_alike and not has_tangents and number in self._without_memory:
             self.of_vectors[function] = number
@@ -694,7 +693,6 @@ class Symbol:
         return Symbol(self.ops, value)
 
     def is_nan(self) -> "Symbol":
-        """Return whether this float is NaN."""
         return self.emit("is_nan_either", self, letter="b")
 
 

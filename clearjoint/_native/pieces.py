@@ -20,6 +20,7 @@ LENGTH = 250
 """Number of operations of a piece."""
 
 
+# An entry in the place of a sequence that has been divided, until calls of its pieces replace it.
 @dataclass
 class _Pieces:
     numbers: range
@@ -49,6 +50,7 @@ class Division:
         self.pieces: dict[int, list[Operation]] = {}
         # For values that are used, the pieces that use them; `None` stands for what is not divided.
         self._users: dict[Value, set[int | None]] = {}
+        # The piece that computes a value, and the cell by which a value passes to other pieces.
         self._definers: dict[Value, int] = {}
         self._cells: dict[Value, int] = {}
         # Values that are read from cells which do not change, so that every piece can read them.
@@ -66,6 +68,7 @@ class Division:
             for operation in piece:
                 if operation.out is not None:
                     self._definers[operation.out] = number
+        # A value needs a cell unless only the piece uses it that computes it.
         for value, users in self._users.items():
             if value not in self._program.constants and users != {self._definers.get(value)}:
                 cell = self._unchanged.get(value)
@@ -76,6 +79,7 @@ class Division:
         self._call(block)
 
     def _cut(self, block: Block) -> None:
+        # Replace each sequence that is too long, also in inner blocks, by `_Pieces`.
         new, sequence = [], []
 
         def end() -> None:
@@ -104,6 +108,7 @@ class Division:
         block[:] = new
 
     def _use(self, user: int | None, operations: list[Operation]) -> None:
+        # Record what the operations of a piece, or of what is not divided (`None`), use and read.
         for operation in operations:
             for value in self._needed(operation):
                 self._users.setdefault(value, set()).add(user)
@@ -131,8 +136,8 @@ class Division:
                 yield Operation(None, "store", (operation.out,), self._cells[operation.out])
 
     def _call(self, block: Block) -> None:
-        """Put calls in the places of `_Pieces`, with writes of the values that the pieces use
-        before and reads of those that they compute after."""
+        """Put calls in the places of `_Pieces`. Values that the pieces use are written before the
+        calls, and those that they compute for other operations are read after them."""
         new: Block = []
         for entry in block:
             if not isinstance(entry, _Pieces):
@@ -141,6 +146,7 @@ class Division:
                 new.append(entry)
                 continue
             numbers = entry.numbers
+            # Pieces write their own values, and unchanged cells already have theirs.
             for value, cell in self._cells.items():
                 if value in self._definers or value in self._unchanged:
                     continue
@@ -164,8 +170,8 @@ def cells_of(program: Operations, value: Value, start: int) -> range:
 
 
 def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:
-    """Return the cells to which the operations of a block may write. `by_functions` has the cells
-    to which the functions write that the block may call."""
+    """Return the cells to which the operations of a block may write. `by_functions` has these cells
+    for each function that the block may call."""
     cells = set[int]()
     for entry in block:
         for inner in entry.blocks:
@@ -185,8 +191,8 @@ def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[
 
 
 def _parts(operations: list[Operation]) -> Iterator[list[Operation]]:
-    """Yield parts of a list of operations, of about `LENGTH`. The results of a call of a function
-    of values are read right after it: they cannot pass to another part together."""
+    """Yield parts of about `LENGTH` operations of a list. The results of a call "evaluate" are read
+    right after it, since only single values can pass to another part through memory."""
     results: dict[Value, list[Operation]] = {}
     for operation in operations:
         if operation.name == "result":

@@ -122,8 +122,8 @@ def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.nd
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
-    """Return the array with the scalar `padding` before, after and between its elements. The first
-    two numbers may be negative, which removes elements."""
+    """Return the array with the scalar `padding` before, after and between its elements. Negative
+    numbers of paddings before or after remove elements."""
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     # For each place of the result, whether it has an element of the array, and which one.
     inside, indices = np.ones(out.shape, bool), np.zeros(out.shape, int)
@@ -195,11 +195,12 @@ def _reduce_memory(
     shape: tuple[int, ...],
     combine: Combine,
 ) -> InMemory:
-    """Return an array in memory, of a shape, that combines the elements of another one along axes
-    next to each other. `before`, `after`: numbers of elements of the axes before and after them."""
+    """Return an array in memory, of the given `shape`, that combines the elements of `array` along
+    adjacent axes. `before`, `after`: numbers of elements of all axes before and after these."""
     ops, out = lower.ops, lower.new_array(shape, array.kind)
     along = array.size // (before * after)
 
+    # The index `first` plus the sum of the products of values and sizes.
     def index(first: int, *terms: tuple[Value, int]) -> Value:
         place = ops.constant("i", first)
         for k, size in terms:
@@ -210,7 +211,8 @@ def _reduce_memory(
     def element(i: Value, k: Value) -> None:
         target = index(0, (i, after), (k, 1))
 
-        # In the order of the elements, with the result so far in memory.
+        # In the order of the elements, with the result so far in memory. It begins as the first
+        # element, so that j = 0 stands for the second one, which is `after` places further on.
         def add(j: Value) -> None:
             place = index(after, (i, along * after), (j, after), (k, 1))
             total = ops.load(array.kind, out.start, target)

@@ -17,6 +17,6 @@ Terms of these modules:
 - In a packed scene or state, each vector is an array (3,); in scalar form it is three separate
   scalars. In a folded scene, vector components that are exactly 0 or 1 are marked and become
   constants of the compiled program.
-- A lane is one run of a sweep. Compiled code computes many lanes side by side, which cannot branch
-  one by one. The host is the process that runs Python.
+- A lane is one run of a sweep. Compiled code computes many lanes side by side, so that a single one
+  of them cannot branch. The host is the process that runs Python.
 """

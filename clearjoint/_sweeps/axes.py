@@ -141,8 +141,8 @@ class Lanes:
         return unpack(self.expanded(joints, varied), leading=1)
 
     def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
-        """Return a part of `scene`, and the same part `varied` of `scenes`, with arrays (lanes,
-        ...) in place of all numbers."""
+        """Return `tree`, a part of `scene`, with the values of each number in all lanes, (lanes,
+        ...). `varied` is the same part of `scenes`."""
         count = len(jax.tree.leaves(self.states)[0])
 
         def in_all(leaf: PyTree) -> PyTree:
@@ -152,7 +152,6 @@ class Lanes:
         return eqx.combine(varied, jax.tree.map(in_all, tree))
 
     def of(self, lane: int) -> tuple[Scene, State]:
-        """Return the scene and the initial state of a lane."""
         varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
         return ordered_like((self.scene, self.state), (eqx.combine(varied, self.scene), state))
 
@@ -178,9 +177,12 @@ def lanes_of(
     else:
         columns = _columns_by_functions(scene, state, changes, values, bad)
     changed = tuple(k in columns for k in range(len(base)))
+    # `base` has the leaves of the scene first, then those of the state.
     scene_leaves = len(jax.tree.leaves(scene))
+    count = len(next(iter(values.values())))
     # The constructors' checks run in Python, lane by lane, because their messages go to the user.
-    for lane in range(len(next(iter(values.values()))) if columns else 0):
+    # Without columns, all lanes have the numbers of `scene` and `state`, which have been checked.
+    for lane in range(count if columns else 0):
         leaves = [
             np.asarray(columns[k][lane]) if k in columns else leaf for k, leaf in enumerate(base)
         ]
@@ -197,16 +199,15 @@ def lanes_of(
     for k, column in columns.items():
         column[list(bad)] = base[k]
     differs = [k in columns and bool((columns[k] != leaf).any()) for k, leaf in enumerate(base)]
-    varied = differs[:scene_leaves]
-    scenes = [columns[k] if differs[k] else None for k in range(scene_leaves)]
-    count = len(next(iter(values.values())))
-    states = [
-        columns.get(k, np.broadcast_to(base[k], (count, *np.shape(base[k]))))
-        for k in range(scene_leaves, len(base))
+    of_scene, of_state = range(scene_leaves), range(scene_leaves, len(base))
+    in_scenes = [columns[k] if differs[k] else None for k in of_scene]
+    in_states = [
+        columns.get(k, np.broadcast_to(base[k], (count, *np.shape(base[k])))) for k in of_state
     ]
     scene_structure, state_structure = map(jax.tree.structure, (scene, state))
-    varied, scenes = (jax.tree.unflatten(scene_structure, leaves) for leaves in (varied, scenes))
-    states = jax.tree.unflatten(state_structure, states)
+    varied = jax.tree.unflatten(scene_structure, differs[:scene_leaves])
+    scenes = jax.tree.unflatten(scene_structure, in_scenes)
+    states = jax.tree.unflatten(state_structure, in_states)
     return Lanes(scene, state, varied, scenes, states, dict(sorted(bad.items())))
 
 
@@ -244,11 +245,9 @@ def _columns_by_functions(
     values: Mapping[str, np.ndarray],
     bad: dict[int, str],
 ) -> Columns:
-    """Columns by calling the axes' functions for every lane.
-
-    A lane gets the unchanged leaves and an entry in `bad` if a function raises a `ValueError` for
-    it, or changes more than numbers, such as a name or the shape of an array.
-    """
+    """Columns by calling the axes' functions for every lane. A lane gets the unchanged leaves and
+    an entry in `bad` if a function raises a `ValueError` for it, or changes more than numbers, such
+    as a name or the shape of an array."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):

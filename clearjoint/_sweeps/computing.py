@@ -128,10 +128,10 @@ def _by_threads(
 class _Writer:
     """Collects the results of lanes that have ended, and writes them to the store.
 
-    Lanes whose chunk is complete are written at once, all such chunks together. So are those of
-    incomplete chunks, as long as writing them takes at most the share `WRITE_SHARE` of the time.
-    Lanes that end while others are written are added in the next call of `add`; `Batch.run` begins
-    no further lanes if that lasts long.
+    Complete chunks are written at once. So are the lanes of incomplete chunks, as long as writing
+    them takes at most the share `WRITE_SHARE` of the time. Lanes that end while others are written
+    are added in the next call of `add`; `Batch.run` begins no further lanes if writing lasts long.
+    `missing` has the lanes to compute, by number of their chunk.
     """
 
     def __init__(
@@ -188,7 +188,7 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a progress bar of the stored lanes, of which `done` were stored before."""
+    """Return a progress bar of the lanes in the store; print how many are there already, `done`."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)

@@ -64,10 +64,8 @@ def _with_fields(
     initialises: bool,
 ) -> type:
     """Make an equinox class that has its fields from the start, by cloudpickle's function `make`.
-
     `statics` says whether each field is static, and `initialises` whether the class defines
-    `__init__`.
-    """
+    `__init__`."""
     # The fields defined here are provisional: cloudpickle sets the class's own attributes
     # afterwards. The defaults allow the fields to follow inherited ones that have defaults. With
     # the placeholder, equinox does not generate an `__init__`.
@@ -211,11 +209,8 @@ class _Pool:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    """Return the runtime settings of this process and the encoded function as bytes.
-
-    The function is encoded separately, because a worker adopts the settings before it decodes the
-    function.
-    """
+    """Return the runtime settings of this process and the encoded function as bytes. The function
+    is encoded separately, because a worker adopts the settings before it decodes the function."""
     file = io.BytesIO()
     _Pickler(file).dump(task)
     return pickle.dumps((in_force(), file.getvalue()))
@@ -235,10 +230,8 @@ def _decoded(payload: bytes) -> ChunkFunction:
 
 @cache
 def _end_with_parent() -> None:
-    """Let this process end when its parent process dies.
-
-    A parent that is killed can't stop its workers, and they would wait forever.
-    """
+    """Let this process end when its parent process dies. A parent that is killed can't stop its
+    workers, and they would wait forever."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return

@@ -231,6 +231,7 @@ def largest_feasible(
 class LaneMargins:
     """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
+    - `coordinates`: the parameter's values on its scale, rising.
     - `margins`: the smallest margin of all outputs, and NaN, which counts as a violation, for a
       peak that is NaN. `LargestFeasible` says what a peak is.
     - `low`, `high`: ends of the margins' 95 % confidence intervals; equal to `margins` without
@@ -246,8 +247,8 @@ class LaneMargins:
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins merged with those at other coordinates; of equal ones, this object's
-        is kept."""
+        """Return these margins merged with those at other coordinates. Where both have the same
+        coordinate, the margin of this object is kept."""
         both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
         first_places = np.unique(both[0], return_index=True)[1]
         return LaneMargins(*(row[first_places] for row in both), peak=self.peak)
@@ -369,7 +370,8 @@ def limit_margins(
     if count > 1 and quantile < 1.0:
         below = max(int(binom.ppf(tail, count, quantile)), 1)
         above = int(binom.ppf(1.0 - tail, count, quantile)) + 1
-    # A larger peak has a smaller margin, so that `above` gives the lower end.
+    # A larger peak has a smaller margin, so that `above` gives the lower end. If it exceeds the
+    # number of draws, any column serves here: the lower end becomes -inf below.
     columns = [ordered[:, k - 1] if k <= count else ordered[:, -1] for k in (middle, above, below)]
     with np.errstate(divide="ignore"):  # The margin of a peak of zero or less is +inf.
         margin, low, high = (np.log(limit) - np.log(np.maximum(column, 0.0)) for column in columns)
@@ -391,10 +393,13 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 class _Search:
     """Search for the first violation by sweeps, each over a row of values of the parameter.
 
-    `margins` runs a sweep at rising coordinates. `plain` does so with the settings of plain runs,
-    which must satisfy the limits too; ``None`` if these are the settings of `margins`. The argument
-    `lanes` of methods, unlike the field, has the margins of all values that have been computed so
-    far.
+    - `margins`: runs a sweep at rising coordinates of `parameter`.
+    - `lanes`: number of values in a row.
+    - `tolerance`: see `largest_feasible`.
+    - `plain`: like `margins`, with the default settings of `simulate`, with which the limits must
+      hold too; ``None`` if the user has given settings.
+
+    The argument `known` of methods has the margins of all values that have been computed.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
@@ -408,119 +413,120 @@ class _Search:
 
         **Raises:** `ValueError` if the value at `low` violates a limit.
         """
-        lanes = self.margins(np.linspace(low, high, self.lanes))
-        self._require_smallest(lanes)
+        known = self.margins(np.linspace(low, high, self.lanes))
+        self._require_smallest(known)
         # The first row is coarse: just below its first violation another one may lie between two
         # values.
-        if first_violation(lanes.margins) < len(lanes.margins):
-            lanes = self._refined(lanes, below=True)
-        lanes = self._narrowed(self._inspected(lanes))
-        return self._result(self._confirmed(lanes), unit)
+        if first_violation(known.margins) < len(known.margins):
+            known = self._refined(known, below=True)
+        known = self._narrowed(self._inspected(known))
+        return self._result(self._confirmed(known), unit)
 
-    def _require_smallest(self, lanes: LaneMargins) -> None:
-        smallest, expected = self._values(lanes)[0], "a value that satisfies the limits"
-        remedy = f"{lanes.peak}; decrease it, or raise the limit"
-        require(bool(lanes.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
+    def _require_smallest(self, known: LaneMargins) -> None:
+        smallest, expected = self._values(known)[0], "a value that satisfies the limits"
+        remedy = f"{known.peak}; decrease it, or raise the limit"
+        require(bool(known.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
 
-    def _narrowed(self, lanes: LaneMargins) -> LaneMargins:
+    def _narrowed(self, known: LaneMargins) -> LaneMargins:
         """Add rows until the interval of the first violation is as narrow as the tolerance."""
         computed = 0
         # A row adds no value if there are no floats between the last value and the violation.
         while (
-            first_violation(lanes.margins) < len(lanes.margins)
-            and len(lanes.coordinates) > computed
-            and self._widths(lanes)[first_violation(lanes.margins) - 1] > self.tolerance
+            first_violation(known.margins) < len(known.margins)
+            and len(known.coordinates) > computed
+            and self._widths(known)[first_violation(known.margins) - 1] > self.tolerance
         ):
-            computed, lanes = len(lanes.coordinates), self._refined(lanes)
-        return lanes
+            computed, known = len(known.coordinates), self._refined(known)
+        return known
 
-    def _confirmed(self, lanes: LaneMargins) -> LaneMargins:
-        """Confirm the margins just below the first violation by plain runs."""
-        if self.plain is None:
-            return lanes
+    def _confirmed(self, known: LaneMargins) -> LaneMargins:
+        """Lower the margins just below the first violation to those of `plain` runs, where these
+        are smaller."""
+        if self.plain is None:  # `margins` already has the settings that the user has given
+            return known
+        # Lower margins, and rows added between a value and the violation, may move the first
+        # violation to values without plain runs. So that the loop ends, rows are added at most
+        # `INSPECTIONS` times.
         checked, rounds = np.empty(0), 0
-        first = first_violation(lanes.margins)
-        while lanes.coordinates[first - 1] not in checked:
-            last = lanes.coordinates[max(first - self.lanes, 0) : first]
-            lanes = lanes.lowered_by(self.plain(last))
+        first = first_violation(known.margins)
+        while known.coordinates[first - 1] not in checked:
+            last = known.coordinates[max(first - self.lanes, 0) : first]
+            known = known.lowered_by(self.plain(last))
             checked = np.append(checked, last)
-            self._require_smallest(lanes)
-            # Rows added between a confirmed value and a violation need confirmation again.
+            self._require_smallest(known)
             if (rounds := rounds + 1) <= INSPECTIONS:
-                lanes = self._narrowed(lanes)
-            first = first_violation(lanes.margins)
-        return lanes
+                known = self._narrowed(known)
+            first = first_violation(known.margins)
+        return known
 
-    def _refined(self, lanes: LaneMargins, below: bool = False) -> LaneMargins:
+    def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
         """Add a row of values between the last value before the first violation and the violation.
-
         With `below`, it begins `CLOSE` times their distance lower, but not below the smallest
-        value.
-        """
-        first = first_violation(lanes.margins)
-        last, violation = lanes.coordinates[first - 1 : first + 1]
-        start = max(lanes.coordinates[0], last - CLOSE * (violation - last)) if below else last
-        return lanes.with_others(self.margins(np.linspace(start, violation, self.lanes)))
+        value."""
+        first = first_violation(known.margins)
+        last, violation = known.coordinates[first - 1 : first + 1]
+        start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last
+        return known.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
-    def _inspected(self, lanes: LaneMargins) -> LaneMargins:
+    def _inspected(self, known: LaneMargins) -> LaneMargins:
         """Divide the intervals in which a violation may hide (see `LaneMargins.doubtful`), until
         none is wider than the tolerance, or after `INSPECTIONS` rounds. Nothing is done where the
         margins only fall along the parameter."""
         for _ in range(INSPECTIONS):
-            doubtful = lanes.doubtful() & (self._widths(lanes) > self.tolerance)
-            if lanes.falls(self.tolerance) or not doubtful.any():
+            doubtful = known.doubtful() & (self._widths(known) > self.tolerance)
+            if known.falls(self.tolerance) or not doubtful.any():
                 break
             # Only doubtful intervals are divided.
-            widths = np.where(doubtful, np.diff(lanes.coordinates), 0.0)
+            widths = np.where(doubtful, np.diff(known.coordinates), 0.0)
             parts = np.ones(len(widths), int)
             for _ in range(self.lanes):  # Each lane divides the interval with the widest parts.
                 parts[np.argmax(widths / parts)] += 1
             rows = [
                 start + width * np.arange(1, count) / count
-                for start, width, count in zip(lanes.coordinates, widths, parts, strict=False)
+                for start, width, count in zip(known.coordinates, widths, parts, strict=False)
             ]
-            lanes = lanes.with_others(self.margins(np.concatenate(rows)))
-        return lanes
+            known = known.with_others(self.margins(np.concatenate(rows)))
+        return known
 
-    def _result(self, lanes: LaneMargins, unit: str) -> LargestFeasible:
-        first, values = first_violation(lanes.margins), self._values(lanes)
+    def _result(self, known: LaneMargins, unit: str) -> LargestFeasible:
+        first, values = first_violation(known.margins), self._values(known)
         met, value = first < len(values), values[first - 1]
-        last_pass = int(np.flatnonzero(lanes.margins >= 0.0)[-1])
+        last_pass = int(np.flatnonzero(known.margins >= 0.0)[-1])
         return LargestFeasible(
             value=value,
             unit=unit,
-            interval=self._interval(lanes) if met else (value, value),
+            interval=self._interval(known) if met else (value, value),
             met=met,
-            monotone=lanes.falls(self.tolerance),
+            monotone=known.falls(self.tolerance),
             alternating=(values[first], values[last_pass]) if last_pass > first else None,
-            spacing=float(self._widths(lanes)[:first].max()),
+            spacing=float(self._widths(known)[:first].max()),
             values=np.array(values),
-            margins=np.nan_to_num(lanes.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
+            margins=np.nan_to_num(known.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
         )
 
-    def _interval(self, lanes: LaneMargins) -> tuple[float, float]:
+    def _interval(self, known: LaneMargins) -> tuple[float, float]:
         """Return the two values between which the first violation begins.
 
-        With several draws and a quantile below 1, these are the last value before any violation is
-        possible by the margins' intervals, or the smallest one, and the first at which it is
-        certain, or the largest one. Otherwise the margins are exact.
+        With several draws and a quantile below 1, these are the last value before one at which the
+        margins' intervals allow a violation, but at least the smallest value, and the first value
+        at which they make it certain, but at most the largest. Otherwise the margins are exact.
         """
-        possible, certain = first_violation(lanes.low), first_violation(lanes.high)
-        values = self._values(lanes)
+        possible, certain = first_violation(known.low), first_violation(known.high)
+        values = self._values(known)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
-    def _widths(self, lanes: LaneMargins) -> Float[np.ndarray, " m"]:
+    def _widths(self, known: LaneMargins) -> Float[np.ndarray, " m"]:
         """Return the relative distances of neighbouring values, as of `LargestFeasible.spacing`."""
-        values = np.array(self._values(lanes))
+        values = np.array(self._values(known))
         low, high = values[0], values[-1]
         # The distance from zero to its neighbour is as large as the neighbour, however small.
         least = self.tolerance * (high - low) if low <= 0.0 <= high else np.finfo(float).tiny
         sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), least)
         return np.abs(np.diff(values)) / sizes
 
-    def _values(self, lanes: LaneMargins) -> list[float]:
+    def _values(self, known: LaneMargins) -> list[float]:
         """The value at each coordinate, without the rounding errors of scales."""
-        return [as_shown(float(self.parameter.scale.value(u))) for u in lanes.coordinates]
+        return [as_shown(float(self.parameter.scale.value(u))) for u in known.coordinates]
 
 
 def _check_quantities(

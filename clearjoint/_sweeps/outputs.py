@@ -81,9 +81,11 @@ class Variable(NamedTuple):
 class Layout:
     """The shape, the labels and the settings of a sweep's results.
 
-    - `axes`: the swept values; `coordinates`: labels along dimensions of variables that have any.
+    - `axes`: the swept values; `zipped`: the i-th lane has the i-th value of each.
+    - `chunk`: number of lanes in a chunk.
     - `variables`: results by name, with ``"result"``, the result code, among them.
-    - `settings`: texts by name, for settings on which the numbers depend.
+    - `coordinates`: labels along dimensions of variables, if they have any.
+    - `settings`: texts by name, for settings on which the results depend.
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
       the name of a function.
 
@@ -134,16 +136,13 @@ class Layout:
 
     @property
     def lanes(self) -> int:
-        """Number of lanes of the sweep."""
         return int(np.prod(self.shape))
 
     @property
     def chunks(self) -> int:
-        """Number of chunks of the sweep."""
         return -(-self.lanes // self.chunk)
 
     def span(self, chunk: int) -> slice:
-        """Return the range of lanes of a chunk."""
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
@@ -207,8 +206,8 @@ def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
 
 
 class PartOfStates(eqx.Module):
-    """Quantity whose value is one part of the states of all bodies, such as all positions, in the
-    unit given by `STATE_PARTS`."""
+    """Quantity with one part of the states of all bodies, such as "position". `STATE_PARTS` has its
+    unit."""
 
     part: str = eqx.field(static=True)
     bodies: tuple[str, ...] = eqx.field(static=True)
@@ -218,8 +217,8 @@ class PartOfStates(eqx.Module):
 
 
 def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
-    """Return what is computed at the sample times of each lane, by key for `variable_name`: the
-    parts of the states, and the quantities among the outputs."""
+    """Return the quantities that are computed at the sample times of each lane, by the `key` of
+    `variable_name`: the parts of the states, and quantities among the outputs as "/name"."""
     bodies = tuple(scene.bodies)
     channels = {f"/{name}": quantity for name, quantity in requested.quantities.items()}
     if requested.save.states:
@@ -228,8 +227,8 @@ def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
 
 
 def variable_name(output: str, key: str) -> str:
-    """Return the name of a result of an output, "output_key", or "output" for an empty key, or
-    "name" for a key "/name". Names of outputs contain no slash."""
+    """Return the name of a result of an output: "output_key"; "output" for an empty key; "name" for
+    a key "/name". Names of outputs contain no slash."""
     if key.startswith("/"):
         return key[1:]
     return f"{output}_{key}" if key else output

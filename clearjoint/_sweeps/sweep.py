@@ -144,7 +144,6 @@ def _variables_of_output(
 def _states(
     scene: Scene, name: str, description: str, along: Along = ((), ())
 ) -> dict[str, Variable]:
-    """Variables with the states of all bodies, by name."""
     dims, shape = along
     return {
         variable_name(name, part): Variable(
@@ -158,11 +157,11 @@ def _states(
 
 
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
-    """Return, as texts by name, the settings that a store compares.
+    """Return, as texts by name, the settings that a store compares, because results depend on them.
 
-    The numbers of the lanes depend on them. They include the start time, the kind of compiled
-    program ("native", or XLA and its backend), and the versions of clearjoint, JAX and diffrax.
-    Other settings, such as the solver, are recognised by the digests of the traced programs.
+    They include the start time, the kind of compiled program ("native", or XLA and its backend),
+    and the versions of clearjoint, JAX and diffrax. Other settings, such as the solver, are
+    recognised by the digests of the traced programs.
     """
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}
@@ -409,8 +408,8 @@ def checked_starts(
 def _common_values(
     lanes: Lanes, scheme: Scheme, requested: Requested, start_time: float, max_steps: int
 ) -> Common:
-    """Return what all lanes share: recorders, the sizes of their buffers, and the scene with folded
-    constants."""
+    """Return what all lanes share: the plan of a run with its recorders, the sizes of their
+    buffers, and the scene with folded constants."""
     sections, tables, saves = requested.sections, requested.tables, requested.save.times is not None
     # Crossings, sample times and peaks of impacts lie inside of steps.
     if saves or sections or tables:
@@ -489,6 +488,7 @@ def _warn_of_failures(
     unassembled = np.flatnonzero(codes.ravel() == result_number(RESULTS.not_assembled))
     if unassembled.size:
         lane = int(unassembled[0])
+        # The lane has only its result code: the error of these checks says what is violated.
         try:
             with quiet():
                 check_structure(*lanes.of(lane), start_time, coordinates)

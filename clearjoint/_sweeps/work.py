@@ -19,6 +19,7 @@ CONTACT = "contact"
 class Work:
     """All lanes of a sweep, in the form in which they can be run.
 
+    - `common`, `tasks`: what all lanes share, and the data of each lane, such as its end time.
     - `bodies`: names of the bodies along the dimension "body".
     - `bad`: numbers of the lanes with invalid parameters, or with nearly redundant constraints,
       which count as invalid parameters too; they are not run.
@@ -96,10 +97,8 @@ class Work:
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
         """Return the recorded rows, by name of the output and of the column, with their number as
-        "count".
-
-        For impact tables, all arrays have a dimension of contacts after that of the lanes.
-        """
+        "count". For impact tables, all arrays have a dimension of contacts after that of the
+        lanes."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
@@ -115,9 +114,10 @@ class Work:
 class Chunks:
     """Function that computes a chunk of a sweep, in this process or in a worker process.
 
-    `lanes` has the numbers of the lanes to run, by number of the chunk. `trace` returns digests of
-    the programs that the process in which it is called would run. Unless they equal those of
-    `work`, the process has other code than the one that made the sweep. ``None`` for no check.
+    - `lanes`: numbers of the lanes to run, by number of the chunk.
+    - `trace`: returns digests of the programs that the calling process would run. If they differ
+      from those of `work`, its code is not that of the process that made the sweep. ``None`` for no
+      check.
     """
 
     work: Work
@@ -135,7 +135,8 @@ class Chunks:
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
         # Lanes end in any order; here their results are sorted into the order of the chunk.
         lanes, results = concatenated(parts)
-        order = np.argsort(lanes)[np.searchsorted(np.sort(lanes), self.lanes[chunk])]
+        rising = np.argsort(lanes)
+        order = rising[np.searchsorted(lanes[rising], self.lanes[chunk])]
         return {name: values[order] for name, values in results.items()}
 
     def _require_same_code(self) -> None:

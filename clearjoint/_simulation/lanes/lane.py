@@ -45,7 +45,8 @@ lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
-    """Integration method and outputs, by name, that all lanes of a batch share."""
+    """Integration method, and outputs by name, that all lanes of a batch share. `saves`: whether
+    states are saved at given times; `impacts`: recorders of tables of impacts."""
 
     scheme: Scheme
     reductions: dict[str, AbstractReduction]
@@ -78,8 +79,8 @@ class Plan(eqx.Module):
 class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
 
-    - `window`: (`WINDOW`,) s, the times of the states that are saved from now on, in the order of
-      the rows of the emptied buffer; infinite where no such time is left.
+    - `window`: (`WINDOW`,) s, the next times to save at, for the rows of the emptied buffer and one
+      row more; infinite where no time is left.
     - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
       impacts.
     """
@@ -159,9 +160,9 @@ def begin_lane(
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
-    """Return a lane after one turn: it tries one step, unless its run has ended, it waits for the
-    host, or a state within its latest step is still to be saved; then it saves at most one state.
-    """
+    """Return a lane after one turn. It tries one step, unless its run has ended, it waits for the
+    host, or a state within its latest step is still to be saved. After that it saves one state, if
+    the lane has reached a time to save at."""
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))
     if lane.saved is None:
@@ -174,7 +175,7 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lan
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """Return the outcome of a lane so far, which is final if the lane has ended."""
+    """Return the outcome of a lane at its present time; it is final if the lane has ended."""
     system = plan.scheme.system(scene)
     step = lane.run.step
     now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
@@ -256,8 +257,8 @@ class Common(eqx.Module):
     - `channels[log][name]`: quantities that are reported for each recorded state of a log of
       crossings, or of saved states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: pairs of name and digest of the traced programs; empty if unknown. No compiled
-      program is reused that was traced from code that has changed since.
+    - `programs`: pairs of name and digest of the traced programs; empty if unknown. Only a compiled
+      program with the same digests is reused, so that none is of code that has changed since.
     """
 
     plan: Plan

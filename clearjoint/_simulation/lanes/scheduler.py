@@ -67,10 +67,12 @@ OnCells = BoundFunction | XlaFunction
 
 @dataclass(frozen=True)
 class Ended:
-    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n. Of each
-    log there are the recorded columns by name, (n, rows, ...), for the largest number of rows of
-    the log, with NaN behind the rows that a lane has recorded; and the numbers of recorded rows,
-    (n,)."""
+    """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
+
+    - `lanes`: (n,) numbers of the lanes.
+    - `logs[log]`: recorded columns by name, (n, rows, ...), with NaN after the last row that a lane
+      has recorded; and (n,) numbers of recorded rows.
+    """
 
     lanes: np.ndarray
     outcome: Outcome
@@ -79,9 +81,9 @@ class Ended:
 
 @dataclass(frozen=True)
 class Running:
-    """Progress of the lanes that have begun and not ended: their number, the smallest and the
-    largest simulated time that one of them has reached, s, and the estimated computing time until
-    all lanes of the batch have ended, s; ``None`` if there is no estimate yet."""
+    """Progress of the lanes that have begun and not ended: their number; the smallest and the
+    largest simulated time, s, that one of them has reached; and the estimated computing time, s,
+    until all lanes of the batch have ended, or ``None`` if there is no estimate yet."""
 
     lanes: int
     earliest: float
@@ -267,10 +269,12 @@ of its result columns, (blocks, cells), and the number of recorded rows."""
 class _Shared:
     """State that the groups of a batch share.
 
+    - `waiting`: numbers of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
     - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
+    - `finished`: set when a group has ended; `stops`: whether all groups are to end.
     """
 
     batch: Batch
@@ -297,7 +301,7 @@ class _Shared:
         return lanes
 
     def wait_for_caller(self) -> None:
-        """Wait while lanes that have ended have not been handed over for `LONGEST_WAIT`."""
+        """Wait while the caller has not received lanes that ended more than `LONGEST_WAIT` ago."""
         while (
             self.records and time.monotonic() - self.handed_over > LONGEST_WAIT and not self.stops
         ):
@@ -506,9 +510,9 @@ def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> dict[str, Numbers]:
-    """Return the columns of a log in the results of a sweep, arrays (R,) by name, for R recorded
-    rows, each one record as a flat array: `rows`, (R, n). Of the example of a record in `shared`,
-    only the structure and the shapes are used."""
+    """Return the columns (R, ...) of a log by name, for `rows`, (R, n), each with the numbers of
+    one record. `shared` has the common data, the name of the log, and an example of a record, of
+    which only structure and shapes are used."""
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
     # Some columns are quantities such as a contact force, which depend on the lane's scene too.

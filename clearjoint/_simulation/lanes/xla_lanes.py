@@ -41,9 +41,9 @@ class XlaLaneLoop(AbstractLaneLoop):
     """A loop over lanes compiled by XLA.
 
     **Arguments:** `turn`: function (shared, own, state) that returns the state of a lane after a
-    turn, an equal one if the lane waits, because the turns of other lanes may go on; `status`:
-    function of the same that returns scalars by name, among them "moves", which is false if the
-    lane waits; `shared`: data of all lanes; `own`, `state`: examples of those of one lane.
+    turn; it leaves a lane that waits unchanged, since other lanes may go on. `status`: function of
+    the same arguments that returns scalars by name, among them "moves", which is false if the lane
+    waits. `shared`: data of all lanes. `own`, `state`: example of the data and state of one lane.
     """
 
     def __init__(

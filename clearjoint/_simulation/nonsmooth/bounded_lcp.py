@@ -81,7 +81,7 @@ class BoxProblem:
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
         """Return the impulse of row i, N s, that satisfies the row's conditions while all other
-        impulses stay; so far the row has the impulse x, N s, and the `velocity`, m/s."""
+        impulses stay. Its present impulse is x, N s, and its present `velocity` is in m/s."""
         return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
@@ -116,12 +116,17 @@ class BoxProblem:
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
             meets = [(part <= share) & (part < 1.0) for part in shares]
+
             # A row that meets a bound gets exactly this bound, so that later comparisons with the
             # bound do not depend on rounding.
-            moved = [
-                jnp.where(meet, jnp.where(d < 0.0, *bounds), jnp.clip(a + share * d, *bounds))
-                for a, d, meet, bounds in zip(x, change, meets, self._bounds, strict=True)
-            ]
+            def moved_impulse(
+                a: Scalar, d: Scalar, meet: Condition, bounds: tuple[Scalar, Scalar]
+            ) -> Scalar:
+                bound = jnp.where(d < 0.0, *bounds)
+                return jnp.where(meet, bound, jnp.clip(a + share * d, *bounds))
+
+            rows = zip(x, change, meets, self._bounds, strict=True)
+            moved = [moved_impulse(*row) for row in rows]
             still_free = [f & jnp.logical_not(meet) for f, meet in zip(free, meets, strict=True)]
             # A step of full length reaches the minimum over the rows that are still free.
             return moved, still_free, share >= 1.0

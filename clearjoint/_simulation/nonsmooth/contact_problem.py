@@ -49,10 +49,10 @@ NEGLIGIBLE = 1e-9
 impulses have to change, but not to smaller ones than this: those of a block at rest are rounding
 errors of 1e-17 m/s, of which no residual is a small fraction."""
 ROUNDED = 1e-3
-"""Part of the largest contact velocity of a problem, to which the residual of a part of it is
-relative at least. Velocities along the slip of a block at rest are differences of its normal ones,
-and below 1e-16 of them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above.
-"""
+"""The residuals of the normal and of the friction impulses are relative to the velocities that
+these impulses have to change, but not to smaller ones than this part of the largest of all.
+Velocities along the slip of a block at rest are differences of its normal ones, and below 1e-16 of
+them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 """Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
@@ -60,10 +60,12 @@ the factor could be negative, or arbitrarily large if two successive changes are
 
 
 class Alternation(NamedTuple):
-    """State after one turn of the alternation between normal and tangential impulses: the impulses
-    that the turn has found, N s, and their relative residual; the number of turns; the tangential
-    impulses with which the next turn begins, `tried`, which are those of this turn's beginning plus
-    `factor` times their `change`."""
+    """State after one turn of the alternation between normal and tangential impulses, N s.
+
+    - `normal`, `tangential`, `residual`: impulses that the turn has found, and their residual.
+    - `tried`: tangential impulses for the next turn: those with which this turn has begun, plus
+      `factor` times their `change` to `tangential`.
+    """
 
     normal: Impulses
     tangential: Impulses
@@ -100,7 +102,8 @@ class Touch:
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
     """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
-    bodies. Raise a `ValueError` for a thrust face whose friction has a moment."""
+    bodies. Raise a `ValueError` for a thrust face whose friction has a moment, and for friction of
+    an ideal joint."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -117,7 +120,7 @@ def _touch(
     expected = f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
     require(has_no_moment, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
-    # Its bound is a constant load, not an impulse that the step finds.
+    # The friction of an ideal joint is bounded by a constant load, not by an impulse of the step.
     is_contact, remedy = not isinstance(joint, JointFriction), "leave it out, or take simulate()"
     expected = "a joint with contacts, not friction of an ideal joint"
     require(is_contact, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
@@ -135,8 +138,7 @@ def _touch(
     # opens in the opposite direction.
     normal = row(-contact.normal)
     # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
-    # force along the normal. So has one with a force beside the normal, of which the part that is
-    # elastic has no impulse.
+    # force along the normal. So has one with a `SideForce`, whose elastic part has no impulse.
     if contact.side is not None:
         contact = replace(contact, side=replace(contact.side, elastic=ZERO))
     if contact.turning is not None or contact.side is not None:
@@ -238,8 +240,8 @@ class ContactProblem:
     def velocities_after(
         self, velocities: Sequence[Scalar], impulses: Impulses, rows: range, columns: range
     ) -> list[Scalar]:
-        """Return the velocities along `rows` after impulses along `columns`, both ranges of indices
-        in `self.rows`."""
+        """Return the velocities along `rows`, which are `velocities` before, after impulses along
+        `columns`; both are ranges of indices in `self.rows`."""
         return [
             add(velocity, inner([self._entry(i, j) for j in columns], impulses))
             for i, velocity in zip(rows, velocities, strict=True)
@@ -271,13 +273,14 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows`, and the relative residual,
         which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of those of the normal impulses, of the friction impulses, and
-        of the opening velocity by which the two do not fit each other, each relative to the largest
-        velocity at closed contacts that the impulses of its problem have to change, but at least to
-        `ROUNDED` times the largest of all, and to `NEGLIGIBLE`. `slips` are the velocities along
-        the slip directions without impulses.
+        The residual is the largest of those of the normal impulses and of the friction impulses,
+        both relative to the largest velocity at closed contacts that these impulses have to change,
+        but at least to `ROUNDED` times the largest of all, and to `NEGLIGIBLE`; and of the opening
+        velocity by which the two do not fit each other, relative to the largest of all.
+        `aims`: as in `normal_impulses`; `slips`: velocities along the slip directions without
+        impulses.
         """
-        if not slips:
+        if not slips:  # without friction
             return self.normal_impulses(closed, aims)
         # `owner` is the index of the contact to which each tangential row belongs.
         count, size = self._count, len(self.rows)

@@ -40,16 +40,17 @@ from .contact_problem import require_restitution, restitutions
 from .moreau_jean import SOLVED, ContactStep, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
-"""Tolerance of the check that a driver, a constraint that prescribes a motion as a function of
-time, is smooth over a step: of the change of its rate less the integral of its second time
-derivative, relative to a measure of the magnitude of the rate, and of the change of its value less
-the integral of its rate, relative to this measure times the step's length. For a smooth driver,
-both are far smaller."""
+"""Tolerance within which a driver, a constraint that prescribes a motion as a function of time,
+must be smooth over a step: the change of its rate must agree with the integral of its second time
+derivative, relative to a measure of the magnitude of the rate, and the change of its value with the
+integral of its rate, relative to this measure times the step's length. For a smooth driver, both
+differences are far smaller."""
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps: whether each contact had an impulse in the last step, its totals
-    since the start, and the largest residual and the number of steps that did not fail."""
+    """A run between two steps: whether each contact was `touching` in the last step, that is, had
+    an impulse; its `totals` since the start; and the largest `residual` and the number of the
+    `steps` that did not fail."""
 
     t: Scalar
     variables: MotionVariables

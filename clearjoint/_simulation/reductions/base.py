@@ -84,15 +84,17 @@ class AbstractReduction(AbstractConverting):
     def instants(
         self, results: Mapping[str, Scalar], span: tuple[float, float]
     ) -> tuple[float, ...]:
-        """Return the instants, s, in a run over the time `span`, s. There are `results` if the
-        reduction `finds_instants`."""
+        """Return the instants, s, at which `observed` quantities are evaluated, and until which
+        `integrands` are integrated, in a run over the time `span`, s. `results` of the run are
+        given if the reduction `finds_instants`; otherwise the dictionary is empty."""
         raise NotImplementedError
 
     def combined(
         self, values: Float[Array, "instants values"], instants: tuple[float, ...]
     ) -> dict[str, Scalar]:
-        """Return the `differentiated` results from the values of the `observed` quantities and of
-        the integrals of the `integrands` at the instants. JAX differentiates this function."""
+        """Return the `differentiated` results. Row k of `values` has the `observed` quantities at
+        instant k, and the integrals of the `integrands` until then. JAX differentiates this
+        function."""
         raise NotImplementedError
 
     def check(self, scene: Scene) -> None:
@@ -139,7 +141,8 @@ class AbstractReduction(AbstractConverting):
 
 
 def result_name(name: str, part: str) -> str:
-    """Return the name, in the outputs of a run, of a part of the output `name`."""
+    """Return the name of a part of an output in the outputs of a run, such as "force_time" for the
+    part "time" of the output "force"; "force" for the part ""."""
     return f"{name}_{part}" if part else name
 
 
@@ -179,7 +182,6 @@ class TimeSpan:
         return math.inf if self.until is None else self.until
 
     def holds(self, time: Scalar) -> Condition:
-        """Return whether a time, s, is in the window."""
         return (time >= self.start) & (time < self.end)
 
     def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:

@@ -22,8 +22,8 @@ LOSSES = ("normal damping", "friction", "film")
 
 
 class CountTally(NamedTuple):
-    """Tally of `ImpactCount`: the onsets so far, whether each contact touches, by label, and the
-    time at the end of the latest step, s; ``None`` if the window is the whole run."""
+    """Tally of `ImpactCount`: the onsets in the window so far; by label, whether each contact
+    touches; and the end of the latest step, s, or ``None`` if the window is the whole run."""
 
     count: Scalar
     touching: dict[str, Condition]
@@ -85,9 +85,10 @@ class ImpactCount(AbstractWindowedReduction):
 
 
 class LossTally(NamedTuple):
-    """Tally of a reduction of losses: the start of the run and the end of the latest step, s, and
-    the energies, J, dissipated so far up to the edges of the window. `time` and `at_end` are
-    ``None`` if the window is the whole run."""
+    """Tally of a reduction of losses: the start of the run, `begin`, and the end of the latest
+    step, `time`, s; and the energies, J, dissipated up to the start and the end of the window, or
+    up to `time` if that is earlier. `time` and `at_end` are ``None`` for a window of the whole
+    run."""
 
     begin: Scalar
     at_begin: Scalar

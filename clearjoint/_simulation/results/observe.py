@@ -364,8 +364,8 @@ def in_chunks(
     program: Native[..., Parts], fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
     """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call, and return the
-    results as NumPy arrays. It is a function of `fixed`, of the number of states to look at, and of
-    `CHUNK` rows."""
+    results as NumPy arrays. The arguments of the program are `fixed`; the number of rows to
+    compute, from the first on; and `CHUNK` rows."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
 
     def chunk(rows: np.ndarray, first: int) -> np.ndarray:
@@ -391,7 +391,8 @@ def observe_compiled(
     times: Numbers,
     states: State,
 ) -> Observation:
-    """Return the observation at N times and states, without the integrals of the energy ledger."""
+    """Return the observation at the first `count` of N times and states, without the integrals of
+    the energy ledger. `unique`: whether reactions are unique."""
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 

@@ -163,16 +163,16 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
     positions, velocities = np.asarray(body.position), np.asarray(body.velocity)
-    ends = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
-    position, velocity = _along(*ends, x, h)
+    start, end = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
+    position, velocity = _along(start, end, x, h)
     orientations, spins = np.asarray(body.orientation), np.asarray(body.spin)
     first, second = orientations[left], orientations[left + 1]
     # Both signs of Euler parameters are the same orientation: take the nearer one.
     sign = np.where(np.sum(first * second, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     # The rate of the Euler parameters p is the quaternion product p (0, w)/2, where w is the spin.
     rates = 0.5 * _product(orientations, np.pad(spins, ((0, 0), (1, 0))))
-    ends = Slope(first, rates[left]), Slope(sign * second, sign * rates[left + 1])
-    orientation, rate = _along(*ends, x, h)
+    turned = Slope(sign * second, sign * rates[left + 1])
+    orientation, rate = _along(Slope(first, rates[left]), turned, x, h)
     # The same relation gives the spin, (0, w) = 2 p^-1 dp/dt. Its scalar part is left out: it is
     # not zero inside the step, only because the size of the interpolated p changes there.
     size = np.linalg.norm(orientation, axis=1, keepdims=True)
@@ -414,14 +414,10 @@ class FinishedRun(Protocol):
     """Type of the result of any kind of run."""
 
     @property
-    def time(self) -> Scalar:
-        """Time at which the run ended, s."""
-        ...
+    def time(self) -> Scalar: ...
 
     @property
-    def result(self) -> RESULTS:
-        """The `RESULTS` code."""
-        ...
+    def result(self) -> RESULTS: ...
 
 
 def is_abstract(tree: PyTree) -> bool:

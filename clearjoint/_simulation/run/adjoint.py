@@ -47,7 +47,7 @@ Values = dict[str, Numbers]
 
 class StepRow(NamedTuple):
     """What is recorded of an accepted step: all of the `Step` before it that its derivative needs,
-    and the time of its end, s since the start of the run."""
+    and `t1`, the time of its end, s since the start of the run."""
 
     t: Scalar
     y: PyTree
@@ -98,7 +98,8 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Return the PyTree like an example of which `in_one_array` is `numbers`."""
+    """Invert `in_one_array`: return the PyTree with the given numbers, and with the structure,
+    shapes and dtypes of an example."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -112,8 +113,8 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of the accepted steps of a run with tangents, as rows `in_one_array`. The caller
-    must empty the buffer when it is full."""
+    """Recorder of the accepted steps of a run with tangents: a `StepRow` each, by `in_one_array`.
+    The caller must empty the buffer when it is full."""
 
     capacity: int = eqx.field(static=True)
 
@@ -134,10 +135,14 @@ Reductions = dict[str, ReductionRecorder]
 
 
 class Adjoint(eqx.Module):
-    """What runs at different values of their parameters have in common: the method, the scene along
-    a direction of the parameters, the reductions that find instants of the motion, the scene's time
-    at the start and at the end and the length of the first step, s, and the largest number of
-    attempts."""
+    """What runs at different values of their parameters have in common.
+
+    - `family`: the scene, with its derivative along a direction of the parameters.
+    - `reductions`: recorders of those reductions that find instants of the motion.
+    - `origin`, `end`: s, the scene's time at the start and at the end of the run.
+    - `first_step`: s, length of the first step.
+    - `max_steps`: largest number of attempts.
+    """
 
     scheme: Scheme
     family: DirectedScene
@@ -154,7 +159,7 @@ class Adjoint(eqx.Module):
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with derivatives along the
-        guard's direction, or along another one, of which they are then linear functions."""
+        guard's direction; with a `direction`, along this one, as linear functions of it."""
         family = replace(self.family, values=values)
         if direction is not None:
             family = replace(family, direction=direction)
@@ -174,7 +179,6 @@ class Adjoint(eqx.Module):
         )
 
     def start(self, values: PyTree, rows: int) -> Progress:
-        """Return a run before its first step."""
         family = replace(self.family, values=values)
         first = first_step_of(self.scheme, family, self.origin, self.end, self.first_step)
         return self.loop(values, rows).start(first)
@@ -240,7 +244,8 @@ def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt
 def _observed(
     systems: SystemFamily, method: Method, tried: Attempt, time: Scalar, outputs: Mapping
 ) -> Values:
-    """Return the derivatives of quantities at a time, s since the start, in an accepted step."""
+    """Return the derivatives of quantities, along the tangents of the accepted step `tried`, at a
+    time inside the step, s since the start of the run."""
     dense = look_inside(method, systems.system(), tried, time)
     along = look_at_tangents(method, tried, time, dense[1])
 
@@ -266,8 +271,8 @@ def values_at(
     rows: Numbers,
     times: Numbers,
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run, of which each lies in
-    the step of its row."""
+    """Return quantities, (N,) each, at N times, s since the start of the run. The k-th time lies in
+    the step that row k of `rows` records."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
@@ -301,9 +306,9 @@ def pulled_outputs(
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Return the transpose of the map from the tangents of steps, and the direction, to the
-    derivatives of quantities at N times as in `values_at`: the cotangents of the tangents of each
-    step, (N, n), and the sum of those of the direction."""
+    """Pull `cotangents` of the derivatives of quantities, at N times as in `values_at`, back
+    through the map from tangents of steps, and direction, to these derivatives. Return the
+    cotangents of the `StepTangents` of each step, (N, m), and the sum of those of the direction."""
     method, system = run.scheme.method, run.systems(values).system()
     none = jax.tree.map(jnp.zeros_like, values)
 
@@ -316,9 +321,10 @@ def pulled_outputs(
             attempt = replace(tried, step=step, tangents=tangents.inside)
             return _observed(run.systems(values, direction), method, attempt, time, outputs)
 
-        pulled, by_direction = jax.linear_transpose(along, example_of(run, example), none)(
-            {name: seed[None] for name, seed in seeds.items()}
-        )
+        # `along` is linear in both arguments. JAX transposes it for arguments like these examples.
+        transposed = jax.linear_transpose(along, example_of(run, example), none)
+        # A derivative has a first axis of length 1, since there is one tangent.
+        pulled, by_direction = transposed({name: seed[None] for name, seed in seeds.items()})
         return jax.tree.map(jnp.add, total, by_direction), in_one_array(pulled)
 
     total, pulled = jax.lax.scan(pull, none, (rows, times, cotangents))
@@ -326,8 +332,8 @@ def pulled_outputs(
 
 
 class Pulled(NamedTuple):
-    """Cotangents of the tangents before the first of `count` steps, `in_one_array`, and `total`,
-    those of the direction of the parameters."""
+    """Cotangents of the tangents after the first `count` steps, as one array, and `total`, those of
+    the direction of the parameters, from the outputs and all later steps."""
 
     count: Integers
     cotangents: Numbers
@@ -335,9 +341,12 @@ class Pulled(NamedTuple):
 
 
 class PulledSteps(NamedTuple):
-    """Steps through which cotangents are pulled back: their rows, (M, n); `added`, (A, m),
-    cotangents of the `StepTangents` of some of them; and for each step the number of its row of
-    `added`, (M,), of which the first has zeros."""
+    """Steps through which cotangents are pulled back.
+
+    - `rows`: (M, n), a `StepRow` for each step.
+    - `added`: (A, m), cotangents of the `StepTangents` of some steps; the first row has zeros.
+    - `places`: (M,), for each step the index of its row in `added`, 0 for none.
+    """
 
     rows: Numbers
     added: Numbers
@@ -379,7 +388,8 @@ def backward(
 
 @Native
 def pulled_start(run: Adjoint, values: PyTree, cotangents: Tangents) -> PyTree:
-    """Return the transpose of the map from the direction to the tangents before the first step."""
+    """Pull `cotangents` back through the map from the direction of the parameters to the tangents
+    before the first step."""
 
     def along(direction: PyTree) -> Tangents | None:
         family = run.systems(values, direction).family

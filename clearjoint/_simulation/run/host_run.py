@@ -156,8 +156,8 @@ segment_compiled = Native(segment)
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start: packed scene, scheme, what it keeps, with the recorders for
-    it, end time, s, and names of redundant constraints."""
+    """A run that is ready to start: packed scene, scheme, what is `requested` and its recorders,
+    end time, s, and names of redundant constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme

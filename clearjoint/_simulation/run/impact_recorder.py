@@ -177,7 +177,7 @@ class ContactSoFar(eqx.Module):
         # The peak mostly lies inside a step, not at its ends.
         peak, depth = peak_in_step(law, start, end, h)
         stronger = peak.value > row.peak_force
-        before, after = _depths(law, start, end)
+        first, last = _depths(law, start, end)
         over = end_in_step(law, start, end, h)
         # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
         # steps land at the ends of contacts, the rate there needs no interpolation.
@@ -185,7 +185,7 @@ class ContactSoFar(eqx.Module):
             onset=row.onset,
             separation=t0 + h * over,
             entry_speed=row.entry_speed,
-            exit_speed=-(end.gap.rate if lands else hermite_rate(over, before, after, h)),
+            exit_speed=-(end.gap.rate if lands else hermite_rate(over, first, last, h)),
             peak_force=jnp.where(stronger, peak.value, row.peak_force),
             peak_time=jnp.where(stronger, t0 + h * peak.x, row.peak_time),
             largest_penetration=jnp.maximum(row.largest_penetration, depth),
@@ -199,13 +199,13 @@ class ContactSoFar(eqx.Module):
             # The peaks of a contact that began in this step are minus infinity, so that its first
             # whole step, the next one, sets them. Hardly any part of the contact is in this step.
             unset = jnp.full_like(row.peak_force, -jnp.inf)
-            peak_force, peak_time, depth = unset, t1, unset
+            peak_force, peak_time, largest_penetration = unset, t1, unset
         else:
             # The contact may have begun long before the end of the step, and may already recede
             # there.
-            x = hermite_root(before, after, h)
-            onset, speed = t0 + h * x, hermite_rate(x, before, after, h)
-            peak_force, peak_time = peak.value, t0 + h * peak.x
+            x = hermite_root(first, last, h)
+            onset, speed = t0 + h * x, hermite_rate(x, first, last, h)
+            peak_force, peak_time, largest_penetration = peak.value, t0 + h * peak.x, depth
         # The separation and the exit speed are still unknown, so these fields get any numbers.
         fresh = ImpactRow(
             onset=onset,
@@ -214,7 +214,7 @@ class ContactSoFar(eqx.Module):
             exit_speed=end.gap.rate,
             peak_force=peak_force,
             peak_time=peak_time,
-            largest_penetration=depth,
+            largest_penetration=largest_penetration,
         )
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
@@ -272,7 +272,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         # those of other joints are recorded or not.
         count = sum(map(len, laws.values()))
 
-        def after(name: str, label: str) -> ContactRecord:
+        def contact_after(name: str, label: str) -> ContactRecord:
             recorded = record[name][label]
             law, end = laws[name][label], ends[name][label]
             arguments = recorded.contact, law, t0, t1, end, lands
@@ -286,7 +286,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             rows = recorded.rows.with_row(row, written)
             return ContactRecord(choose(accepted, contact, recorded.contact), rows)
 
-        return each_label(after, record)
+        return each_label(contact_after, record)
 
     def _instants(
         self, method: Method, system: System, now: Instant, step: Step

@@ -161,9 +161,9 @@ class Requested:
                     check_quantity("quantity", output, scene)
 
     def check_names(self) -> None:
-        """Check that arrays in files can get the names of the outputs, that no part of a reduction,
-        such as "peak_time", has the name of another output, and that quantities have sample times,
-        or raise a `ValueError`."""
+        """Raise a `ValueError` for names of outputs that arrays in files can't have, for a part of
+        a reduction, such as "peak_time", with the name of another output, and for quantities
+        without sample times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
         parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
         twice = sorted(parts & set(self.outputs))

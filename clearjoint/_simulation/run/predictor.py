@@ -72,7 +72,7 @@ class Predictor:
     ):
         self._settings, self._span, self._times = settings, span, times
         self._outputs = outputs
-        derivative_scheme(scene, state, settings, span[0])
+        derivative_scheme(scene, state, settings, span[0])  # raises errors of unsuitable arguments
         numbers, changes = parts_of(scene, state, paths)
         self.values: dict[str, PyTree] = numbers
         scene, state = with_arrays((scene, state))
@@ -178,9 +178,12 @@ class Predictor:
     ) -> list[RecordedRun | None]:
         """Return the runs at values of the parameters, those that were made before or new ones. An
         invalid or failed run raises an error, or is ``None`` with `or_nan`."""
+        # A run is kept by the bytes of its parameters. Kept runs are taken out here and put back
+        # below, so that the last ones in `_runs` are those used last.
         keys = [b"".join(leaf.tobytes() for leaf in jax.tree.leaves(at)) for at in values]
         runs = {key: run for key in keys if (run := self._runs.pop(key, None)) is not None}
         missing = {key: at for key, at in zip(keys, values, strict=True) if key not in runs}
+        # Runs of one recorder are computed side by side.
         by_recorder: dict[Recorder, list[bytes]] = {}
         for key, at in missing.items():
             try:
@@ -213,6 +216,7 @@ class Predictor:
             formulation = replace(scheme.formulation, integrands=integrands_of(reductions))
             method, numbers = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
             assert method.derivative_tolerance is not None
+            # The derivative along the guard's direction stands for those by all numbers.
             if numbers > 1:
                 tolerance = GUARD_TOLERANCE * method.derivative_tolerance
                 method = replace(method, derivative_tolerance=tolerance)
@@ -247,7 +251,8 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the axes that arrays have before those of the `examples`."""
+    """Return the shape of a batch: the lengths of the axes that arrays have before those of the
+    `examples`, which are elements of the batch."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -255,7 +260,8 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements of a batch of the given shape, whose first axes may have length 1."""
+    """Return the elements, each like `examples`, of a batch of the given shape, to which the first
+    axes of `arrays` are broadcast."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
         own = np.shape(example)
@@ -284,7 +290,7 @@ def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
 
 
 def on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
-    """Return the result of a function of arrays that Python computes, of known `shapes`."""
+    """Return the result, of known `shapes`, of a function of NumPy arrays, also if JAX traces."""
     if is_traced(arguments):
         return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
     # A callback would wrap the error of a run that fails in one of JAX's own.

@@ -49,8 +49,9 @@ T = TypeVar("T")
 
 
 class _Segment(NamedTuple):
-    """A part of a run: the numbers of the `Step` before it, the ends of its steps, s, (M,), and
-    their rows, (M, n). If the rows are to be computed again, those of some steps are `picked`."""
+    """A part of a run: the numbers of the `Step` before it, the `ends` of its M steps, s, and their
+    `rows`, (M, n). If the rows are to be computed again, these are ``None``, and `picked` has those
+    of some steps, by number in the segment."""
 
     start: np.ndarray
     ends: np.ndarray
@@ -97,13 +98,12 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return a step of the structure of all steps, the same one for all runs."""
+        """Return the first step that was passed here, as an example of the steps of all runs."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
 
     def recorded(self, values: Sequence[PyTree]) -> "list[RecordedRun]":
-        """Return runs at values of the parameters."""
         recordings: dict[int, _Recording] = {}
         if len(values) > 1 and self.has_lanes:
             recordings = self._or_refused(lambda: _in_lanes(self, values)) or {}
@@ -115,8 +115,8 @@ class Recorder:
     def gradients(
         self, runs: "Sequence[RecordedRun]", cotangents: Sequence[dict[str, np.ndarray]]
     ) -> list[PyTree]:
-        """Return the derivatives by all parameters of the sums over outputs of runs, which may
-        occur several times, each times the cotangents of the same number."""
+        """Return for each run the derivatives, by all parameters, of the sum of its outputs times
+        its cotangents. A run may occur several times, with different cotangents."""
 
         def seeds_of(number: int) -> Seeds:
             return runs[number].pulled_outputs(cotangents[number])
@@ -234,8 +234,8 @@ class RecordedRun:
         return combined
 
     def pulled_outputs(self, cotangents: dict[str, np.ndarray]) -> "Seeds":
-        """Return the cotangents that those of the outputs, (N,) each or, of reductions, numbers,
-        give the steps in which they are evaluated."""
+        """Pull cotangents of the outputs, (N,) of a quantity and numbers of a reduction's results,
+        back to the steps in which the outputs are evaluated."""
         recorder, samples = self.recorder, self._samples
         if recorder.outputs.reductions:
             (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
@@ -254,11 +254,11 @@ class RecordedRun:
         return all(segment.rows is not None for segment in self.segments)
 
     def rows(self) -> np.ndarray:
-        """Return the rows of all steps, (M, n)."""
         return np.concatenate([self.rows_of(segment) for segment in self.segments])
 
     def gradient(self, seeds: "Seeds") -> PyTree:
-        """Return the derivatives, by all parameters, of the sum over tangents times `seeds`."""
+        """Return the derivatives, by all parameters, of the sum of the run's tangents times
+        `seeds`."""
         now = Pulled(np.asarray(0), seeds.end, seeds.total)
         first = sum(len(segment.ends) for segment in self.segments)
         last = seeds.steps_needed(first)
@@ -275,16 +275,20 @@ class RecordedRun:
         return self.gradient_from(now)
 
     def gradient_from(self, start: Pulled) -> PyTree:
-        """Return the derivatives by all parameters, from the cotangents before the first step."""
+        """Return the derivatives by all parameters; `start` has the cotangents of the tangents
+        before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
         along = adjoint.pulled_start(self.recorder.run, self.at, before)
         return jax.tree.map(np.add, start.total, along)
 
 
 class Seeds(NamedTuple):
-    """Cotangents of the tangents at the `end` of a run, `in_one_array`; `total`, those of the
-    direction of the parameters at fixed tangents; and those of the `StepTangents` of the steps of
-    the numbers `places`, (K,), as rows of the array `pulled`, (K, m)."""
+    """Cotangents with which a backward loop begins.
+
+    - `end`: of the tangents at the end of the run, as one array.
+    - `total`: of the direction of the parameters at fixed tangents.
+    - `pulled`: (K, m), of the `StepTangents` of the steps with the numbers `places`, (K,).
+    """
 
     end: np.ndarray
     total: PyTree
@@ -292,7 +296,7 @@ class Seeds(NamedTuple):
     places: np.ndarray
 
     def steps_needed(self, steps: int) -> int:
-        """Return how many of a run's steps, from its start, the cotangents are pulled back through:
+        """Return through how many of a run's `steps`, from its start, cotangents are pulled back:
         those up to the last one that has any."""
         if self.end.any():
             return steps
@@ -300,8 +304,10 @@ class Seeds(NamedTuple):
         return int(places.max(initial=-1)) + 1
 
     def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
-        """Return the steps from `first` to before `last` of the run, which begin the `rows`, with
-        `room` for the cotangents of so many of them."""
+        """Return the steps with the numbers `first` to `last` - 1 of the run. Their rows are the
+        first ones of `rows`, and `room` of them may have cotangents."""
+        # Row 0 of `added` stays zero, for steps without cotangents. Steps in which outputs are
+        # evaluated at several times get the sum of their cotangents.
         added = np.zeros((room + 1, self.pulled.shape[1]))
         places = np.zeros(len(rows), int)
         here = np.flatnonzero((first <= self.places) & (self.places < last))
@@ -312,7 +318,6 @@ class Seeds(NamedTuple):
 
 
 def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
-    """Record a run, in segments."""
     run, kept = recorder.run, 0
     own_end, limit = float(run.end - run.origin), int(run.max_steps)
     step, tallies = adjoint.begun(run, at)
@@ -384,9 +389,11 @@ def _through(
     serve: Callable[[L, np.ndarray, bool], bool],
 ) -> None:
     """Run lanes in the columns of a loop, one after the other. `begin` returns the cells of a
-    lane's own data and of its state. `serve` is called with a lane, the cells of its column, and
-    whether it moves, each time that a lane has stopped, and returns whether the lane goes on."""
+    lane's own data and of its state. Each time that the loop has returned, `serve` is called for
+    each lane, with the cells of its column and whether it moves; it returns whether the lane goes
+    on."""
     columns, waiting = loop.columns(shared), deque(lanes)
+    # The lane in each column; ``None`` for an empty one.
     slots: list[L | None] = [None] * loop.width
     while True:
         for number, lane in enumerate(slots):
@@ -421,6 +428,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     numbers, cells = own.rows(_stacked(values)), begin_rows.results
     first = jax.tree.map(lambda leaf: leaf[0], cells.trees(begin_rows(numbers[:1])))
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
+    # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
     places = cells.columns().records[STEPS]
     start, width = loop.state_cells.start, places.rows.shape[1]
     rows_from, count_at = start + int(places.rows[0, 0]), start + int(places.count)
@@ -439,11 +447,13 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         rows = column[rows_from : rows_from + count * width].reshape(count, width)
         lane.rows.append(np.array(rows))
         integers[count_at] = 0
+        # The run goes on with an empty buffer, unless it has too many steps to be kept.
         if integers[runs_at]:
             return lane.bytes_kept() <= KEPT_BYTES
         state = cells.trees(column[None, loop.state_cells])
         last = jax.tree.map(lambda leaf: leaf[0], state)
         rows = np.concatenate(lane.rows)
+        # All rows are kept, so that no segment is computed again from a `start`.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(np.zeros(0), piece[:, -1].copy(), piece) for piece in pieces]
         recordings[lane.number] = _Recording(segments, last.step, last.records[REDUCTIONS])
@@ -468,8 +478,8 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the steps that come next, of which `left` were given to the lane before, and their
-        number."""
+        """Return the next steps to pull back through, and their number. `left` of the steps that
+        were given to the lane before are not done, and are among them."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
@@ -480,12 +490,15 @@ class _PulledLane:
 def _gradients_in_lanes(
     recorder: Recorder, runs: Sequence[RecordedRun], seeds_of: Callable[[int], Seeds]
 ) -> list[PyTree]:
+    # A lane pulls the cotangents of one run back. Its own data are the parameters and up to
+    # `LANE_ROWS` steps; when it has passed most of these, they are replaced by the steps before.
     example = runs[0].example
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
     tangents = sum(map(np.size, jax.tree.leaves(example.tangents)))
     inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
     width = runs[0].rows_of(runs[0].segments[0]).shape[1]
+    # Examples of a lane's data and state, for the loop's layout.
     steps = PulledSteps(
         np.zeros((LANE_ROWS, width)), np.zeros((room + 1, inside)), np.zeros(LANE_ROWS, int)
     )
@@ -495,6 +508,8 @@ def _gradients_in_lanes(
     shared = recorder.run, example
     loop = made_lane_loop(_pulled_lane, _status_of_pulled_lane, (shared, own, state))
     own_cells, steps_cells, state_cells = Cells(own), Cells(steps), Cells(state)
+    # In a lane's column: the cells of its steps, the last ones of its own data, and that of the
+    # number of steps through which to pull back.
     steps_at = slice(loop.own_cells.stop - steps_cells.size, loop.own_cells.stop)
     count_at = loop.state_cells.start + int(state_cells.columns().count)
 
@@ -510,6 +525,7 @@ def _gradients_in_lanes(
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         lane, left = lanes[number], int(column[count_at : count_at + 1].view(np.int64)[0])
+        # Lanes that will soon be through are served with those that are, since they would stop all.
         if moves and left > LANE_ROWS // 2:
             return True
         if left == 0 and lane.first == 0:

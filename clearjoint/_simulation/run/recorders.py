@@ -50,7 +50,6 @@ class RowBuffer(eqx.Module, Generic[R]):
         return jax.tree.leaves(self.rows)[0].shape[0] - 1
 
     def is_full(self) -> Condition:
-        """Return whether there is no room for another row."""
         return self.count >= self.capacity
 
     def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":
@@ -92,8 +91,8 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 class TangentPeak(NamedTuple):
     """Largest derivative of a speed of the motion by each of p parameters over all accepted steps,
-    the time when it was reached, s since the start of the run, and the largest derivative of a
-    position since then, (p,) each."""
+    `size`; the `time` when it was reached, s since the start of the run; and the largest derivative
+    of a position since then; (p,) each."""
 
     size: jax.Array
     time: jax.Array

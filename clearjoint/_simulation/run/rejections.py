@@ -89,7 +89,7 @@ class RejectionRecord(NamedTuple):
 
 
 class RejectionRecorder(AbstractRecorder[RejectionRecord]):
-    """Recorder of rejected steps. Its record, unlike those of others, changes with these.
+    """Recorder of rejected steps. Its record changes after these, unlike other records.
 
     - `earliest`: s, time of the scene before which rejected steps are ignored.
     - `capacity`: number of rows in the buffer. Further steps are only counted.
@@ -111,6 +111,7 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
         assert rejected is not None, "only in a record of accepted attempts"
         is_late = step_outcome.system.clock(t) >= self.earliest
         reasons = {reason: is_late & is_true for reason, is_true in rejected.reasons.items()}
+        # At most one reason is true (see `decide_step`), so that the sum is its index.
         number = sum(REASONS.index(reason) * is_true for reason, is_true in reasons.items())
         row = RejectedRow(t, rejected.t1 - t, jnp.asarray(number, float))
         counts = {n: count + reasons.get(n, 0) for n, count in record.counts.items()}
@@ -154,7 +155,6 @@ class RejectedSteps:
 
     @property
     def recorder(self) -> RejectionRecorder:
-        """The recorder of the rejected steps of a run."""
         earliest = on_device(-math.inf if self.after is None else self.after)
         return RejectionRecorder(earliest, self.count)
 
@@ -163,7 +163,7 @@ class RejectedSteps:
 
 
 def rejections_of(record: RejectionRecord, origin: float = 0.0) -> Rejections:
-    """Return the table of a record of a run whose clock was zero at `origin`, s."""
+    """Return the table of a record. `origin` is the scene's time when the run's clock was 0, s."""
     start, length, numbers = (np.asarray(column) for column in record.rows.filled())
     reasons = np.array([REASONS[int(k)].value for k in numbers], dtype=object)
     counts = {reason.value: int(record.counts[reason]) for reason in REASONS}

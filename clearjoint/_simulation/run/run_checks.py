@@ -210,7 +210,6 @@ class StartValues(NamedTuple):
 def start_values(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartValues:
-    """Return the values for the checks of a start at a time t, s."""
     scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
     motions = free_motions(scene, state.bodies)
     depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
@@ -230,7 +229,7 @@ def _passes(
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
-    if not scene.joints:
+    if not scene.joints:  # nor constraints or contacts
         return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
     # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
     # of its wrapper is called.
@@ -280,7 +279,6 @@ def flat_start(
     coordinates: AbstractCoordinates,
     flat: FlatArguments | None = None,
 ) -> FlatArguments:
-    """Return the arguments of `check_start`, flattened."""
     if flat is None:
         flat = flattened_arrays(scene, state)
     rest = FlatArguments.of((np.asarray(t, float), coordinates))

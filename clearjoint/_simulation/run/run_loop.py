@@ -41,7 +41,6 @@ class RunStart:
 
     @cached_property
     def now(self) -> Instant:
-        """The start as an `Instant`."""
         return Snapshot(self.step.t, self.step.y, self.step.entry_speeds).instant(self.loop.system)
 
     @cached_property
@@ -101,8 +100,8 @@ class AbstractRecorder(eqx.Module, Generic[R]):
         except in records of rejected steps."""
 
     def searched(self, now: Instant) -> PyTree[Scalar]:
-        """Return the numbers at an instant that the recorder evaluates at few instants of a step,
-        so that a step must not pass many of their oscillations; by default none."""
+        """Return the numbers that the recorder evaluates at only a few instants of each step, by
+        default none. A step must not skip oscillations of these numbers."""
         del now
         return ()
 
@@ -159,6 +158,8 @@ class RunLoop:
         return Progress(after, records)
 
     def _method(self, step: Step) -> Method:
+        # The rotations of those bodies are limited on which searched numbers depend. These are only
+        # traced, for any instant of the next step: its `inside` is the same instant.
         def searched(motion: MotionVariables) -> PyTree:
             y = replace(step.y, motion=motion)
 

@@ -222,8 +222,8 @@ def _sampled_from(
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
     step, records = now.step, now.records
     # Index of the first of equal times, of which the quantities are copied.
-    latest = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
-    values, derivatives = jax.tree.map(lambda leaf: leaf[latest], sampled)
+    firsts = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    values, derivatives = jax.tree.map(lambda leaf: leaf[firsts], sampled)
     return Sampled(
         values=values,
         derivatives=derivatives,
@@ -294,7 +294,7 @@ def sampled(
 
 
 def _joined(runs: list[Sampled], count: int) -> Sampled:
-    """Return the result of runs with derivatives by some of `count` parameters each."""
+    """Join runs, each with derivatives by some of `count` parameters, to one result."""
 
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
@@ -317,9 +317,9 @@ def _joined(runs: list[Sampled], count: int) -> Sampled:
 def recorded_run(
     arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
-    """Call `sampled` with the `arguments` before `recorders`, and return its result as NumPy
-    arrays. With `impacts`, all impacts are recorded at the key `IMPACTS`, by larger buffers in
-    further runs until they have room for all."""
+    """Return the result of `sampled` as NumPy arrays. `arguments`: those before `recorders`;
+    `impacts`: whether all impacts are recorded too, at the key `IMPACTS`. If a buffer has no room
+    for all of them, the run is repeated with larger buffers."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}

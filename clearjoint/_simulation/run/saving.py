@@ -77,7 +77,7 @@ EXCEPT_TIMES = ("steps", "impacts")
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return `save`, a `Saving` that requests no results for ``None``; raise a `ValueError` for
+    """Return `save`, or for ``None`` a `Saving` that requests nothing; raise a `ValueError` for
     another type."""
     remedy = "pass cj.Saving(times), with times in s"
     require_type("save", save, Saving | None, "a Saving or None", remedy)

@@ -262,7 +262,7 @@ def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Requ
 def _reached_rows(
     run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Return the rows of those of some `times` that a run over `all_times` has reached."""
+    """Return the indices in `all_times`, those of a run, of the `times` that the run reached."""
     rows = np.searchsorted(all_times, times)
     return rows[run.reached[rows]]
 
@@ -293,6 +293,7 @@ def _caution_amplified(
         return
     for name, factor in zip(names, amplification, strict=True):
         if tolerance * factor > AMPLIFIED:
+            # With a product of 0.02, errors were below 1e-4 (see `AMPLIFIED`).
             tight = 0.02 * settings.rtol / (tolerance * factor)
             caution(
                 f"The derivatives by {name!r} may be wrong by percents: in an impact, those of "
@@ -308,7 +309,9 @@ derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    steps = [RESULTS.max_steps_reached, RESULTS.step_too_small]
+    """Return the error message of a run that failed because its derivatives have grown; ``None`` if
+    it has not failed so."""
+    stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():
         for column in np.abs(rows.T):
@@ -316,7 +319,7 @@ def _growth_of_derivatives(run: Sensitivities) -> str | None:
             # The peak over the peak in the first tenth of the samples.
             if sizes.size:
                 growth = max(growth, sizes.max() / sizes[: -(-sizes.size // 10)].max())
-    if not any(run.result == code for code in steps) or growth < GROWN:
+    if not any(run.result == code for code in stuck) or growth < GROWN:
         return None
     return (
         f"derivatives have grown by a factor of {growth:.1g}, which takes ever shorter steps. "

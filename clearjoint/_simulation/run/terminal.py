@@ -138,8 +138,8 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Return a context manager for a call that reports no progress, which shows the time spent
-    compiling."""
+    """Return a context manager that shows the time spent compiling, for a call that reports no
+    progress."""
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
 

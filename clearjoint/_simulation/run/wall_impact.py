@@ -131,11 +131,11 @@ def _contact(
         gap = Gap(y[0], y[1], bearing_radius, clearance)
         return jnp.stack([y[1], -contact_normal_force(law, gap, entry_speed) / mass])
 
-    # The force begins and ends at a penetration of minus `gap`. With `direction=False`, only the
+    # The force begins and ends at a penetration of minus `offset`. With `direction=False`, only the
     # passage from larger to smaller penetrations ends the motion.
-    gap = jnp.asarray(law.onset_offset(), dtype=float)
+    offset = jnp.asarray(law.onset_offset(), dtype=float)
     leaving = diffrax.Event(
-        lambda t, y, args, **_: y[0] + gap, optimistix.Newton(TOLERANCE, 1e-16), direction=False
+        lambda t, y, args, **_: y[0] + offset, optimistix.Newton(TOLERANCE, 1e-16), direction=False
     )
     # The absolute tolerances, 1e-16 s and 1e-18 (m and m/s), are far below the times and
     # penetrations of impacts, so that the relative ones decide. The first step, 1e-9 s, is far
@@ -147,7 +147,7 @@ def _contact(
         0.0,
         LONGEST,
         1e-9,
-        jnp.stack([INSIDE - gap, entry_speed]),
+        jnp.stack([INSIDE - offset, entry_speed]),
         event=leaving,
         throw=False,
         max_steps=16384,

@@ -64,8 +64,8 @@ class _Decision(NamedTuple):
     def repeated(
         self, reason: Rejection, repeats: Condition, t_next: Scalar, last: Proposal
     ) -> "_Decision":
-        """Return the decision to repeat the trial up to `t_next`, s, where `repeats`, which is true
-        only of trials that were accepted so far."""
+        """Return the decision to repeat the trial up to `t_next`, s, if `repeats`, which is true
+        only of trials that were accepted so far. `last` is the proposal that led to the trial."""
         return self._replace(
             keep=self.keep & ~repeats,
             t_next=jnp.where(repeats, t_next, self.t_next),

@@ -108,7 +108,8 @@ class Snapshot(eqx.Module):
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step of a run, with the data for dense output."""
+    """The latest accepted step of a run, with the contact gaps at its end, and with the `stages` of
+    its `DenseOutput`."""
 
     start: Snapshot
     end: Snapshot

@@ -84,8 +84,8 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 
 _COMPARES: RecentPrograms[bool] = RecentPrograms()
-"""Results of `compares_time` by the form of the part. They don't depend on its numbers, which runs
-trace, but for structural zeros and ones."""
+"""Results of `compares_time` by the structure of the part. They don't depend on its numbers, which
+runs trace, except for those that are exactly 0 or 1."""
 
 
 def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
@@ -211,11 +211,10 @@ def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial
     magnitudes = [jnp.maximum(jnp.abs(a), jnp.abs(b)) for a, b in zip(*leaves[:2], strict=True)]
     # Rounding of the largest rate reaches all others through the mass matrix.
     largest = reduce(jnp.maximum, [jnp.max(size) for size in magnitudes])
-    jumps = [
-        jnp.any(
-            jnp.abs(b - a)
-            > STEEPEST * (jnp.abs(da) + jnp.abs(db)) + SMALLEST * size + NEGLIGIBLE * largest
-        )
-        for a, b, da, db, size in zip(*leaves, magnitudes, strict=True)
-    ]
-    return reduce(or_, jumps) & ~any_changes(system.scene, step.contact_gaps, trial.gaps)
+
+    def jumps(a: Scalar, b: Scalar, da: Scalar, db: Scalar, size: Scalar) -> Condition:
+        smooth = STEEPEST * (jnp.abs(da) + jnp.abs(db))
+        return jnp.any(jnp.abs(b - a) > smooth + SMALLEST * size + NEGLIGIBLE * largest)
+
+    jumping = [jumps(*row) for row in zip(*leaves, magnitudes, strict=True)]
+    return reduce(or_, jumping) & ~any_changes(system.scene, step.contact_gaps, trial.gaps)

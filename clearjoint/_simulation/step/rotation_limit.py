@@ -38,8 +38,8 @@ def rotating_bodies(
     system: System, motion: MotionVariables, searched: Callable[[MotionVariables], PyTree[Scalar]]
 ) -> frozenset[str]:
     """Return the names of the bodies whose rotations a step must limit: those that move the bodies
-    of a contact joint relative to each other, and those on which the numbers depend that recorders
-    search for in each step, the results of `searched`."""
+    of a contact joint relative to each other, and those on which the results of `searched` depend,
+    the numbers that recorders evaluate at only a few instants of each step."""
     scene, coordinates = system.scene, system.formulation.coordinates
     # Only the names are needed here: the rates are traced and not computed.
     rates = jax.eval_shape(lambda: coordinates.rotation_rates(scene, motion))

@@ -37,7 +37,8 @@ def contacts_jump(scene: Scene) -> bool:
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether a scene has a contact whose slope of the force may jump there."""
+    """Return whether a scene has a contact whose force may have a jump of its slope over the
+    penetration where the contact begins or ends."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -112,8 +113,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether any contact whose force, or its slope, may jump begins or ends between two
-    instants."""
+    """Return whether a contact begins or ends between two instants, of those contacts whose force,
+    or its slope, may jump."""
     return any_of(
         _changes(before[name][label], after[name][label])
         for name, labels in _jumping_contacts(scene).items()

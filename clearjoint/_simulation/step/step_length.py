@@ -130,7 +130,7 @@ def magnitudes(y: Variables) -> Variables:
 def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of tangents, from the
     `magnitudes` of the variables, `sizes`, and of the tangents, `along`. They are those of the
-    tangents, plus a share of the speeds for those of the speeds: a parameter that changes the
+    tangents, plus, for tangents of speeds, a share of the speeds: a parameter that changes the
     positions by a hundredth per unit is expected to change the speeds by about a hundredth too."""
 
     # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The

@@ -191,8 +191,8 @@ def attempt(
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
     keep, proposal, result, reasons = decide_step(method, system, step, trial, t_end)
-    inside = None
     accepted = accepted_state(method, system, family, step, trial, keep)
+    inside = None
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
     # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
@@ -249,8 +249,8 @@ def accepted_state(
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
     if family is not None:
-        end, start = trial.tangents, step.tangents
-        assert end is not None and start is not None and y_tangents is not None
+        at_end, at_start = trial.tangents, step.tangents
+        assert at_end is not None and at_start is not None and y_tangents is not None
 
         # Runs with tangents have explicit solvers, so that `second_rates` equals `at_onsets`.
         # Treated as constants, they neglect terms proportional to the penetration at the end of
@@ -264,10 +264,9 @@ def accepted_state(
 
         # The derivatives are taken at the solver's result and not at the corrected one, because the
         # entry speeds were computed from the solver's result.
-        _, _, entry_speed_tangents = family.with_derivatives(
-            entry_speeds_after, (trial.outcome.y, step.entry_speeds), (end.y, start.entry_speeds)
-        )
-        tangents = Tangents(y_tangents, entry_speed_tangents, end.solver_state)
+        at, along = (trial.outcome.y, step.entry_speeds), (at_end.y, at_start.entry_speeds)
+        _, _, entry_speed_tangents = family.with_derivatives(entry_speeds_after, at, along)
+        tangents = Tangents(y_tangents, entry_speed_tangents, at_end.solver_state)
     return replace(
         step,
         t=trial.t1,
@@ -356,10 +355,8 @@ def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, from the variables and their
-    rates.
-
-    `UnrolledExplicit` keeps these rates as its state; with other solvers the result is zero.
-    """
+    rates. `UnrolledExplicit` keeps these rates as its state; with other solvers the result is
+    zero."""
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)

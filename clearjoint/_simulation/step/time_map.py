@@ -84,9 +84,12 @@ class WithinContact(AbstractTimeMap):
     def of(
         length: Scalar, touches: Condition, begins: Condition, since: Scalar, until_end: Scalar
     ) -> "WithinContact":
-        """Return the time map of a step from its `length`, s, from whether a contact `touches` or
-        `begins` at its start, and from two times, s, infinite if unknown: the one `since` the
-        latest onset, and the predicted one `until_end`, when the first contact ends."""
+        """Return the time map of a step of the given `length`, s.
+
+        **Arguments:** `touches`, `begins`: whether any contact exists, and whether one begins, at
+        the start of the step; `since`, `until_end`: s, time since the latest onset and predicted
+        time until a contact ends, infinite if unknown.
+        """
         # The map follows the onset or the end of a contact, whichever is nearer. If a contact
         # begins now, `since` is not exactly zero, because the step before ended slightly after the
         # onset. The map then starts from exactly zero, and does not follow a predicted end, however

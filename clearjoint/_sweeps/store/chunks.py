@@ -47,10 +47,8 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Context in which this process holds the lock of a folder, so that it can change the store.
-
     The lock of a process that dies is released. If the system has no locks, or the folder can't be
-    written to, the context begins at once and without a lock.
-    """
+    written to, the context begins at once and without a lock."""
     with ExitStack() as stack:
         # Windows has no such locks, a folder may be read only, and some file systems lack locks.
         with suppress(ImportError), system_errors_suppressed():
@@ -89,7 +87,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _codec(array: "zarr.Array") -> "Codec | None":
-    """What encodes the entries of an array of texts; ``None`` for numbers."""
+    """Encoder of the entries of an array of texts; ``None`` for an array of numbers."""
     from numcodecs.vlen import VLenUTF8
 
     return None if array.dtype.kind in "biuf" else VLenUTF8()
@@ -148,14 +146,13 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
 
 
 def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
-    """Write all entries of an array."""
     for chunk, first in enumerate(range(0, len(values), array.chunks[0])):
         write_chunk(path, array, chunk, values[first : first + array.chunks[0]])
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of a group, and return its values and the faults of its files by chunk, where
-    the values are the fill value."""
+    """Read an array of a group. Return its values, and the faults of its files by chunk; the values
+    of such a chunk are the fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

@@ -29,11 +29,9 @@ ROOT = "zarr.json"
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Yield a new path beside that of a store, for a store or grid that is being written.
-
-    The caller writes a folder at this path, and moves it, or its files, to the final place. When
-    the context ends, also by an error, whatever is left at the new path is removed.
-    """
+    """Yield a new path beside that of a store, for a store or grid that is being written. The
+    caller writes a folder at this path, and moves it, or its files, to the final place. When the
+    context ends, also by an error, whatever is left at the new path is removed."""
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         yield new
@@ -100,11 +98,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def _move_all(new: Path, path: Path) -> None:
-    """Move those files of a group whose content is new to another folder.
-
+    """Move the files of the group at `new` to the folder `path`, except those that it has already.
     The file `ROOT` lists the arrays and is moved last: until then the group reads as before. Result
-    codes are moved after all other arrays.
-    """
+    codes are moved after all other arrays."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
@@ -116,7 +112,6 @@ def _same(file: Path, other: Path) -> bool:
 
 
 def remove_grid(path: Path) -> None:
-    """Remove the grid from the store at a path."""
     (path / ROOT).unlink(missing_ok=True)
     for entry in path.iterdir():
         if entry.name != BY_LANE and entry.is_dir():
@@ -142,9 +137,9 @@ Writing one takes about a second."""
 class Contents(NamedTuple):
     """Contents of a store without the results.
 
-    `identity` has the digests by which the sweep and its lanes are recognised, `order` the number
-    of the lane in each row, and `added` the names of variables that were added after the store was
-    made.
+    - `identity`: digests by which the sweep and its lanes are recognised.
+    - `order`: (lanes,) number of the lane in each row.
+    - `added`: names of the variables that were added after the store was made.
     """
 
     layout: Layout
@@ -171,10 +166,8 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes or variables to the store at a path, or give it other axes.
-
-    Existing chunks of results are not changed. The grid, whose labels are outdated, is removed.
-    """
+    """Add lanes or variables to the store at a path, or give it other axes. Existing chunks of
+    results are not changed. The grid, whose labels are outdated, is removed."""
     with unfinished(path) as group:
         _write(group, contents)
         _move_all(group, path / BY_LANE)

@@ -60,8 +60,8 @@ result."""
 
 
 class Fingerprints(NamedTuple):
-    """Digests of the entries of the dictionary that a function returns, by key, and their shapes:
-    each entry with `jax.ShapeDtypeStruct` in place of its arrays."""
+    """Digest of each entry of the dictionary that a function returns, and its shape: the entry with
+    `jax.ShapeDtypeStruct` in place of its arrays. Both are by key."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
@@ -249,10 +249,7 @@ def programs(
 @dataclass(frozen=True)
 class _Traced:
     """Parts of a lane's computation (start, steps, outputs and tables of impacts) as functions that
-    JAX can trace.
-
-    `numbers` are those of the scene, and `structure` is the scene without them.
-    """
+    JAX can trace. `numbers` are those of the scene, and `structure` is the scene without them."""
 
     plan: Plan
     channels: dict[str, dict[str, Quantity]]
@@ -339,11 +336,9 @@ def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
-    """Return the identity of a sweep, by which a store recognises it and its lanes.
-
-    A lane starts from its scene, its initial state, its end time and the length of its first step.
-    A lane in `lanes.bad`, which is not run, is identified by its error message instead.
-    """
+    """Return the identity of a sweep, by which a store recognises it and its lanes. A lane starts
+    from its scene, its initial state, its end time and the length of its first step. A lane in
+    `lanes.bad`, which is not run, is identified by its error message instead."""
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
@@ -371,10 +366,8 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
 def matching_lanes(
     stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " s"]:
-    """Return for each stored digest the number of a wanted lane with the same digest, or -1.
-
-    If several wanted lanes have the same digest, each is taken at most once.
-    """
+    """Return for each stored digest the number of a wanted lane with the same digest, or -1. If
+    several wanted lanes have the same digest, each is taken at most once."""
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, wanted_digest in enumerate(wanted.tolist()):

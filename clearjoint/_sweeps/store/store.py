@@ -143,7 +143,8 @@ def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """A line for each traced program that both sweeps have, but with different digests."""
+    """A line for each traced program that both sweeps have, but with different digests; with
+    `without_run`, none for the program of the run itself."""
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
         if program != new.get(name, program) and not (without_run and name == RUN):
@@ -190,7 +191,6 @@ class SweepMemory:
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, parts: Parts) -> None:
-        """Keep the results of some lanes."""
         for lanes, results in parts.values():
             for name, values in results.items():
                 self._arrays[name][list(lanes)] = values  # NumPy takes a tuple for indices of axes
@@ -262,11 +262,9 @@ class SweepStore:
         return missing
 
     def write(self, parts: Parts) -> None:
-        """Write results of some lanes of one or more chunks to disk.
-
-        When this method returns, the lanes count as done, even if the process is killed afterwards.
-        The grid is written too if its last writing is long enough ago.
-        """
+        """Write results of some lanes of one or more chunks to disk. When this method returns, the
+        lanes count as done, even if the process is killed afterwards. The grid is written too if
+        its last writing is long enough ago."""
         with locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = opened_group(self._folder)
@@ -402,7 +400,8 @@ def _same_axes(layout: Layout, other: Layout) -> bool:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Numbers of the pending lanes, by number of their chunk."""
+    """Numbers of the pending lanes, by number of their chunk, from the result code and the number
+    of the lane in each row, and the number of rows in a chunk."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
@@ -416,10 +415,8 @@ def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """Read the variables of all lanes by name, in the order of the store's rows.
-
-    A warning names damaged files.
-    """
+    """Read the variables of all lanes by name, in the order of the store's rows. A warning names
+    damaged files."""
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
     lanes = slice(len(contents.order))  # Another process may have added lanes.
@@ -455,7 +452,8 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
 
 
 def _flush_all(paths: Iterable[Path]) -> None:
-    """Wait until the given files are safely on disk, after they have all been written."""
+    """Wait until files are safely on disk. `paths` yields each one after it has been written; all
+    are written before the first is flushed."""
     written = list(paths)
     # A file system finishes the flushes of several threads together.
     with ThreadPoolExecutor(_FLUSHED_TOGETHER) as threads:
