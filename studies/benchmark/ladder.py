@@ -45,9 +45,12 @@ QUICK_SIZES: dict[str, tuple[int, ...]] = {"ideal": (1, 2)}
 SIMULATE, SWEEP, SENSITIVITIES = "simulate", "sweep", "sensitivities"
 CALLS = (SIMULATE, SWEEP, *(f"{SENSITIVITIES} {count}" for count in (1, 3, 8)))
 """Calls that are measured; the number is that of the parameters."""
-SHORT, LONG, LONGEST = 1e-4, 0.05, 204.8
-"""Simulated times, s: so short that only the preparation counts, and for the time of a step, of
-which the shortest that takes `LONG_ENOUGH` is taken, if there is one up to `LONGEST`."""
+SHORT, LONG = 1e-4, 0.05
+"""Simulated times, s: so short that only the preparation counts, and the shortest one for the time
+of a step. It is doubled until a run takes `LONG_ENOUGH`."""
+LONGEST, LONGEST_OTHERS = 204.8, 12.8
+"""Longest simulated times, s, of `simulate` and of the other calls: derivatives grow with time, and
+some runs with them fail after 30 s."""
 LONG_ENOUGH = 0.2
 """Processor time of a run from which a step is timed, s: many steps of 4 ms, those of the clock of
 some machines."""
@@ -163,8 +166,8 @@ def print_costs(scene: str, size: str, call: str, which: str) -> None:
     again = together / CALLS_COUNTED
     say(again=again)
     optimise_programs()
-    span = LONG
-    while (timed := _timed(run, span))[0] < LONG_ENOUGH and span < LONGEST:
+    span, longest = LONG, LONGEST if call == SIMULATE else LONGEST_OTHERS
+    while (timed := _timed(run, span))[0] < LONG_ENOUGH and span < longest:
         span *= 2.0
     seconds, steps = timed
     if seconds >= LONG_ENOUGH and steps > few:  # Otherwise the clock's steps would hide it.
