@@ -128,8 +128,8 @@ SWING = (
     + ARM[ARM.index('<joint name="elbow"') :].split('<joint name="slide"')[0]
     + "</robot>"
 )
-INERTIA, WEIGHT, ARMATURE, STIFFNESS, DAMPING = 0.03 + 1.5 * 0.2**2, 1.5 * 9.81 * 0.2, 0.1, 9e2, 0.9
-PLAY, TORQUE, SPEED = np.radians(0.5), 12.0, 9.0
+INERTIA, WEIGHT, ARMATURE, STIFFNESS, DAMPING = 0.03 + 1.5 * 0.2**2, 1.5 * 9.81 * 0.2, 0.1, 9e2, 0.2
+PLAY, TORQUE, SPEED = np.radians(0.5), 40.0, 30.0
 
 
 def reference(times: np.ndarray) -> np.ndarray:
@@ -178,9 +178,10 @@ def reference(times: np.ndarray) -> np.ndarray:
             dense_output=True,
             rtol=1e-12,
             atol=1e-14,
+            max_step=1e-4,  # so that no flank passes the play within a step
         )
         inside = times[(times > t) & (times <= found.t[-1])]
-        parts.append(found.sol(inside)[:2])
+        parts += [found.sol(inside)[:2]] if len(inside) else []
         t, y = found.t[-1], found.y[:, -1]
         for name, hits in zip(exits, found.t_events, strict=True):
             mode = name if len(hits) else mode
@@ -198,10 +199,10 @@ def test_an_arm_with_play_and_compliance_moves_as_in_scipy(read):
     solution = cj.simulate(robot.scene, robot.state(), 1.0, settings, save, progress=False)
     angles = robot.angles(solution)
     expected = reference(times)
-    assert len(solution.impacts) > 10
+    assert len(solution.impacts) >= 10
     assert np.abs(angles["elbow motor"] - expected[0]).max() < 1e-6
     assert np.abs(angles["elbow"] - expected[1]).max() < 1e-6
-    assert np.ptp(expected[0] - expected[1]) > PLAY
+    assert np.ptp(expected[0] - expected[1]) > 1.2 * PLAY
     residual = cj.observe(robot.scene, solution).ledger_residual()
     assert np.abs(residual).max() < 1e-6
 
