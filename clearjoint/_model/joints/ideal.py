@@ -5,7 +5,7 @@ revolute joints with clearances for dynamic analysis of multi-body systems, 2006
 """
 
 import abc
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 from typing_extensions import override
@@ -121,11 +121,6 @@ class AbstractDriveableJoint(AbstractPairJoint):
         """Return the position of the second body relative to the first, rad or m, as a `Row`."""
 
 
-def _armature(unit: str) -> Any:
-    remedy = f"give the rotor's inertia times the squared gear ratio in {unit}, or None for none"
-    return optional_quantity(unit, positive=True, remedy=remedy)
-
-
 class AbstractAxisJoint(AbstractPairJoint):
     """Base class of ideal joints that keep an axis of one body parallel to an axis of another.
 
@@ -196,7 +191,9 @@ class RevoluteJoint(AbstractAxisJoint, AbstractDriveableJoint):
     ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
     """
 
-    armature: Single | None = _armature("kg m^2")
+    armature: Single | None = optional_quantity(
+        "kg m^2", positive=True, remedy="give it in kg m^2, or None for none"
+    )
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
@@ -320,7 +317,9 @@ class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
 
     axis: Triple = quantity("1", check=require_axis)
     orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
-    armature: Single | None = _armature("kg")
+    armature: Single | None = optional_quantity(
+        "kg", positive=True, remedy="give it in kg, or None for none"
+    )
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
