@@ -22,12 +22,8 @@ from .._model.joints.joint_friction import JointFriction
 from .documents import FileLocation
 from .reading import number_of_text
 from .robot_elements import FRICTION, Element, ends_of_travel, friction_of, spring_of
+from .robots import NEGLIGIBLE
 
-NEGLIGIBLE = 1e-10
-"""Inertia of a rotor's body over the armature. A body must have mass, but the rotor's belongs to
-the file's link, and its rotation about the axis to the joint. In absolute coordinates, as in
-`observe`, rounding errors relative to the rotor's acceleration are 1e-16 over the square root of
-this value."""
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -120,8 +116,9 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     if not is_elastic:
         driven = replace(joint, armature=armature)
         return Train(driven, {**_frictions(name, driven, driven, numbers, drive.law)})
-    # With its own inertia and no mass, the rotor acts on the first body only by the torque of its
-    # bearing, as if the link were on it.
+    # A body must have mass, but the rotor's belongs to the file's link, and its rotation about the
+    # axis to the joint. So the rotor acts on the first body only by the torque of its bearing, as
+    # if the link were on it.
     rotor = rotor_name(name)
     with quiet():  # the body has an unusual density
         body = Body(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))

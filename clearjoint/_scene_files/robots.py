@@ -13,6 +13,7 @@ to those of the links, a joint's frame that is turned about its axis would shift
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from types import MappingProxyType
@@ -20,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._fields.cautions import NotCarriedOverWarning, caution
+from .._fields.cautions import NotCarriedOverWarning, caution, quiet
 from .._fields.checks import nearest
 from .._model.bodies import GROUND, Body
 from .documents import FileLocation
@@ -34,6 +35,10 @@ FLOATING = "floating"
 FIXED = "fixed"
 ROUNDING = 0.5e-9
 """Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
+NEGLIGIBLE = 1e-10
+"""Inertia of a body that has none in the file, over that which hangs on it or the armature of its
+joint. In absolute coordinates, as in `observe`, rounding errors relative to its acceleration are
+1e-16 over the square root of this value."""
 ZERO = 1e-14
 """Ratio of a moment or product of inertia to the largest moment below which it counts as zero."""
 
@@ -282,6 +287,12 @@ class LinkTree:
         carriers = {id(carrier): carrier for carrier in map(self.carriers.__getitem__, self.links)}
         return [carrier for carrier in carriers.values() if carrier.body != GROUND]
 
+    def carried(self, carrier: Carrier) -> list[Carrier]:
+        """Return the bodies that hang on a carrier's joints, directly or by others."""
+        ends = [self.carriers[j.child] for j in self.joints.values() if j.parent in carrier.links]
+        ends = [end for end in ends if end is not carrier]
+        return ends + [further for end in ends for further in self.carried(end)]
+
     def massive(self, carrier: Carrier) -> dict[str, Inertial]:
         """Return the inertias of the links of a carrier that have any, by the links' names."""
         inertials = {name: self.links[name].inertial for name in carrier.links}
@@ -330,12 +341,9 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
             bounded.append(carrier.body)
             mass = max(mass, options.bound_mass)
             tensor = _bounded(tensor, options.bound_inertia)
-        if not mass > 0.0:
-            remedy = (
-                "give it an <inertial>, fix it to its parent, or pass for example bound_mass=1e-3 "
-                "and bound_inertia=1e-6, least values for bodies in kg and kg m^2"
-            )
-            location.refuse("no mass", "the mass of a moving link", remedy)
+        has_mass = mass > 0.0
+        if not has_mass:
+            mass, tensor = _negligible(tree, carrier)
         _require_possible(tensor, carrier, inertials, tree.location)
         rotation = rounded(carrier.pose[:3, :3])
         tensor = rotation @ tensor @ rotation.T
@@ -344,7 +352,8 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
         products = tensor - np.diag(tensor.diagonal())
         is_principal = np.abs(products).max() <= ZERO * np.abs(tensor).max()
         inertia = tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T)
-        with location.in_errors():
+        # A body without mass in the file has an unusual density.
+        with location.in_errors(), nullcontext() if has_mass else quiet():
             bodies[carrier.body] = Body(mass, inertia)
     changes = {
         "impossible inertias, replaced by their mean moment, of links": balanced,
@@ -354,6 +363,29 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
     if replaced:
         caution(f"{tree.location}: {'; '.join(replaced)}.", NotCarriedOverWarning)
     return bodies
+
+
+def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
+    """Return the mass and the inertia tensor of a body without mass, on whose joints others hang,
+    as between the joints of a body of MJCF. They have no effect, but make a `Body`."""
+    (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
+    inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
+    masses = [part.mass for _, inertials in inertias for part in inertials.values()]
+    moments = [np.trace(_tensor(tree, part, inertials)) for part, inertials in inertias]
+    if (
+        joint is None
+        or joint.kind not in (*HINGES, SLIDER)
+        or not min(sum(masses), sum(moments)) > 0.0
+    ):
+        remedy = (
+            "give it an <inertial>, fix it to its parent, or pass for example bound_mass=1e-3 "
+            "and bound_inertia=1e-6, least values for bodies in kg and kg m^2"
+        )
+        expected = (
+            "the mass of a moving link, unless a hinge or slider moves it and it carries mass"
+        )
+        tree.location.at(carrier.links[0]).refuse("no mass", expected, remedy)
+    return NEGLIGIBLE * sum(masses), NEGLIGIBLE * sum(moments) * np.eye(3)
 
 
 def _tensor(tree: LinkTree, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
