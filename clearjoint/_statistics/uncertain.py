@@ -128,7 +128,7 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points in the unit cube, by one of `METHODS`; those of "random" are independent.
+    """Return points in the unit cube, by one of `METHODS`.
 
     **Raises:** `ValueError` for an unknown method, and for fewer than one draw.
 
