@@ -285,8 +285,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the function that computes a command, print its result, and exit with its code. The
-    options replace entries of the section of the command's name."""
+    """Call the `function` that computes a command, print its result, and exit with its code. The
+    `options` replace entries of the study's section with the name of the command."""
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command

@@ -163,8 +163,8 @@ class SweepPart:
 @dataclass(frozen=True)
 class ColumnPart:
     """A measured series: a column of the file of measurements. `noise`: standard deviation, a
-    number in the column's unit, or a text with another unit; `unit`: if the header does not give
-    it."""
+    number in the column's unit, or a text with a unit; `unit`: that of the column, if its header
+    has none."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -276,8 +276,8 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function that returns the number of a scene, or of a state, at the keys of a path, or a list
-    of numbers for several paths."""
+    """Function of a scene, or of a state, that returns the number at the keys of a path or, for
+    several `paths`, a list of numbers."""
 
     paths: tuple[Keys, ...]
 
@@ -288,8 +288,8 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """A number that a path in a file names, or several numbers that get the same value, of one
-    unit."""
+    """The number that a path in a file names, or the numbers that several paths name, which have
+    the same unit and get the same value. `in_state`: whether they are numbers of the state."""
 
     path: WrittenPath
     in_state: bool
@@ -307,8 +307,8 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find which number of the scene or of its initial state a path names, or which several
-    numbers, to which the caller later gives one common value.
+    """Find the number of the scene or of its initial state that a path names, or the numbers that
+    several paths name.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
     existing names), for a mixture of paths in the scene and in the state, and for different units.
@@ -355,7 +355,7 @@ def _entry(tree: PyTree, key: str | int) -> PyTree:
 
 
 SCENE = "scene"
-"""Key of the scene in a study file: its path, or a table."""
+"""Key of a study file for the scene: the path of its file, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
 
 
@@ -364,8 +364,8 @@ class Study:
     """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
 
     - `location`: the file, for messages.
-    - `document`: tables of the file, as parsed, without the scene, and with the changes that the
-      command line has made.
+    - `document`: tables of the file without the scene, as parsed, after the changes of the command
+      line.
     - `started`: value of `time.perf_counter` when the file was read, s.
     """
 
@@ -421,8 +421,8 @@ class Study:
                     entry.check(self.scene)
 
     def outputs_of_sweep(self, part: SweepPart) -> Requested:
-        """Return what the lanes of a sweep keep: the outputs of the section [sweep], with sample
-        times for its quantities, and the Poincaré sections of [run]."""
+        """Return the outputs of a sweep: those of the section [sweep], with sample times for its
+        quantities, and the Poincaré sections of [run]."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
         requested = Requested({**sections, **part.outputs}, Saving())
@@ -465,8 +465,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change in the tables of a study or of a scene; return whether the study was changed
-    instead of the scene, and the keys of the value."""
+    """Make a change, such as "run.end=2", in the tables of the study or of the scene. Return
+    whether the study has been changed, and the keys of the changed value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

@@ -46,9 +46,9 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Collects the definitions to which the schema of a file refers: the schemas of makers, by
-    their names in files, and that of numbers, under `ROWS`. The schema of a class is added when
-    another schema first refers to it."""
+    """Makes the schema of a file. `definitions` collects the schemas to which it refers: that of
+    numbers, under `ROWS`, and those of makers, by their names in files, each added when another
+    schema first refers to it."""
 
     classes: Classes
     definitions: Schema = field(
@@ -144,8 +144,9 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes. Without
-    any, true and false are allowed too, because the `shapes` of a flag are empty."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units. If
+    `shapes` is empty, arrays of any shape are allowed, and true and false, since a flag has no
+    shapes."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

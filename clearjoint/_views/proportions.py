@@ -58,10 +58,9 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the sizes and scales for a view of a scene, as it is in the first frame. `noted` has
-    the points and axes of the scene's elements (markers), and the radii and clearances of its
-    bearings and sockets (bores). Scales that are None are chosen so that bearings and clearances
-    are visible.
+    """Return the sizes and scales for a view of a scene, by its first frame. `noted` has the points
+    and axes of the scene's elements (markers), and the radii and clearances of its bearings and
+    sockets (bores). Scales that are None are chosen so that bearings and clearances are visible.
 
     **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance would exceed
     0.9 times the drawn radius of its bearing.
@@ -176,6 +175,7 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
 
 
 def _rounded(number: float) -> float:
+    # Down to two digits.
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
     # Against rounding errors, 1e-9 keeps numbers that have two digits already, and `round` removes
     # digits such as the last one of 0.30000000000000004.
@@ -244,8 +244,8 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return the direction from the mechanism to the viewer, of any length: perpendicular to `up`
-    and near `front` where possible, and then tilted to the right and upwards."""
+    """Return a vector from the mechanism towards the viewer: the part of `front` perpendicular to
+    `up`, if it is long enough, and then tilted to the right and upwards."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Components of the direction to the right and upwards; the component along `front` is 1.

@@ -214,6 +214,7 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
+    # Penetration, m, and normal force, N, in an impact, with a zero before and after it.
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
     in_impact = (times >= onset) & (times <= separation)

@@ -183,8 +183,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _simultaneous(impacts: Impacts) -> list[list[int]]:
-    """Return groups of the indices of simultaneous impacts of a joint: they overlap the first of
-    the group for more than half of the shorter one's duration."""
+    """Return groups of indices of simultaneous impacts of a joint at different contacts. Each
+    impact of a group overlaps the first one for more than half of the shorter one's duration."""
     groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
@@ -322,6 +322,7 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
 def _record(
     scene: Scene, solution: Solution, quantity: Quantity | None, unit: str | None
 ) -> xr.DataArray:
+    # The quantity whose spectrum is drawn, by default the velocity or spin that changes most.
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
