@@ -131,8 +131,7 @@ def _keep() -> bool:
 
 def _usable(cache: str) -> str | None:
     """Make the folder `cache` if it does not exist, and return its path; ``None``, with a warning,
-    if it can't be made or if other users may write to it. A URL of cloud storage is returned as it
-    is.
+    if it can't be made or if other users may write to it. URLs of cloud storage stay as they are.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
@@ -148,8 +147,7 @@ def _usable(cache: str) -> str | None:
 
 def threads_of_sweeps() -> int:
     """Return the number of threads that share the runs of a sweep, as `configure` or `adopt` has
-    set it; by default, one for each accelerator or, without any, for each core that the process may
-    use."""
+    set it; by default, the number of accelerators or, without any, of usable cores."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":

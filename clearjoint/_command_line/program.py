@@ -22,8 +22,8 @@ input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command, whose help is the docstring with
-    `examples`."""
+    """Return a decorator that makes a function a command, with its docstring and `examples` as
+    help."""
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:

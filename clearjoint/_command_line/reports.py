@@ -264,8 +264,8 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder of results, which loads nothing from the network, with
-    `parts`, which is HTML such as tables."""
+    """Write the HTML page of a folder of results, with further `parts` in HTML, such as tables. The
+    page loads nothing from the network."""
     summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
     # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".

@@ -163,8 +163,7 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
     """Return two reductions by name for each output that is a quantity with a unit in `SHARP`; they
-    find its extremes, also between saved states. For a solver without dense output, say so and
-    return none."""
+    find its extremes, also between saved states. None are returned without dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:

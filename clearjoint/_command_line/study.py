@@ -92,8 +92,7 @@ class RunPart:
         object.__setattr__(self, "outputs", {**self.outputs, **self.sections})
 
     def saved_times(self, end: float) -> np.ndarray:
-        """Return the times (N,), s, at which states are saved, the last one before or at the
-        end."""
+        """Return the times (N,), s, at which states are saved, the last one not after `end`."""
         every = self.save_every
         if every is None:
             return np.linspace(self.start, end, FRAMES + 1)
@@ -162,9 +161,8 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured series: a column of the file of measurements. `noise`: standard deviation, a
-    number in the column's unit, or a text with a unit; `unit`: that of the column, if its header
-    has none."""
+    """A measured series: a column of the file of measurements, in `unit` if its header has none.
+    `noise`: standard deviation, a number in the column's unit, or a text with a unit."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -174,7 +172,8 @@ class ColumnPart:
 @dataclass(frozen=True)
 class ParameterPart:
     """A number of the scene or of the initial state to estimate. `path`: one path, or several,
-    whose numbers all get the same value; `guess`: a number in SI units or a text with a unit."""
+    whose numbers all get the same value; `scale`: on which it is estimated; `guess`: a number in SI
+    units or a text with a unit."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -364,8 +363,7 @@ class Study:
     """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
 
     - `location`: the file, for messages.
-    - `document`: tables of the file without the scene, as parsed, after the changes of the command
-      line.
+    - `document`: tables of the file without the scene, after the changes of the command line.
     - `started`: value of `time.perf_counter` when the file was read, s.
     """
 

@@ -565,8 +565,7 @@ class _Stages:
         return self.ending != ""
 
     def _refuse(self, failure: str, difference: float, run: CycleRun) -> None:
-        """Set `failure` for a run that can't be extrapolated, or raise an error in the first
-        stage."""
+        """Set `failure` for a run that can't be extrapolated; raise an error in the first stage."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"

@@ -187,13 +187,12 @@ def _shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear of one base that falls on each angle, at each time.
 
-    The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
-    the sum of this over all angles. Here the overlap less the clearance is the penetration in the
-    direction of the angle, the onset is the distance of the surfaces at which the force begins, and
-    the spacing is that of the angles, rad.
-
-    A contact may be so narrow that it lies between two angles. Therefore clearance spacing^2/2 is
-    added, by which the gap between two circles is larger at one spacing from the deepest point.
+    The share of an angle is max(penetration + onset + extra, 0), divided by the sum of this over
+    all angles, all in m. `penetration` is that in the direction of the angle, the overlap less the
+    clearance, and `onset` the distance of the surfaces at which the force begins. A contact may be
+    so narrow that it lies between two angles. Therefore `extra` is added: clearance * spacing^2 /
+    2, with the spacing of the angles in rad, by which the gap between two circles is larger at one
+    spacing from the deepest point.
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()

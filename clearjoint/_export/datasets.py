@@ -104,8 +104,7 @@ def labelled_dataset(
     coordinates: Mapping[str, Labelled],
     notes: Notes = (),
 ) -> "xr.Dataset":
-    """Return a dataset of labelled arrays with a title, `notes`, and the versions of the programs
-    as attributes."""
+    """Return a dataset whose attributes are its title, `notes` and the versions of programs."""
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 

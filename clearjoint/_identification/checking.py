@@ -60,8 +60,7 @@ def displacements(
     Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
     parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
     more lie along each eigenvector of the correlation matrix. The rest are random: normally
-    distributed with the covariance, every second one twice as long. All are shortened to `limits`
-    by `within`.
+    distributed with the covariance, every second one twice as long. `within` shortens them.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Column k is the covariance with parameter k over its standard error: along it the other
@@ -188,8 +187,8 @@ class Exploration:
 
 
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
-    """Return the lower and the upper ends of the 95 % intervals around each of several minima, as
-    two rows for each minimum, in coordinates.
+    """Return the ends of the 95 % intervals around each of several minima, in coordinates: two rows
+    for each minimum, lower and upper ends.
 
     An interval contains the values for which chi squared, minimised over the other parameters by
     the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
@@ -215,8 +214,7 @@ def explore(
     generator: np.random.Generator,
     affordable: Callable[[], bool] = lambda: True,
 ) -> Exploration:
-    """Explore the neighbourhood of the `minimum` of a fit for all points with a similar chi
-    squared.
+    """Explore the neighbourhood of a fit's `minimum` for all points with a similar chi squared.
 
     The first round draws `number` points from normal distributions with the given covariances, of
     which the first is that of the minimum, with once, twice and four times their standard errors.
@@ -358,9 +356,8 @@ class LikelihoodCheck:
     - `exploration`, `posterior`: ``None`` if the test passed. There is no posterior either if noise
       doesn't explain chi squared, if too many runs would be needed, or if its points don't
       represent it.
-    - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
-      more than 0.5 below that of the fit's own search, a more accurate search from there is the
-      last.
+    - `searches`: the local searches of the exploration. If one of them has lowered chi squared by
+      more than 0.5, a more accurate search from there is the last.
     - `runs`: number of runs, except those of the posterior.
     - `seconds`: computing time, including that of the posterior.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
@@ -389,9 +386,8 @@ class LikelihoodCheck:
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """Return by which factor, 1 or more, the intervals of the exploration differ most from
-        those by the covariance at `best`. The factors are those of the distances from `best` to
-        both ends of each interval, in either direction."""
+        """Return the largest factor, 1 or more, by which an end of an interval of the exploration
+        is farther from `best`, or nearer to it, than the end by the covariance at `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -417,7 +413,7 @@ def check(
     cost: int = 0,
     show: bool = False,
 ) -> LikelihoodCheck:
-    """Test the covariance of a fit by runs around its best run.
+    """Test the covariance of a fit by runs around its `best` run.
 
     If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
     posterior. `number` is the number of points in the first round of the exploration, to which the

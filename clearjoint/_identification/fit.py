@@ -305,8 +305,7 @@ class Fit(AbstractTabular):
 
     @property
     def rms(self) -> dict[str, float]:
-        """Root mean square of each series' residuals by name; 1 is expected for the stated
-        noise."""
+        """Root mean square of each series' residuals by name; 1 is expected by the stated noise."""
         return {name: _rms(row) for name, row in self.residuals.items()}
 
     @property
@@ -472,8 +471,7 @@ class Fit(AbstractTabular):
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on a failed test of the covariance; empty if the test passed or was not
-        made."""
+        """Sentences on a failed test of the covariance; empty if it passed or was not made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _correlation(self) -> Iterator[str]:
@@ -655,8 +653,7 @@ def _explanation(
     before = float(np.sum(residuals[part] ** 2))
 
     def fitted(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values of errors of these kinds by least squares, and the residuals that
-        remain."""
+        """Return the errors of these kinds by least squares, and the remaining residuals."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
         smallest = information.LEAST_SINGULAR_VALUE

@@ -57,7 +57,7 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
 
 
 def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
-    """Return the probability of a larger chi squared by noise alone; NaN without degrees of
+    """Return the probability that noise alone gives a larger chi squared; NaN without degrees of
     freedom."""
     from scipy.special import chdtrc
 
@@ -106,8 +106,7 @@ class CorrelatedNoise:
 
     @property
     def effective(self) -> float:
-        """Number of independent samples that would determine the variance as accurately as these
-        M."""
+        """Number of independent samples that determine the variance as accurately as these M."""
         first, rest = self.autocovariances[0], self.autocovariances[1:]
         return float(len(rest) + 1) / (1.0 + 2.0 * float(np.sum((rest / first) ** 2)))
 
@@ -197,8 +196,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 def distinct(
     minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
 ) -> list[RunMisfit]:
-    """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
-    is returned, the lowest first."""
+    """Return the minima with a chi squared up to `limit`, the lowest first, without those that are
+    not `apart` from one returned before."""
     chosen: list[RunMisfit] = []
     for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
         if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):

@@ -28,9 +28,8 @@ PATIENCE = 15
 """Number of successive rejected steps after which a search ends. Each rejection multiplies the
 damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
-"""A search ends if every component of the next step, in scaled coordinates, is smaller in magnitude
-than this fraction of the tolerance. The unit of scaled coordinates is about a standard deviation of
-an estimate."""
+"""A search ends if every component of the next step, in scaled coordinates, whose unit is about a
+standard deviation of an estimate, is smaller in magnitude than this fraction of the tolerance."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
@@ -177,8 +176,8 @@ def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """Compute one step of the search, in scaled coordinates. `y` is the best point so far, `model`
-    the linear model at the latest point, and `arrays` those of the solver's state, ``None`` at
-    first.
+    the linear model at the latest point, and `arrays` those of the solver's state, ``None`` for the
+    first step.
 
     **Returns:** the best point, including the latest; the new arrays, of which `y_eval` is the next
     point to evaluate; whether the search ends; and the `decrement` at the best point.

@@ -35,7 +35,7 @@ def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np
     """Return chi squared over the first `count` times, from curves (see this module).
 
     If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
-    time. The result is infinite for a run that misses a sample at any of these times, including the
+    time. The result is infinite for a run that misses a sample at one of these times, including the
     next one.
     """
     full = min(int(count), curves.shape[1] - 1)

@@ -66,8 +66,7 @@ class Experiment(eqx.Module):
     - `outputs`: measured quantity of each series, by name, in the order of `names`.
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
-    - `sensors`: parameters that are errors of the sensors, such as a delay, and don't change the
-      scene.
+    - `sensors`: errors of the sensors, such as a delay, that are parameters.
     """
 
     scheme: Scheme
@@ -257,10 +256,9 @@ class Samples(eqx.Module):
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise, to the nearest multiple of a series' period.
-
-        A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
-        """
+        """Return (prediction - value) / noise; for a periodic quantity, the nearest multiple of the
+        period is subtracted first. A residual is zero where there is no sample, and `UNREACHED`
+        where the prediction is NaN."""
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
         rows = [
@@ -273,8 +271,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return the samples of all series on the common times of `Measurements.times`, padded to
-    `count`."""
+    """Return the samples of all series, on `Measurements.times` padded to `count` times."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))

@@ -182,8 +182,8 @@ def function_from_csv(
 
 
 def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
-    """Read a CSV file, and return a function that returns the column of a given name. The second
-    argument of the function is that of the user which errors about the name mention."""
+    """Read a CSV file, and return the function ``column(name, argument)``, which finds a column by
+    its name. `argument` is the user's argument that errors about the name mention."""
     options = {"index_col": False, "skipinitialspace": True, **options}
     table = _read(path, options)
     headers = [_split(header) for header in table.columns]

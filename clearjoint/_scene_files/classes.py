@@ -77,13 +77,12 @@ def is_abstract(kind: type) -> bool:
 
 
 def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
-    """Return the makers that a file may name as `kind`, by their names: classes that derive from
-    one of the `families` (from any class if there are none), and those of their static methods that
-    return an object of the class, such as "Body.rod".
+    """Return, by name, the makers that a file may name as `kind`: classes, and static methods that
+    return an object of their class, such as "Body.rod".
 
-    The classes of this package must also derive from `AbstractReadable`, or be one of the
-    `families`. The user-defined `classes` have two names, with and without their module; the short
-    one is omitted if a class of this package has it.
+    The classes derive from one of the `families`, if there are any. Those of this package must also
+    derive from `AbstractReadable`, or be one of the `families`. The user-defined `classes` have two
+    names, with and without their module; of equal short names, that of this package counts.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)

@@ -93,9 +93,8 @@ class Source:
 
     def where(self, keys: Keys) -> str:
         """Return where the value at `keys` is set, as a text that follows the name of the file in
-        messages: " with --set run.end=2", or ", line 12". The line is that of the statement that
-        sets the value or, if it is missing, the table around it; the text is empty if the line is
-        unknown."""
+        messages: " with --set run.end=2", or ", line 12" of the statement that sets it or, if it
+        is missing, the table around it; an empty text if the line is unknown."""
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"

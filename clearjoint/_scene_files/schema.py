@@ -91,8 +91,7 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers of the `families`, adding missing
-        ones."""
+        """Return references to the definitions of all makers of the `families`; add new ones."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -144,9 +143,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units. If
-    `shapes` is empty, arrays of any shape are allowed, and true and false, since a flag has no
-    shapes."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
+    Without shapes, any are allowed, and true and false too, since a flag has none."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

@@ -140,8 +140,7 @@ def _component(state: State, body: str, part: str, k: int) -> float:
 
 
 def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies` in a
-    state."""
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies`."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
@@ -298,8 +297,7 @@ def ensemble(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each lane of a zipped sweep failed: its run ended early or was never
-    started."""
+    """Return whether each lane of a zipped sweep failed: its run ended early or never began."""
     return results["result"].values != SUCCESSFUL
 
 

@@ -81,8 +81,7 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Draw the parts in frame `k` and, unless the view is of a single state, the frame's
-        time."""
+        """Draw the parts in frame `k` and, except for a single state, the frame's time."""
         height, width = self._shape
         # `nearest` has the inverse distance of the nearest opaque triangle at each point.
         picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)

@@ -34,8 +34,7 @@ class Mesh(NamedTuple):
 
 @runtime_checkable
 class HasTriangles(Protocol):
-    """An object, such as a mesh of trimesh, with `vertices`, (V, 3) m, and `faces`, (F, 3)
-    indices."""
+    """An object, such as a mesh of trimesh, with the arrays of a `Mesh`."""
 
     vertices: ArrayLike
     faces: ArrayLike
@@ -237,8 +236,7 @@ def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.nda
 
 
 def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
-    """Return the pose of a rotation (3, 3), by default none, followed by a translation to
-    `point`."""
+    """Return the pose of a `rotation`, by default none, followed by a translation to `point`."""
     pose = np.eye(4)
     pose[:3, 3] = np.asarray(point, dtype=float)
     if rotation is not None:

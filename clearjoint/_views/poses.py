@@ -32,8 +32,7 @@ class BodyPoses:
 
 
 def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
-    """Return the poses of the bodies and of the ground in a single state, or in states at N
-    `times`."""
+    """Return the poses of bodies and ground in a single state, or in states at N `times`."""
     from scipy.spatial.transform import Rotation
 
     ground = np.tile(np.eye(4), (1 if times is None else len(times), 1, 1))

@@ -27,8 +27,8 @@ drawn; also the least drawn radius of bearings of known radius, by default."""
 class Proportions:
     """Sizes and scales of a view.
 
-    - `size`: diagonal of the box around the mechanism.
-    - `bar`: radius of the bar by which a body is drawn.
+    - `size`: diagonal of the box around the mechanism, m.
+    - `bar`: radius of the bar by which a body is drawn, m.
     - `bearing_scale`: drawn size divided by true size of bearings and sockets. The drawn radius of
       a journal or a ball is that of its bearing or socket less the drawn clearance.
     - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
@@ -126,8 +126,7 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Return the diagonal, m, of a box around the mechanism in the first frame; 1 m if it has no
-    extent."""
+    """Return the diagonal of a box around the mechanism in the first frame, m; 1 if it is zero."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -191,7 +190,7 @@ show more at the sides."""
 
 class Camera(NamedTuple):
     """Camera of a view: positions of the viewer (`eye`) and of the middle of the picture
-    (`target`), upward direction, and half the height of the picture in the plane of the target, m.
+    (`target`), m; unit vector `up`; and `reach`, half the height of the picture at the target, m.
     """
 
     eye: np.ndarray
@@ -200,8 +199,7 @@ class Camera(NamedTuple):
     reach: float
 
     def axes(self) -> np.ndarray:
-        """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-        viewer."""
+        """Return unit vectors to the right, upwards and to the viewer, as rows of a matrix."""
         return _axes(self.eye - self.target, self.up)
 
 

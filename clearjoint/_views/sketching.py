@@ -63,8 +63,7 @@ class DrawnJournal:
     def touching_point(
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
-        """Return the point at which the drawn journal touches the drawn bearing in each frame, (N,
-        3).
+        """Return the point at which the drawn journal touches the drawn bearing in each frame.
 
         **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
         base W; `normal`: unit vectors from the axis to the contact points.
@@ -469,8 +468,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the range of the marker `runner`, m, along an axis of `base` through that
-        marker."""
+        """Return the smallest and the largest coordinate of the marker `runner`, m, along an axis
+        of the body of the marker `base`, from that marker."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)

@@ -337,9 +337,8 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row of the page with lines of text and, unless there are no `rows`, a table below.
-    If the page has no space for all columns, the widest are made narrower, and their texts
-    broken."""
+    """Return a row of the page with lines of text and, unless there are no `rows`, a table below,
+    whose widest columns are made narrower, with broken texts, if the page has too little space."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
@@ -472,8 +471,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
 
 
 def _small(axes: Axes) -> None:
-    """Make lines thinner, and rasterise those of more than 5000 points so that a PDF file stays
-    small."""
+    """Make lines thinner, and for a small PDF rasterise those of more than 5000 points."""
     for line in axes.get_lines():
         line.set_linewidth(0.6 * line.get_linewidth())
         line.set_rasterized(len(np.asarray(line.get_xdata())) > 5000)

@@ -187,8 +187,7 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
 """Units that take a prefix, also as numerators: mm/s."""
 GEOMETRIC = 1e-6
-"""Tolerance for rounding errors: numbers count as equal if they differ by at most this fraction of
-their mean."""
+"""Numbers count as equal if they differ by at most this fraction of their mean."""
 
 
 class ScaledValues(NamedTuple):

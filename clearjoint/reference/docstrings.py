@@ -61,7 +61,7 @@ def public_path(name: str, module: str = "") -> str | None:
 
 
 def with_links(text: str, module: str = "") -> str:
-    """Make backticked public names outside of code blocks links."""
+    """Turn public names in backticks, outside of code blocks, into links."""
 
     def linked(match: re.Match) -> str:
         path = public_path(match[1], module)
@@ -81,8 +81,7 @@ def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:
 
 
 def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
-    """Return the constructor `of` a dataclass, with the annotations that its fields have in the
-    source."""
+    """Return the constructor `of` a dataclass, with the annotations of its fields in the source."""
     parameters = [griffe.Parameter("self", kind=griffe.ParameterKind.positional_only)]
     for name, parameter in inspect.signature(of).parameters.items():
         default = None if parameter.default is parameter.empty else repr(parameter.default)

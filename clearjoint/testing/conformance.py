@@ -193,8 +193,7 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Check that the force jumps only where contact begins or ends, and that the law declares
-    it."""
+    """Check that the force jumps only where contact begins or ends, and only if declared."""
     # Jumps are searched between successive depths, at all rates and entry speeds.
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]

@@ -337,8 +337,8 @@ def _force_failures(
 
 
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a matrix with a row for each parameter of the joint: a change of this parameter alone,
-    in the form of `point`, by the largest magnitude of the numbers in its field, or 1 if these are
+    """Return a matrix with a row for each parameter of the joint: a change of `point` in this
+    number alone, by the largest magnitude of the numbers in its field, or by 1 if these are
     zero."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
@@ -379,7 +379,6 @@ def _differ(first: Scalar, second: Scalar, allowed: Scalar = TOLERANCE) -> jax.A
 
 
 def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
-    """Whether a vector is longer than the rounding errors of terms as large as `size`, or not
-    finite."""
+    """Whether a vector exceeds the rounding errors of terms as large as `size`, or isn't finite."""
     allowed = TOLERANCE * (1.0 + size)
     return ~(jnp.asarray(vector.dot(vector)) <= allowed * allowed)

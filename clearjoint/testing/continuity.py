@@ -106,8 +106,7 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """Return motions after `time`, s, at constant velocities in global axes and constant spins in
-    body axes."""
+    """Return motions after `time`, s, at constant global velocities and spins in body axes."""
     return {
         name: Motion(
             motion.position + motion.velocity * time,

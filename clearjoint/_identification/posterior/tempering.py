@@ -99,8 +99,7 @@ class Cloud:
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return a cloud with the points of `others` where `mask` is true, and of this one
-        elsewhere."""
+        """Return a cloud with the points of `others` where `mask` is true, else of this one."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),
