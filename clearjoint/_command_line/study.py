@@ -329,16 +329,17 @@ def find_path(
     for keys in paths:
         if keys not in units:
             # The message lists the names at the first unknown key or, if all keys are known, those
-            # that follow, since the path then leads to several numbers.
-            depth = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
-            options = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
-            names, parent = listed({*options}), written(keys[:depth]) or "the top"
-            if depth == len(keys):
+            # that follow, since the path then leads to several numbers. `known` is the number of
+            # leading keys that are those of a number.
+            known = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
+            options = [k[known] for k in units if k[:known] == keys[:known] and len(k) > known]
+            names, parent = listed({*options}), written(keys[:known]) or "the top"
+            if known == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
             remedy = nearest(
-                keys[depth], options, "`clearjoint check FILE --paths` lists all numbers"
+                keys[known], options, "`clearjoint check FILE --paths` lists all numbers"
             )
-            location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
+            location.refuse(keys[known], f"one of {names} at {parent}", remedy)
     # All numbers get the same value, which would be ambiguous if their units differed.
     distinct = list(dict.fromkeys(units[keys] for keys in paths))
     if len(distinct) > 1:

@@ -247,8 +247,8 @@ class Fit(AbstractTabular):
         parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
         if posterior is not None:
             pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
-            ends = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
-            parts.append(np.array(ends).T)
+            of_posterior = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
+            parts.append(np.array(of_posterior).T)
         elif self.check is not None and self.check.exploration is not None:
             parts.append(np.array(self.check.exploration.intervals()))
         # The hull of all parts, in coordinates.
@@ -698,12 +698,6 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
     # number avoids a division by the zero norm of a parameter without effect.
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-    estimated = {
-        (type(parameter.variation), name)
-        for parameter in fit.parameters.values()
-        if isinstance(parameter.variation, AbstractSeriesVariation)
-        for name in parameter.variation.series
-    }
     # The best explanation so far: its decrease of chi squared, series, errors and share.
     most, name, values, explained = 0.0, "", {}, 0.0
     end = 0
@@ -721,7 +715,7 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
             # This part is left out of the error's effect, or the error would seem smaller than it
             # is, and its effect to be in other series too.
             column -= basis @ (basis.T @ column)
-            if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
+            if not _is_estimated(fit, kind, series) and np.linalg.norm(column) > 0.0:
                 effects[kind] = column
         fault = _explanation(residuals, part, effects)
         if fault[0] > most:
@@ -741,6 +735,12 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
         f"{' and '.join(described)}, which would explain {explained:.0%} of its misfit: "
         f"check the {device}, or estimate it, by {' and '.join(makers)} among the parameters."
     )
+
+
+def _is_estimated(fit: Fit, kind: type[AbstractSeriesVariation], series: str) -> bool:
+    """Whether an error of this kind, of the sensor of a series, is a parameter of the fit."""
+    variations = (parameter.variation for parameter in fit.parameters.values())
+    return any(type(each) is kind and series in each.series for each in variations)
 
 
 def _outliers(fit: Fit) -> Iterator[str]:

@@ -163,11 +163,11 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     # Read the text and compare it with the scene: a class may change its arguments, or take others
     # than its fields, and its objects would then not be restored.
     with quiet():
-        read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
-    for saved, restored, at in zip(
-        (scene, state), read, (location, location.at(STATE)), strict=True
-    ):
-        difference = first_difference(saved, restored, at)
+        parsed = parse(text, suffix, str(path))
+        read_scene, read_state = scene_of_document(parsed, writer.user_classes, location)
+    in_scene = first_difference(scene, read_scene, location)
+    in_state = first_difference(state, read_state, location.at(STATE))
+    for difference in (in_scene, in_state):
         if difference is not None:
             difference.refuse(
                 "a value that its class does not restore from arguments",

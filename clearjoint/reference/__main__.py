@@ -113,6 +113,7 @@ def build(folder: Path) -> None:
             write_api_page(page, package, docs)
         for script in ("iframe-worker.js", "pages.css"):
             shutil.copy(Path(__file__).with_name(script), docs)
+        # The pages of the API follow the guide and the studies.
         guide, studies, *rest = json.loads(SOURCE.sub(lambda match: page_of(match[0]), nav))
         api = {"API": [f"api/{page}.md" for page in SITE["api"]]}
         config = {**SITE["site"], "nav": [guide, studies, api, *rest], "site_dir": str(site)}
