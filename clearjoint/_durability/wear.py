@@ -326,8 +326,9 @@ def life_derivatives(
 class CycleRun:
     """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
 
-    `directions` has, by name, the parameters and the logarithms of the wear rates. The `repr` is
-    part of the digest of a store, and leaves out what may change when a computation is continued.
+    `directions` has, by name, the parameters and the logarithms of the wear rates. The `repr` and
+    `cycles` are parts of the digest of a store; the other fields may change when a stored
+    computation is continued.
     """
 
     rates: Mapping[str, WearRates]

@@ -190,9 +190,9 @@ def _shares(
     The share of an angle is max(penetration + onset + extra, 0), divided by the sum of this over
     all angles, all in m. `penetration` is that in the direction of the angle, the overlap less the
     clearance, and `onset` the distance of the surfaces at which the force begins. A contact may be
-    so narrow that it lies between two angles. Therefore `extra` is added: clearance * spacing^2 /
-    2, with the spacing of the angles in rad, by which the gap between two circles is larger at one
-    spacing from the deepest point.
+    so narrow that it lies between two angles. Therefore `extra` is added, by which the gap between
+    two circles is larger at one spacing of the angles, rad, from the deepest point: 0.5 * clearance
+    * spacing^2.
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()

@@ -638,7 +638,7 @@ def _explanation(
     part: slice,
     effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
 ) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
-    """Find the fewest errors of a sensor that explain most of the misfit of its series.
+    """Find a few errors of a sensor that together explain most of the misfit of its series.
 
     Errors are added one by one, each time the one with which the residuals become smallest, until
     the errors together explain the share `MOST` of the series' chi squared. `residuals` are those
@@ -660,9 +660,12 @@ def _explanation(
         values = -np.linalg.lstsq(columns / sizes, residuals, rcond=smallest)[0] / sizes
         return values, residuals + columns @ values
 
+    def chi_squared_with(kind: type[AbstractSeriesVariation]) -> float:
+        return float(np.sum(fitted([*chosen, kind])[1] ** 2))
+
     while len(chosen) < len(effects):
         rest = [kind for kind in effects if kind not in chosen]
-        chosen.append(min(rest, key=lambda kind: float(np.sum(fitted([*chosen, kind])[1] ** 2))))
+        chosen.append(min(rest, key=chi_squared_with))
         values, left = fitted(chosen)
         explained = 1.0 - float(np.sum(left[part] ** 2)) / before
         if explained > MOST:

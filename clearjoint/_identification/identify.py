@@ -47,8 +47,8 @@ window."""
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits` has the finished fits and, if `partly` is true, as the last one the best result so far of
-    the interrupted fit.
+    `fits` has the finished fits and, if `partly` is true, at the end the best result so far of the
+    interrupted fit.
 
     >>> cj.FitInterrupted([]).fits
     []

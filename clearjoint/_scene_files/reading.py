@@ -101,16 +101,19 @@ class Reader:
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
         """Convert a table to an object of its class, to Euler parameters, or to a dictionary."""
+        # A table of entries by name may have one that is called "kind".
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:
                 make = find_maker(content[KIND], families, self.classes, location.at(KIND))
                 return self.instance(make, content, location)
+            # Without a class in the file, only one class must be possible.
             if len(families) == 1 and not is_abstract(families[0]):
                 return self.instance(families[0], content, location)
             if families:
                 remedy = f"add it: a subclass of {family_names(families)}"
                 location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
+            # Where no object is expected, a table may stand for Euler parameters or be a dictionary.
             if EULER_PARAMETERS in expected.shapes:
                 return self.instance(axis_and_angle, content, location)
             if not expected.allows_anything:
