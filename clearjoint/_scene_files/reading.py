@@ -113,7 +113,7 @@ class Reader:
             if families:
                 remedy = f"add it: a subclass of {family_names(families)}"
                 location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
-            # Where no object is expected, a table may stand for Euler parameters or be a dictionary.
+            # Where no object is expected, a table may stand for Euler parameters.
             if EULER_PARAMETERS in expected.shapes:
                 return self.instance(axis_and_angle, content, location)
             if not expected.allows_anything:
