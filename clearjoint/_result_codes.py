@@ -73,8 +73,8 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """Return the whole number that stands for a result code, (), or for each of N codes, (N,), as
-    files and NumPy masks use it.
+    """Return the whole number of a result code, (), or of each of N codes, (N,), for files and for
+    masks of NumPy.
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0

@@ -39,7 +39,7 @@ _KEEP = "CLEARJOINT_KEEP_PROGRAMS"
 _CACHE = "jax_compilation_cache_dir"
 _MIN_COMPILE_TIME = "jax_persistent_cache_min_compile_time_secs"
 _SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
-"""JAX's settings that processes which share a sweep must have in common."""
+"""JAX's settings that must be equal in all processes that share a sweep."""
 _NATIVE = "CLEARJOINT_NATIVE"
 """Environment variable: with the value 0, XLA compiles everything, `clearjoint._native` nothing."""
 Setting = bool | float | str | None
@@ -130,9 +130,8 @@ def _keep() -> bool:
 
 
 def _usable(cache: str) -> str | None:
-    """Return the path of the folder `cache`, which is made if it does not exist; ``None``, with a
-    warning, if it can't be made or if other users may write to it. A URL of cloud storage is
-    returned as it is.
+    """Make the folder `cache` if it does not exist, and return its path; ``None``, with a warning,
+    if it can't be made or if other users may write to it. URLs of cloud storage stay as they are.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
@@ -147,9 +146,8 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the runs of a sweep: the one that `configure` or
-    `adopt` has set or, by default, the number of cores that the process may use, or of
-    accelerators."""
+    """Return the number of threads that share the runs of a sweep, as `configure` or `adopt` has
+    set it; by default, the number of accelerators or, without any, of usable cores."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":
@@ -160,8 +158,8 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """Return the settings that all processes of a sweep share, by the names of JAX's settings and
-    of environment variables. The number of threads is left out, since each process has its own."""
+    """Return the settings that all processes of a sweep must share, for `adopt`, by the names of
+    JAX's settings and of environment variables."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 

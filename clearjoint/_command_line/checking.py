@@ -156,8 +156,8 @@ end of the transient, and duration of a cycle."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return the texts of a scene file and a study file, named `scene` and `study`, for a
-    mechanism."""
+    """Return the texts of a mechanism's scene file and study file, which mention the names `scene`
+    and `study` of these files."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)

@@ -32,8 +32,8 @@ def has_error_stream() -> bool:
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Return a context for the body of a command, in which users get sentences instead of
-    tracebacks, and the exit codes above.
+    """Return a context for the body of a command that prints errors and warnings as sentences
+    instead of tracebacks, and turns errors into exit codes of the program.
 
     Errors of types that users don't cause keep their tracebacks. `BrokenPipeError`, which means
     that nobody reads the output any more, is left to click.

@@ -40,7 +40,7 @@ MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Tables of a run, each in a netCDF and in a CSV file: the saved states; the forces, accelerations
 and energies at these; the impacts; and the outputs that are quantities at these states."""
 DRAWN = "drawn"
-"""NetCDF file of further states of a run between the saved ones, for its figures."""
+"""NetCDF file of a run's states for its figures: the saved ones, and others between these."""
 NUMBERS = "numbers.csv"
 """File of the outputs that are one number of the run."""
 FORMULATION = "formulation"
@@ -82,16 +82,16 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene file, or nothing if scene and state can't be saved: a failed run may have ended
-    in a state with NaN."""
+    """Write a scene file, unless scene and state can't be saved, such as a state with NaN in which
+    a failed run has ended."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove figures, tables and files of earlier results, which the new page would also show, from
-    a folder. "*" in a name stands for any characters. A folder without a summary does not contain
-    results."""
+    """Remove all figures, and the named tables and other files, of earlier results, which the new
+    page would also show. "*" in a name stands for any characters. From a folder without a summary,
+    and thus without results, nothing is removed."""
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):
@@ -100,9 +100,9 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name of the file, without suffix, for a table or figure: slashes are replaced, and
-    long names shortened to what file systems allow. A name that was changed gets a checksum, so
-    that different names give different files."""
+    """Return the name, without suffix, of the file of a table or figure: slashes are replaced, and
+    long names shortened to what file systems allow. A changed name gets a checksum, so that
+    different names give different files."""
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -229,11 +229,13 @@ def _by_contact(
     scene: Scene, table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
     by_joint: dict[str, dict[str, np.ndarray]] = {}
-    for joint, family in ({} if table is None else scene.laws()).items():
+    if table is None:
+        return by_joint
+    # A contact may lack an entry, such as one without bristles.
+    for joint, family in scene.laws().items():
         for contact in family:
-            if (label := contact_label(joint, contact)) in table[dim].values:  # pyright: ignore
-                values = table.sel({dim: label}).values  # pyright: ignore
-                by_joint.setdefault(joint, {})[contact] = values
+            if (label := contact_label(joint, contact)) in table[dim].values:
+                by_joint.setdefault(joint, {})[contact] = table.sel({dim: label}).values
     return by_joint
 
 

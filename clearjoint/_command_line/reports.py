@@ -264,18 +264,18 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder of results, which loads nothing from the network, with
-    `parts`, which is HTML such as tables."""
+    """Write the HTML page of a folder of results, with further `parts` in HTML, such as tables. The
+    page loads nothing from the network."""
     summary = read_summary(folder)
     title = escape(str(summary.pop("title")))
-    # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
-    rows = {
-        key.replace("_", " "): re.sub(
-            r"\((\w+=None(, )?)+\)", "", f"{value:.6g}" if isinstance(value, float) else str(value)
-        )
-        for key, value in summary.items()
-        if str(value) != "None"
-    }
+
+    def shown(value: object) -> str:
+        # Options of a setting that are None are left out: "Tsit5" for "Tsit5(scan_kind=None)".
+        text = f"{value:.6g}" if isinstance(value, float) else str(value)
+        return re.sub(r"\((\w+=None(, )?)+\)", "", text)
+
+    entries = {key: value for key, value in summary.items() if str(value) != "None"}
+    rows = {key.replace("_", " "): shown(value) for key, value in entries.items()}
     with pd.option_context("display.max_colwidth", None):  # or pandas would cut long texts
         table = pd.Series(rows).to_frame().to_html(header=False, border=0, classes="summary")
     texts = [

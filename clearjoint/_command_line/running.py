@@ -110,8 +110,8 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def divided(times: np.ndarray, parts: int) -> np.ndarray:
-    """Return times with the `parts` - 1 times that divide each interval between them evenly. The
-    given times are among them exactly."""
+    """Divide each interval between the given times into `parts` equal ones, and return all times,
+    of which every `parts`-th is exactly a given one."""
     fractions = np.arange(parts * (len(times) - 1) + 1) / parts
     return np.interp(fractions, np.arange(len(times)), times)
 
@@ -119,8 +119,8 @@ def divided(times: np.ndarray, parts: int) -> np.ndarray:
 def _simulated(
     study: Study, settings: Settings, extremes: Mapping[str, AbstractReduction], times: np.ndarray
 ) -> tuple[Solution, int]:
-    """Run a study's scene with states at `times`, (N,) s, and return the solution, of a failed or
-    interrupted run too, and the exit code."""
+    """Run a study's scene, saving states at `times`, (N,) s. Return the solution, also of a failed
+    or interrupted run, and the exit code."""
     part = study.parts.run
     # Quantities are computed after the run, so that they don't change a bit of its states.
     recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
@@ -162,8 +162,8 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return, by name, two reductions for each quantity whose unit is in `SHARP`, which find its
-    extremes, also between saved states, if the solver has dense output."""
+    """Return two reductions by name for each output that is a quantity with a unit in `SHARP`; they
+    find its extremes, also between saved states. None are returned without dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -215,8 +215,8 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> xr.Dataset:
-    """Return the values of quantities at the saved states, with their extremes as attributes. A
-    note is printed if the saved values fall short of an extreme by more than 2 % of the range."""
+    """Return the values of quantities at the saved states, with the extremes in the whole run, if
+    known, as attributes. Print a note if saved values miss them by more than 2 % of the range."""
     saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}

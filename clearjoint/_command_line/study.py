@@ -92,8 +92,7 @@ class RunPart:
         object.__setattr__(self, "outputs", {**self.outputs, **self.sections})
 
     def saved_times(self, end: float) -> np.ndarray:
-        """Return the times (N,), s, at which states are saved, the last one before or at the
-        end."""
+        """Return the times (N,), s, at which states are saved, the last one not after `end`."""
         every = self.save_every
         if every is None:
             return np.linspace(self.start, end, FRAMES + 1)
@@ -162,9 +161,8 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured series: a column of the file of measurements. `noise`: standard deviation, a
-    number in the column's unit, or a text with another unit; `unit`: if the header does not give
-    it."""
+    """A measured series: a column of the file of measurements, in `unit` if its header has none.
+    `noise`: standard deviation, a number in the column's unit, or a text with a unit."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -174,7 +172,8 @@ class ColumnPart:
 @dataclass(frozen=True)
 class ParameterPart:
     """A number of the scene or of the initial state to estimate. `path`: one path, or several,
-    whose numbers all get the same value; `guess`: a number in SI units or a text with a unit."""
+    whose numbers all get the same value; `scale`: on which it is estimated; `guess`: a number in SI
+    units or a text with a unit."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -276,8 +275,8 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function that returns the number of a scene, or of a state, at the keys of a path, or a list
-    of numbers for several paths."""
+    """Function of a scene, or of a state, that returns the number at the keys of a path or, for
+    several `paths`, a list of numbers."""
 
     paths: tuple[Keys, ...]
 
@@ -288,8 +287,8 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """A number that a path in a file names, or several numbers that get the same value, of one
-    unit."""
+    """The number that a path in a file names, or the numbers that several paths name, which have
+    the same unit and get the same value. `in_state`: whether they are numbers of the state."""
 
     path: WrittenPath
     in_state: bool
@@ -307,8 +306,8 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find which number of the scene or of its initial state a path names, or which several
-    numbers, to which the caller later gives one common value.
+    """Find the number of the scene or of its initial state that a path names, or the numbers that
+    several paths name.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
     existing names), for a mixture of paths in the scene and in the state, and for different units.
@@ -330,16 +329,17 @@ def find_path(
     for keys in paths:
         if keys not in units:
             # The message lists the names at the first unknown key or, if all keys are known, those
-            # that follow, since the path then leads to several numbers.
-            depth = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
-            options = [k[depth] for k in units if k[:depth] == keys[:depth] and len(k) > depth]
-            names, parent = listed({*options}), written(keys[:depth]) or "the top"
-            if depth == len(keys):
+            # that follow, since the path then leads to several numbers. `known` is the number of
+            # leading keys that are those of a number.
+            known = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
+            options = [k[known] for k in units if k[:known] == keys[:known] and len(k) > known]
+            names, parent = listed({*options}), written(keys[:known]) or "the top"
+            if known == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
             remedy = nearest(
-                keys[depth], options, "`clearjoint check FILE --paths` lists all numbers"
+                keys[known], options, "`clearjoint check FILE --paths` lists all numbers"
             )
-            location.refuse(keys[depth], f"one of {names} at {parent}", remedy)
+            location.refuse(keys[known], f"one of {names} at {parent}", remedy)
     # All numbers get the same value, which would be ambiguous if their units differed.
     distinct = list(dict.fromkeys(units[keys] for keys in paths))
     if len(distinct) > 1:
@@ -355,7 +355,7 @@ def _entry(tree: PyTree, key: str | int) -> PyTree:
 
 
 SCENE = "scene"
-"""Key of the scene in a study file: its path, or a table."""
+"""Key of a study file for the scene: the path of its file, or a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
 
 
@@ -364,8 +364,7 @@ class Study:
     """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
 
     - `location`: the file, for messages.
-    - `document`: tables of the file, as parsed, without the scene, and with the changes that the
-      command line has made.
+    - `document`: tables of the file without the scene, after the changes of the command line.
     - `started`: value of `time.perf_counter` when the file was read, s.
     """
 
@@ -421,8 +420,8 @@ class Study:
                     entry.check(self.scene)
 
     def outputs_of_sweep(self, part: SweepPart) -> Requested:
-        """Return what the lanes of a sweep keep: the outputs of the section [sweep], with sample
-        times for its quantities, and the Poincaré sections of [run]."""
+        """Return the outputs of a sweep: those of the section [sweep], with sample times for its
+        quantities, and the Poincaré sections of [run]."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
         requested = Requested({**sections, **part.outputs}, Saving())
@@ -465,8 +464,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change in the tables of a study or of a scene; return whether the study was changed
-    instead of the scene, and the keys of the value."""
+    """Make a change, such as "run.end=2", in the tables of the study or of the scene. Return
+    whether the study has been changed, and the keys of the changed value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

@@ -51,14 +51,13 @@ CHANGE_BY_PENETRATION = 0.2
 """Default of the largest change of the worn depth in a stage, relative to the largest penetration
 beyond the onset of the force."""
 FIRST_STAGE = 0.1
-"""Number of cycles of the first stage, divided by the number that the limits allow. The first stage
-is shorter because there is no earlier one from which the change of the wear rate could be
-estimated."""
+"""Number of cycles of the first stage, divided by the number that the limits allow. It is smaller
+because there is no earlier stage from which the change of the wear rate could be estimated."""
 FEWEST_SAMPLES = 8
 """Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
 half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
-"""Names and units of the quantities of which a result has the largest value in each stage."""
+"""Unit of each quantity, by name, of which a result contains the largest value in each stage."""
 STEPS_PER_SAMPLE = 16
 """Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
 circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""
@@ -268,12 +267,12 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
-    """Return the cubic spline through the depths of the stages, and the number of cycles at which
-    it first reaches a depth, which is at most the last one."""
+    """Return the cubic spline through the depths before each stage, and the number of cycles at
+    which it first reaches `depth`. The last of `depths` must be at least `depth`."""
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(cycles, depths)
-    # Rounding may leave no root at the end.
+    # By rounding, there may be no root if the last depth equals `depth`.
     roots = [root for root in spline.solve(depth, extrapolate=False) if np.isfinite(root)]
     return spline, float(min(roots, default=cycles[-1]))
 
@@ -325,8 +324,11 @@ def life_derivatives(
 
 @dataclass(frozen=True)
 class CycleRun:
-    """Arguments of `wear`, and the `directions` of the parameters and of the logarithms of the wear
-    rates. Its `repr`, in the digest of a store, has those that a continued computation must keep.
+    """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
+
+    `directions` has, by name, the parameters and the logarithms of the wear rates. The `repr` and
+    `cycles` are parts of the digest of a store; the other fields may change when a stored
+    computation is continued.
     """
 
     rates: Mapping[str, WearRates]
@@ -383,8 +385,8 @@ class CycleRun:
         require_count("stages", self.stages, "give a number of stages")
 
     def measure(self, scene: Scene, state: State) -> "_Measured":
-        """Return the wear per cycle, its derivatives and the state after the run. They are zero if
-        the run, or that of the derivatives, failed; `failure` then says why."""
+        """Run from `state`, and return the wear per cycle with its derivatives. If the run fails,
+        all of these are zero; if only the run with derivatives fails, the derivatives are."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         solution = simulate(
@@ -436,13 +438,16 @@ class CycleRun:
         )
 
     def difference(self, measured: "_Measured") -> float:
-        """Return how far the two halves of the measured cycles differ: the largest, over joints and
-        over depths and each derivative, of |S1 - S2| / max(A1, A2), where S are the sums of a half
-        over all samples of bearing and journal, and A the sums of magnitudes, since derivatives may
-        cancel in a sum."""
-        values, slopes = measured.halves[:, 0], measured.halves[:, 1:]
-        sums = [*values.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
-        sizes = [*np.abs(values).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
+        """Return the largest relative difference of the two halves of the measured cycles.
+
+        The depths of each joint are compared, and the derivatives by each parameter. The difference
+        is |S1 - S2| / max(A1, A2), with the sums S of a half over all angles and parts (of all
+        joints, for a derivative) and the sums A of magnitudes, since derivatives may cancel in S.
+        """
+        depths, slopes = measured.halves[:, 0], measured.halves[:, 1:]
+        # A row of two numbers, one for each half, for each joint and then for each parameter.
+        sums = [*depths.sum(axis=(2, 3)).T, *slopes.sum(axis=(2, 3, 4)).T]
+        sizes = [*np.abs(depths).sum(axis=(2, 3)).T, *np.abs(slopes).sum(axis=(2, 3, 4)).T]
         differences, scales = np.abs(np.diff(sums)[:, 0]), np.max(sizes, axis=1)
         return float(np.max(differences / np.where(scales > 0.0, scales, 1.0)))
 
@@ -450,11 +455,11 @@ class CycleRun:
 class _Measured(NamedTuple):
     """Wear of J joints, measured by one run.
 
-    - `halves`: (2, 1 + p, J, 2, samples) m, the depths of bearing and journal per cycle in each
-      half of the measured cycles, and, from index 1 of the second axis on, their derivatives with
-      respect to the p parameters.
+    - `halves`: (2, 1 + p, J, 2, samples) m, for each half of the measured cycles: the depths of
+      bearing and journal per cycle, then their derivatives with respect to each of p parameters.
     - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
       ends of the journal, N.
+    - `state`: after the run.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
@@ -472,8 +477,8 @@ class _Stages:
     - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives with respect to the p `parameters`.
-    - `rates`, `extremes`: for each stage except the last one, which has no run yet, the depth per
-      cycle and its derivatives, and those of `_Measured`.
+    - `rates`: like `depths`, the depth per cycle in each stage except the last one, which has no
+      run yet; `extremes`: those of `_Measured`, for the same stages.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty if one can.
     - `ending`: why the computation ended; empty while it goes on.
@@ -561,8 +566,7 @@ class _Stages:
         return self.ending != ""
 
     def _refuse(self, failure: str, difference: float, run: CycleRun) -> None:
-        """Set `failure` for a run that can't be extrapolated, or raise an error in the first
-        stage."""
+        """Set `failure` for a run that can't be extrapolated; raise an error in the first stage."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -661,8 +665,8 @@ class _Store:
     digest: str
 
     def write(self, result: "xr.Dataset") -> None:
-        """Replace the store by one of a result of `wear`. If the process is killed meanwhile,
-        `_folder` returns the folder of the old or of the new store, which is complete."""
+        """Replace the store by one with a result of `wear`. At any time, `_folder` returns the
+        folder of a complete store, the old or the new one, even if the process is killed."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -704,8 +708,8 @@ def _old(path: Path) -> Path:
 
 
 def _folder(path: Path) -> Path:
-    """Return the folder with the contents of the store: the path itself, or the folder of the old
-    store between the two renamings of `_Store.write`."""
+    """Return the folder that contains the store: `path` or, between the two renamings of
+    `_Store.write`, the folder to which the old store has been renamed."""
     return _old(path) if _old(path).exists() and not path.exists() else path
 
 
@@ -774,8 +778,8 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 
 
 def _digest(scene: Scene, state: State, run: CycleRun) -> str:
-    """Return a digest of scene, state and arguments, by which a store recognises its computation;
-    without `largest_change`, `stages` and `depth`, which a user may change to continue."""
+    """Return a digest of scene, state and arguments, by which a store recognises its computation.
+    It leaves out `largest_change`, `stages` and `depth`, which a user may change to continue."""
     # The text of a direction may contain an address in memory, which differs from process to
     # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
@@ -794,8 +798,8 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Return a scene in which the profiles of parts with a positive wear rate are periodic splines
-    with `samples` knots, equal to the profiles there."""
+    """Return a scene in which the profiles of parts with a positive wear rate are replaced by
+    periodic splines that interpolate them at `samples` angles."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]
@@ -842,13 +846,12 @@ def _with_depths(
                 profile.coefficients
             ) == len(rows[0]):
                 # Interpolation is linear, so that it applies to derivatives as well.
-                removed = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
-                worn = np.asarray(profile.coefficients) + removed[0]
-                # The shifts are zeros: derivatives are taken at the present parameters.
-                changed = (
-                    MovingSpline(worn, np.concatenate(removed[1:]), np.zeros(len(rows) - 1))
-                    if len(rows) > 1
-                    else PeriodicSpline(worn)
-                )
-                joints[name] = _with_profiles(joints[name], {field: changed})
+                changes = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
+                coefficients = np.asarray(profile.coefficients) + changes[0]
+                new_profile: AbstractProfile = PeriodicSpline(coefficients)
+                if len(rows) > 1:
+                    # The shifts are zeros: derivatives are taken at the present parameters.
+                    shifts = np.zeros(len(rows) - 1)
+                    new_profile = MovingSpline(coefficients, np.concatenate(changes[1:]), shifts)
+                joints[name] = _with_profiles(joints[name], {field: new_profile})
     return dataclasses.replace(scene, joints=joints)

@@ -94,9 +94,13 @@ def wear_depths(
     times: Float[np.ndarray, " T"],
     samples: int,
 ) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
-    """Return the depths that wear off the wall and off the journal of a joint at evenly spaced
-    angles, (2, samples) m, during the `times` from `quadrature_times`, and the largest penetration
-    of a base, m, and sum of the normal forces of both bases, N, at these times."""
+    """Return the wear of a joint with the wear `rates` of bearing and journal, m^2/N, during the
+    `times` from `quadrature_times`.
+
+    **Returns:** the depths that wear off the wall and off the journal at evenly spaced angles,
+    (2, samples) m; and two numbers, the largest penetration of a base, m, and the largest sum of
+    the normal forces of both bases, N.
+    """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
     signals = dict(zip(SIGNALS, values.T, strict=True))
@@ -141,7 +145,7 @@ def _depths(
     signals: Mapping[str, Float[jax.Array, " T"]],
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the result of `depths_from_signals`, in one program for each number of times."""
+    """Compute the result of `depths_from_signals`, by one program for each number of times."""
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []
@@ -166,8 +170,8 @@ def _integral(
 
 
 def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
-    """Return the directions of evenly spaced points of the wall, (samples,), and of the journal,
-    which rotates, (T, samples), in the bearing's frame, rad."""
+    """Return the directions, rad, in the bearing's frame, of evenly spaced points of the wall,
+    (samples,), and of the journal, which rotates in that frame, (T, samples)."""
     angles = np.arange(samples) * 2.0 * np.pi / samples
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
     along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)
@@ -183,13 +187,12 @@ def _shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear of one base that falls on each angle, at each time.
 
-    The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
-    the sum of this over all angles. Here the overlap less the clearance is the penetration in the
-    direction of the angle, the onset is the distance of the surfaces at which the force begins, and
-    the spacing is that of the angles, rad.
-
-    A contact may be so narrow that it lies between two angles. Therefore clearance spacing^2/2 is
-    added, by which the gap between two circles is larger at one spacing from the deepest point.
+    The share of an angle is max(penetration + onset + extra, 0), divided by the sum of this over
+    all angles, all in m. `penetration` is that in the direction of the angle, the overlap less the
+    clearance, and `onset` the distance of the surfaces at which the force begins. A contact may be
+    so narrow that it lies between two angles. Therefore `extra` is added, by which the gap between
+    two circles is larger at one spacing of the angles, rad, from the deepest point: 0.5 * clearance
+    * spacing^2.
     """
     spacing = 2.0 * np.pi / np.shape(angles)[-1]
     excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()

@@ -67,11 +67,14 @@ class MovingSpline(AbstractPeriodicSpline):
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """A `Change` by which one parameter moves a number and all profiles that wear. The value is the
-    distance from the present `coordinate` of the parameter.
+    """Function that changes the scene and state along one parameter: its number, and with it all
+    profiles that wear, by the effect of the parameter on the stages before.
 
-    `index` is the place of the parameter in the `shifts` of each `MovingSpline`. `change` and
-    `scale` are ``None`` for a wear rate, on which a run depends only through the profiles.
+    - `index`: index of the parameter in the `shifts` of each `MovingSpline`.
+    - `joints`: names of the joints that wear.
+    - `change`, `scale`: how the number is set from a coordinate; ``None`` for a wear rate, on which
+      a run depends only through the profiles.
+    - `coordinate`: present coordinate of the parameter.
     """
 
     index: int
@@ -81,7 +84,7 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return scene and state with the number changed, and all profiles that wear shifted."""
+        """Return scene and state for the coordinate `coordinate` + `value`."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
@@ -105,8 +108,8 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return a `ParameterDirection` for each parameter and, after them, for the logarithm of each
-    positive wear rate, by name, for scenes with a `MovingSpline` for each profile that wears.
+    """Return a `ParameterDirection` by name for each parameter, and then for the logarithm of each
+    positive wear rate. In `scene`, each profile that wears must be a `MovingSpline`.
 
     **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
     the name of a wear rate.
@@ -145,12 +148,12 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Return the derivatives of the depths that wear off in several spans of time of a new run, and
-    its result code. They are (spans, p, joints, 2, samples), bearing before journal, m per unit of
-    each parameter's coordinate, or ``None`` if the run failed.
+    """Make a run with derivatives, and return those of the depths that wear off in several spans of
+    time, and the run's result code.
 
-    `spans` are, for each span, the times from `quadrature_times`, and `directions` are from
-    `directions_of`.
+    The derivatives are (spans, p, joints, 2, samples), bearing before journal, m per unit of each
+    parameter's coordinate; ``None`` if the run failed. `spans` are the times of each span, from
+    `quadrature_times`, and `directions` the result of `directions_of`.
     """
     # Spans that follow each other share a time.
     times = np.unique(np.concatenate(spans))
@@ -177,24 +180,22 @@ def derivatives_in_spans(
             signals = {name: run.outputs[f"{joint} {name}"][rows] for name in SIGNALS}
             # The depths depend on a parameter through the numbers and profiles of the joint,
             # through the signals of the run (forces, sliding speeds and positions of the journal
-            # over time), and through the wear rates.
+            # over time), and through the wear rates. Their tangents give that of the depths.
             for k, (parameter, along) in enumerate(directions.items()):
-                element, element_along = jax.jvp(
+                element, element_tangent = jax.jvp(
                     lambda value, j=joint, a=along: a(scene, state, value)[0].joints[j],
                     (0.0,),
                     (1.0,),
                 )
-                signals_along = {n: run.derivatives[f"{joint} {n}"][rows, k] for n in SIGNALS}
-                names = (rate_name(joint, part) for part in PARTS)
+                signal_tangents = {n: run.derivatives[f"{joint} {n}"][rows, k] for n in SIGNALS}
                 # The derivative of a rate by its own logarithm is the rate itself.
-                rates_along = [
-                    rate * (name == parameter) for rate, name in zip(of_parts, names, strict=True)
-                ]
+                is_own = np.array([rate_name(joint, part) == parameter for part in PARTS])
+                rate_tangents = np.asarray(of_parts) * is_own
                 _, derivatives[i, k, j] = jax.jvp(
                     lambda element, rates, signals, span=span: depths_from_signals(
                         element, rates, span, signals, samples
                     ),
                     (element, np.asarray(of_parts), signals),
-                    (element_along, np.asarray(rates_along), signals_along),
+                    (element_tangent, rate_tangents, signal_tangents),
                 )
     return derivatives, run.result

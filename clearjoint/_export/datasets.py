@@ -53,7 +53,7 @@ def describe(value: object) -> str:
 
 
 def described(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the text of each value by name, from `describe`."""
+    """Return the text of each value, from `describe`, by name."""
     return {name: describe(value) for name, value in values.items()}
 
 
@@ -88,8 +88,8 @@ COMPONENTS = ("x", "y", "z")
 
 
 class Labelled(NamedTuple):
-    """An array with its labels for a dataset; `unit` is ``None`` if unknown, and an empty
-    `description` is left out."""
+    """A variable of a dataset. `unit` is ``None`` if unknown, `description` becomes the attribute
+    "long_name" unless it is empty, and `attributes` are further ones."""
 
     dims: tuple[str, ...]
     values: ArrayLike
@@ -104,8 +104,7 @@ def labelled_dataset(
     coordinates: Mapping[str, Labelled],
     notes: Notes = (),
 ) -> "xr.Dataset":
-    """Return a dataset of labelled arrays with a title, `notes`, and the versions of the programs
-    as attributes."""
+    """Return a dataset whose attributes are its title, `notes` and the versions of programs."""
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
@@ -132,8 +131,8 @@ def _variable(array: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, o
 
 
 IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
-"""Dimensions whose labels precede the name of the variable in the name of a column, as the body
-"arm" does in "arm.position.x". Labels of other dimensions follow it, as the component "x" does."""
+"""Dimensions whose labels precede the variable's name in the name of a column, as the body "arm"
+does in "arm.position.x"; labels of other dimensions, such as the component "x", follow it."""
 
 
 class AbstractTabular(abc.ABC):
@@ -201,19 +200,18 @@ def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
 
 
 def header(name: str, attributes: dict) -> str:
-    """Return the name of a column with the unit in the attributes, such as "pin.penetration
-    [m]"."""
+    """Return the header of a column, with the unit in the attributes: "pin.penetration [m]"."""
     return f"{name} [{attributes['units']}]" if attributes.get("units") else name
 
 
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
-    """Return a data frame with a row for each position along one dimension of a dataset, by default
-    the first.
+    """Return a data frame with a row for each label along the dimension `rows` of a dataset, by
+    default its first dimension.
 
     A variable gets a column for each combination of labels along its other dimensions, such as
-    "arm.position.x [m]". Variables and coordinates without the dimension of the rows are left out.
-    Numbers of a variable with the attribute "flag_meanings", such as result codes, are replaced by
-    their meanings, or by their digits if they have none.
+    "arm.position.x [m]". Variables and coordinates without the dimension `rows` are left out. The
+    numbers of a variable with the attribute "flag_meanings", such as result codes, become texts:
+    their meanings, or their digits if they have none.
     """
     import pandas as pd
 

@@ -37,8 +37,7 @@ def estimates_table(
     intervals: Mapping[str, tuple[float, float]],
     units: Mapping[str, str],
 ) -> str:
-    """Return a table with a row for each parameter: estimate, standard error, 95 % interval and
-    unit."""
+    """Return a table of estimate, standard error, 95 % interval and unit of each parameter."""
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():
         digits = _digits(value, errors[name])
@@ -58,8 +57,7 @@ def _digits(value: float, error: float) -> int:
 
 
 def duration(seconds: float) -> str:
-    """Return a duration with two or three digits, such as "0.23 s", "68 s", "3 min 20 s" or "1 h 7
-    min"."""
+    """Return the text of a duration: "0.23 s", "68 s", "3 min 20 s" or "1 h 7 min"."""
     if seconds < 9.95:
         return f"{seconds:.2g} s"
     whole = round(seconds)

@@ -60,7 +60,7 @@ def displacements(
     Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
     parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
     more lie along each eigenvector of the correlation matrix. The rest are random: normally
-    distributed with the covariance, every second one twice as long.
+    distributed with the covariance, every second one twice as long. `within` shortens them.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Column k is the covariance with parameter k over its standard error: along it the other
@@ -77,11 +77,11 @@ def displacements(
 def within(
     offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, "m p"]:
-    """Scale offsets down where a component exceeds the limits, and leave out those of zero
-    length."""
+    """Shorten each offset, keeping its direction, until no component exceeds its limit in
+    magnitude; leave out offsets of zero length."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
-    shortened = offsets * np.minimum(shares.min(axis=1), 1.0)[:, None]
+        factors = np.where(offsets == 0.0, 1.0, limits / np.abs(offsets))
+    shortened = offsets * np.minimum(factors.min(axis=1), 1.0)[:, None]
     return shortened[np.abs(shortened).max(axis=1) > 0.0]
 
 
@@ -98,10 +98,11 @@ def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
 
 @dataclass(frozen=True)
 class QuadraticTest:
-    """Rise of chi squared at points around a minimum, in runs and by the quadratic model.
+    """Test of the quadratic model of chi squared by runs at n points around a minimum.
 
-    `horizon` is the first time at which the rise over the record so far disagrees with the model at
-    a tenth of the points or more; infinite if there is none.
+    - `predicted`, `actual`: rise of chi squared over the minimum, by the model and in the runs.
+    - `horizon`: first time at which chi squared of the samples up to it disagrees with the model at
+      a tenth of the points or more, s; infinite if there is none.
     """
 
     predicted: Float[np.ndarray, " n"]
@@ -134,9 +135,9 @@ def tested(
 ) -> QuadraticTest:
     """Compare runs at n points around a minimum with the quadratic model, for S series at T times.
 
-    `moved` are the residuals at the points. Only points `near` the minimum determine the horizon:
-    those where residuals are linear in the coordinates. On a logarithmic scale, for example, the
-    value is not linear in the coordinate, so that far points disagree at any time.
+    `residuals` and `jacobian` are those at the minimum, and `moved` the residuals at the points,
+    which have the `offsets` from it. Only the points marked in `near` determine the horizon: where
+    a scale, such as a logarithm, is not nearly linear, points disagree at any time.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
@@ -154,12 +155,13 @@ def tested(
 
 @dataclass(frozen=True)
 class Exploration:
-    """Points around a minimum, and the minima found by local searches from the lowest points.
+    """Result of `explore`: points around a minimum, and minima found from the lowest points.
 
-    The first point is the minimum at which the fit's own search ended, before the fit moves to a
-    lower one; the first of `minima` is the run there. `settled` says that the last round widened
-    every interval by less than a twentieth and found no new minimum that affects the intervals, and
-    that noise explains the lowest chi squared.
+    - `points`, `chi_squared`: the first is the minimum at which the fit's own search ended.
+    - `minima`: the run at this minimum, then the ends of the local searches.
+    - `rounds`: number of rounds in which points were drawn.
+    - `settled`: whether noise explains the lowest chi squared, and the last round widened every
+      interval by less than a twentieth and found no new minimum that affects the intervals.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -185,7 +187,8 @@ class Exploration:
 
 
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
-    """Return both ends of the 95 % intervals around each of several minima, in coordinates.
+    """Return the ends of the 95 % intervals around each of several minima, in coordinates: two rows
+    for each minimum, lower and upper ends.
 
     An interval contains the values for which chi squared, minimised over the other parameters by
     the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
@@ -211,47 +214,46 @@ def explore(
     generator: np.random.Generator,
     affordable: Callable[[], bool] = lambda: True,
 ) -> Exploration:
-    """Explore the neighbourhood of the `minimum` of a fit for all points with a similar chi
-    squared.
+    """Explore the neighbourhood of a fit's `minimum` for all points with a similar chi squared.
 
-    The first round draws `number` points from normal distributions with the given covariances, with
-    once, twice and four times their standard errors. Each further round draws half as many points
-    among those with the lowest chi squared so far, and as many again around the lowest minimum if
-    the round before found a much lower one, or if chi squared is not `likely`, explained by noise.
-    In every round, local searches start from some of the lowest points that are far from each other
-    and from the known minima. The exploration ends when it has settled, after `ROUNDS` rounds, or
-    when further runs are not `affordable`.
-
-    The first covariance is that of the minimum. Points are within `limits` of the minimum in each
-    coordinate; those drawn around a lower minimum are within them of that minimum.
+    The first round draws `number` points from normal distributions with the given covariances, of
+    which the first is that of the minimum, with once, twice and four times their standard errors.
+    Each further round draws half as many points among those with the lowest chi squared so far. It
+    draws as many again around the lowest minimum if the round before found a much lower one, or if
+    the lowest chi squared is above `likely`, the largest that noise explains. In every round, local
+    searches (`descend`) start from some of the lowest points that are far from each other and from
+    the known minima. The exploration ends when it has settled, after `ROUNDS` rounds, or when
+    further runs are not `affordable`. In each coordinate, points are at most `limits` away from the
+    minimum around which they are drawn.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
     drawn_around = partial(_drawn_around, limits=limits, generator=generator)
-    fresh = drawn_around(minimum.coordinates, covariances, number)
+    new_points = drawn_around(minimum.coordinates, covariances, number)
     points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
-    minima, best, before = [minimum], minimum, None
-    for count in range(1, ROUNDS + 1):
-        points = np.concatenate([points, fresh])
-        values = np.concatenate([values, chi_squared(fresh)])
+    minima, best, previous_intervals = [minimum], minimum, None
+    for rounds in range(1, ROUNDS + 1):
+        points = np.concatenate([points, new_points])
+        values = np.concatenate([values, chi_squared(new_points)])
         lowest_points = _lowest_points(points, values, number // 2)
         descended = _local_searches(lowest_points, minima, descend, affordable)
-        # Returned as it is only if the intervals have settled.
-        explored = Exploration(points, values, (*minima, *descended), count, True)
+        # Returned as it is, with `settled` true, only if the intervals have settled.
+        explored = Exploration(points, values, (*minima, *descended), rounds, True)
         low, high = explored.intervals()
         # A minimum is new if it affects the intervals and is none of the known ones.
         relevant = [end for end in descended if end.chi_squared <= explored.lowest + RISE]
-        new = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
+        new_minima = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
         minima += descended
         lower = min(minima, key=lambda other: other.chi_squared)
         decrease = best.chi_squared - lower.chi_squared
         best = lower
-        if before is not None and not new and explored.lowest <= likely:
+        if previous_intervals is not None and not new_minima and explored.lowest <= likely:
             # Growth of each interval at its two ends since the round before, relative to its width.
-            grown = np.maximum(before[0] - low, high - before[1]) / (high - low)
+            before_low, before_high = previous_intervals
+            grown = np.maximum(before_low - low, high - before_high) / (high - low)
             if (grown < SETTLED).all():
                 return explored
-        before = low, high
+        previous_intervals = low, high
         if not affordable():
             break
         # New points are drawn among the lowest points and the minima, because local searches reach
@@ -259,12 +261,13 @@ def explore(
         limit = explored.lowest + WORTH * RISE
         near = [other.coordinates for other in minima if other.chi_squared <= limit]
         among = np.concatenate([lowest_points, np.array(near).reshape(-1, p)])
-        fresh = drawn_among(among, number // 2, bounds, generator)
+        new_points = drawn_among(among, number // 2, bounds, generator)
         # If a much lower minimum has been found, the first points were drawn around the wrong one.
         # If noise doesn't explain its chi squared, an even lower one may be near.
         if decrease > RISE or explored.lowest > likely:
-            widths = [best.covariance, *covariances[1:]]
-            fresh = np.concatenate([fresh, drawn_around(best.coordinates, widths, number // 2)])
+            around_best = [best.covariance, *covariances[1:]]
+            others = drawn_around(best.coordinates, around_best, number // 2)
+            new_points = np.concatenate([new_points, others])
     return replace(explored, settled=False)
 
 
@@ -298,8 +301,8 @@ def _local_searches(
     descend: Callable[[Float[np.ndarray, " p"]], RunMisfit],
     affordable: Callable[[], bool],
 ) -> list[RunMisfit]:
-    """Search for minima from some of the starts that are far from each other and from the known
-    minima: from one of them, and from more while they are affordable."""
+    """Search for minima from up to `DESCENTS` of the starts that are far from each other and from
+    the known `minima`: always from the first of them, from each other one if it is affordable."""
     # Searches from points in known minima would only find these minima again.
     candidates = [x for x in starts if not any(inside(minimum, x) for minimum in minima)]
     # `far_apart` measures distances in standard deviations of the points, so it needs two or more.
@@ -339,7 +342,7 @@ multiples of the number of points in the first round of the exploration."""
 LEAST_NUMBER, MOST_NUMBER = 50, 400
 """Limits of the number of points in the first round of an exploration of bounded cost."""
 LEAST_RUNS = 20
-"""Smallest number of runs, in multiples of its points, without which no posterior is begun."""
+"""A posterior is begun only if at least this many runs for each of its points are affordable."""
 MARGIN = 4.0
 """Half the width of the posterior's box, in multiples of `_extent`. A wider box takes more runs, a
 narrower one may cut the posterior off."""
@@ -347,20 +350,20 @@ narrower one may cut the posterior off."""
 
 @dataclass(frozen=True)
 class LikelihoodCheck:
-    """Result of runs around the estimates of a fit's own search, before the fit moves to a lower
-    minimum.
+    """Result of `check`: runs around the estimates of a fit's own search.
 
+    - `test`: comparison of chi squared at points around the estimates with the covariance.
     - `exploration`, `posterior`: ``None`` if the test passed. There is no posterior either if noise
       doesn't explain chi squared, if too many runs would be needed, or if its points don't
       represent it.
-    - `searches`: the local searches of the exploration. If they find a minimum whose chi squared is
-      more than 0.5 below that of the fit's own search, a more accurate search from there is the
-      last.
-    - `runs`: number of runs without those of the posterior; `seconds` includes them.
+    - `searches`: the local searches of the exploration. If one of them has lowered chi squared by
+      more than 0.5, a more accurate search from there is the last.
+    - `runs`: number of runs, except those of the posterior.
+    - `seconds`: computing time, including that of the posterior.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
       with derivatives. Above 1, the rise at a distance of one standard error, integration errors
       are too large.
-    - `bounded`: whether the cost was limited to that of the fit and the test.
+    - `bounded`: whether the cost was limited to about that of the fit and the test.
     """
 
     test: QuadraticTest
@@ -383,12 +386,8 @@ class LikelihoodCheck:
         return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest ratio, 1 or more, of intervals by the exploration and by the
-        covariance.
-
-        The distances from the estimate to both ends of each interval are compared; ratios below 1
-        are inverted.
-        """
+        """Return the largest factor, 1 or more, by which an end of an interval of the exploration
+        is farther from `best`, or nearer to it, than the end by the covariance at `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -414,12 +413,13 @@ def check(
     cost: int = 0,
     show: bool = False,
 ) -> LikelihoodCheck:
-    """Test the covariance of a fit by runs around its best run.
+    """Test the covariance of a fit by runs around its `best` run.
 
     If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
-    posterior. `number` is the number of points in the first round of an exploration, to which the
-    size of the posterior is proportional. If it is ``None``, both together cost about as much as
-    the fit, `cost` in runs with derivatives, and the test.
+    posterior. `number` is the number of points in the first round of the exploration, to which the
+    size of the posterior is proportional. If it is ``None``, exploration and posterior together
+    cost about as much as the test and the fit, which took `cost` runs with derivatives.
+    `on_iteration` is called after each run of a local search, and `show` turns a bar on.
     """
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
@@ -429,8 +429,8 @@ def check(
 
 
 class _CountedRuns:
-    """Runs of an exploration: chi squared at points, and local searches, whose total cost is
-    limited to `most` runs without derivatives."""
+    """Makes and counts the runs of an exploration, for chi squared at points and for local
+    searches. They are affordable while they cost less than `most` runs without derivatives."""
 
     def __init__(
         self,
@@ -507,6 +507,8 @@ def _checked(
         return LikelihoodCheck(test, None, (), tested_points, 0.0, 0.0)
     most_runs = math.inf
     if number is None:
+        # The test and the fit had runs with derivatives. A quarter of the runs without derivatives
+        # that cost as much is for the first round, so that enough are left for the others.
         most_runs = float(_cost_with_derivatives(p) * (cost + tested_points))
         number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
     runs = _CountedRuns(compared, most_runs, on_iteration, bar)
@@ -553,11 +555,8 @@ def _checked(
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
-    """Return how far explored points with a low chi squared are from the lowest minimum.
-
-    This is the largest distance of such a point in each coordinate, or two standard errors if that
-    is more.
-    """
+    """Return how far explored points with a low chi squared are from the lowest minimum: in each
+    coordinate, the largest distance of such a point, or two standard errors if that is more."""
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
@@ -572,8 +571,9 @@ def _small_posterior(
     most_runs: int,
     bar: ProgressBar,
 ) -> Posterior | None:
-    """Return the posterior for a uniform prior in a box, or ``None`` if its few points don't
-    represent it, if they need too many runs, or if none could be drawn."""
+    """Return the posterior for a uniform prior in a box; ``None`` if its few points don't represent
+    it, if it needs more than `most_runs`, or if no points could be drawn. `lowest` is the smallest
+    known chi squared, and the number of points is proportional to `number`."""
     before = bar.n
 
     def on_step(time: float, runs: int) -> None:
@@ -621,27 +621,29 @@ def _largest_offsets(
 ) -> Float[np.ndarray, " p"]:
     """Return the largest distance of explored points from the estimates, in coordinates.
 
-    It is twice the largest change in one step of a fit or, where that is infinite, the coordinate's
-    size or `FARTHEST` standard deviations with all other parameters known.
+    It is twice the largest change in one step of a fit. Where that is infinite, it is the larger of
+    two numbers: the coordinate's magnitude, and `FARTHEST` times the standard error that the
+    parameter would have if all others were known.
     """
     norms = np.linalg.norm(best.jacobian, axis=0)
-    alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)
-    far = np.maximum(np.abs(best.coordinates), alone)
+    # With all other parameters known, the standard error is the inverse of the column's norm.
+    far_alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)
+    far = np.maximum(np.abs(best.coordinates), far_alone)
     return np.where(np.isfinite(max_changes), 2.0 * max_changes, far)
 
 
 def _early_covariances(
     best: RunMisfit, compared: Comparison, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return covariances by the records up to `horizon` and half way to it; none if it is
-    infinite."""
+    """Return the covariances of fits to the record up to `horizon`, s, and up to half way between
+    its start and `horizon`; none if `horizon` is infinite."""
     if not math.isfinite(horizon):
         return []
     start, rows = float(compared.runs.start_time), best.jacobian
     covariances = []
     for fraction in (1.0, 0.5):
         early = compared.times < start + fraction * (horizon - start)
-        # Rows are those of one series after the other.
-        part = np.tile(early, len(compared.data.weights))
-        covariances.append(covariance(rows * part[:, None]))
+        # Rows are those of one series after the other, each at all times.
+        is_early = np.tile(early, len(compared.data.weights))
+        covariances.append(covariance(rows * is_early[:, None]))
     return covariances

@@ -37,7 +37,8 @@ class Comparison:
     """An experiment, and the samples with which its runs are compared, for fits, screenings,
     posteriors and the test of a fit's covariance.
 
-    `data` has T times with samples, followed by padding, as the times of `runs`.
+    - `data`: the samples, at T times followed by padding, like the times of `runs`.
+    - `units`: unit of each parameter's value, by name.
     """
 
     runs: Experiment
@@ -64,18 +65,16 @@ class Comparison:
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the end of the record's part with the first `count` times.
-
-        A fraction is rounded up. For 0, the end is the start of the run.
-        """
+        """Return the last of the first `count` sample times, s, where a fraction is rounded up; for
+        0, the start of the run."""
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
     def chi_squared(
         self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared of n runs that end after `count` times: column k is that of the first
-        k sample times.
+        """Return chi squared of n runs over the first `count` sample times: column k is that of the
+        first k times.
 
         Samples that a run does not reach have the residual `UNREACHED`, to which larger ones are
         reduced. Each residual is replaced by the mean of `smoothing` residuals up to its time;
@@ -84,36 +83,37 @@ class Comparison:
         runs = self.runs
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
+        # Predictions (S, T) of the lanes that have ended and are not in `curves` yet.
         waiting: dict[int, np.ndarray] = {}
 
-        def take() -> None:
+        def compare_waiting() -> None:
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
-            filled = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            predictions = np.resize(rows, (TOGETHER, *rows.shape[1:]))
             if runs.sensors.of_values:
-                quantities = dict(zip(runs.names, np.moveaxis(filled, 1, 0), strict=True))
+                quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
                 at = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
                 elapsed = self.times - float(runs.start_time)
                 readings = readings_of_runs(runs.sensors, quantities, elapsed, at)
-                filled = np.stack([np.asarray(readings[name]) for name in runs.names], axis=1)
-            columns = np.asarray(_cumulated(self.data, filled, smoothing))
-            curves[lanes, 1:] = columns[: len(lanes), :count]
+                predictions = np.stack([np.asarray(readings[n]) for n in runs.names], axis=1)
+            sums = np.asarray(_cumulated(self.data, predictions, smoothing))
+            curves[lanes, 1:] = sums[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
-            # A lane has recorded rows up to the time that it reached.
+            # A lane has recorded `reached` instants, up to the time that it reached.
             rows, counts = ended.logs[SAVED]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)
                 parts = zip(predicted, runs.names, sample_indices, strict=True)
                 for row, name, indices in parts:
-                    at = indices[lane if len(indices) > 1 else 0]
+                    at = indices[lane if len(indices) > 1 else 0]  # One row serves all lanes.
                     row[: len(at)] = np.where(at < reached, rows[name][k, at], np.nan)
                 # Lanes end in any order. They are compared in groups, because the predictions of
                 # all lanes would take much memory.
                 waiting[lane] = predicted
                 if len(waiting) == TOGETHER:
-                    take()
+                    compare_waiting()
 
         # A batch made by `with_tasks` reuses the compiled programs of the latest batch.
         tasks = self._tasks(coordinates, instants)
@@ -121,7 +121,7 @@ class Comparison:
         self._batches[:] = [batch]
         batch.run(range(len(coordinates)), on_ended)
         if waiting:
-            take()
+            compare_waiting()
         return curves
 
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
@@ -140,37 +140,37 @@ class Comparison:
         )
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the times (n, K) at which n runs are recorded, infinite after each run's last one,
-        and for each series the indices of its samples among them, (n, count), or (1, count) if all
-        runs have the same.
+        """Return the rising times (n, K) at which n runs are recorded, padded with infinity, and
+        for each series the indices of its samples' times among them: (n, count), or (1, count) if
+        all runs have the same.
 
         A series with a delay is compared at its sample times minus the delay, which differ from run
-        to run, but not before the start of the runs.
+        to run; times before the start of the runs are replaced by the start.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.sensors.delays:
             times = self.times.copy()
             times[count:] = np.inf  # Never reached: nothing is recorded for padding.
             return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
-        shift = dict.fromkeys(runs.names, np.zeros(lanes))
+        # Delay of each series in each run, s, by name.
+        delay_of = dict.fromkeys(runs.names, np.zeros(lanes))
         for number, names in runs.sensors.delays:
-            shift |= dict.fromkeys(
-                names, np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
-            )
+            delay = np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
+            delay_of |= dict.fromkeys(names, delay)
         # Before the start there is only the initial state.
         start = float(runs.start_time)
-        queries = {n: np.maximum(undelayed - d[:, None], start) for n, d in shift.items()}
+        times_of = {n: np.maximum(undelayed - d[:, None], start) for n, d in delay_of.items()}
         # All series with the same delay have the same delayed times, so those of the first suffice.
-        delayed = np.concatenate([queries[names[0]] for _, names in runs.sensors.delays], axis=1)
-        every = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
+        delayed = np.concatenate([times_of[names[0]] for _, names in runs.sensors.delays], axis=1)
+        all_times = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
         instants = np.full((lanes, len(self.times) * (1 + len(runs.sensors.delays))), np.inf)
         sample_indices = [np.zeros((lanes, count), int) for _ in runs.names]
-        for lane, row in enumerate(every):
+        for lane, of_lane in enumerate(all_times):
             # A lane records rising times, each once: those of all series are merged.
-            rising = np.unique(row)
+            rising = np.unique(of_lane)
             instants[lane, : len(rising)] = rising
             for indices, name in zip(sample_indices, runs.names, strict=True):
-                indices[lane] = np.searchsorted(rising, queries[name][lane])
+                indices[lane] = np.searchsorted(rising, times_of[name][lane])
         return instants, sample_indices
 
     @cached_property
@@ -223,7 +223,8 @@ def _scenes_and_states(
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs, cumulated up to each time; predictions not reached are NaN."""
+    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), which
+    are NaN at samples that a run does not reach; see `Comparison.chi_squared`."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:

@@ -51,9 +51,9 @@ FAR = 2.0
 GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
-"""Number of equal pieces of the record, of which the first with large residuals is found. Also the
-smallest number of samples of a series that is examined for errors of its sensor, and of a fit that
-is examined for outliers."""
+"""Number of equal pieces into which the record is divided to find where residuals become large.
+Also the smallest number of samples of a series that is examined for errors of its sensor, and of a
+fit that is examined for outliers."""
 DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
@@ -61,7 +61,7 @@ MOST = 0.5
 OUTLIER_SHARE = 0.02
 """Share of the samples that may be outliers: the largest residuals are summed over this share."""
 MOST_LOST = 0.25
-"""Smallest share of a series of correlated samples that counts as left after a fit."""
+"""Smallest share of a series of correlated samples that a fit leaves as degrees of freedom."""
 UNCORRELATED = 1e-3
 """p-value of the test of whiteness below which residuals are not white."""
 
@@ -167,20 +167,21 @@ class Fit(AbstractTabular):
         """
         if not self.correlated:
             return np.ones(len(self.parameters))
-        stated = self.best.best.covariance
-        information = np.zeros_like(stated)
+        stated = self.best.best.covariance  # (J^T J)^-1
+        middle = np.zeros_like(stated)  # J^T R J, a sum over the series
         for name, rows in self._jacobians.items():
             noise, count = self._correlated_noise.get(name), len(rows)
             if noise is None:
-                information += rows.T @ rows
+                middle += rows.T @ rows
                 continue
-            own = noise.information(rows)
-            # The fit has made the residuals smaller than the noise, by as many samples of it as
-            # this trace; without correlation, that is the number of parameters.
-            lost = float(np.trace(stated @ own)) / noise.variance
-            information += own * count / max(count - lost, MOST_LOST * count)
+            of_series = noise.information(rows)
+            # The fit has reduced the sum of the squared residuals, from which the noise is
+            # estimated, by about that of `lost` samples. Without correlation, this is the number of
+            # parameters, divided among the series.
+            lost = float(np.trace(stated @ of_series)) / noise.variance
+            middle += of_series * count / max(count - lost, MOST_LOST * count)
         errors = np.sqrt(np.diag(stated))
-        actual = np.sqrt(np.maximum(np.diag(stated @ information @ stated), 0.0))
+        actual = np.sqrt(np.maximum(np.diag(stated @ middle @ stated), 0.0))
         return np.maximum(actual / errors, 1.0)
 
     @cached_property
@@ -189,8 +190,9 @@ class Fit(AbstractTabular):
 
     @property
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
-        """`widening`, times a factor of Student's distribution, because the size of correlated
-        noise is known from few independent samples."""
+        """Factor by which each interval is widened: `widening`, times a factor of Student's
+        distribution, because the variance of correlated noise is estimated from few independent
+        samples; 1 where `widening` is 1."""
         noises = self._correlated_noise.values()
         fewest = min((noise.effective for noise in noises), default=math.inf)
         factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
@@ -198,13 +200,14 @@ class Fit(AbstractTabular):
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates, (p, p), for the stated noise, times the `widening`."""
+        """Covariance of the coordinates, (p, p), for the stated noise, with standard errors
+        multiplied by the `widening`."""
         return self.best.best.covariance * np.outer(self.widening, self.widening)
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the values, (p, p), in products of `units`, by linearisation of the
-        scales."""
+        """Covariance of the values, (p, p), in products of `units`: that of the coordinates times
+        the slopes of the scales at the estimates."""
         pairs = zip(self.parameters.values(), self.coordinates, strict=True)
         slopes = [float(parameter.scale.slope(u)) for parameter, u in pairs]
         return self.covariance * np.outer(slopes, slopes)
@@ -233,8 +236,8 @@ class Fit(AbstractTabular):
 
         If other minima, outside the posterior's box, have a chi squared at most 3.84 above that of
         the fit, the intervals are extended to contain those by the covariances there. If residuals
-        are `correlated`, the intervals are widened about their middle, in coordinates, by the
-        factors `widening` and a further one of Student's distribution.
+        are `correlated`, the intervals are widened about their middle, in coordinates, by
+        `widening` times a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -244,8 +247,8 @@ class Fit(AbstractTabular):
         parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
         if posterior is not None:
             pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
-            ends = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
-            parts.append(np.array(ends).T)
+            of_posterior = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
+            parts.append(np.array(of_posterior).T)
         elif self.check is not None and self.check.exploration is not None:
             parts.append(np.array(self.check.exploration.intervals()))
         # The hull of all parts, in coordinates.
@@ -294,15 +297,15 @@ class Fit(AbstractTabular):
         return self._at_samples(self.best.best.jacobian)
 
     def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """The rows (S T, ...) at the samples of each of the S series, by name."""
+        """Return the rows (N, ...) at the sample times of each of the S series, by name, from rows
+        (S T, ...) at all T times of a run, series after series."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
         return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
 
     @property
     def rms(self) -> dict[str, float]:
-        """Root mean square of each series' residuals by name; 1 is expected for the stated
-        noise."""
+        """Root mean square of each series' residuals by name; 1 is expected by the stated noise."""
         return {name: _rms(row) for name, row in self.residuals.items()}
 
     @property
@@ -468,8 +471,7 @@ class Fit(AbstractTabular):
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on a failed test of the covariance; empty if the test passed or was not
-        made."""
+        """Sentences on a failed test of the covariance; empty if it passed or was not made."""
         return [] if self.check is None or self.check.passed else [self._test_report()]
 
     def _correlation(self) -> Iterator[str]:
@@ -581,10 +583,8 @@ def _searches_table(fit: Fit) -> str:
 
 
 def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
-    """Sentences on remedies for a poor fit, the cheapest and most likely first.
-
-    `scatter` is 0 without degrees of freedom.
-    """
+    """Sentences on remedies for a poor fit, the cheapest and most likely first; `scatter` is
+    `Fit._scatter`, or 0 without degrees of freedom."""
     # A missing effect would leave a trace in the residuals, which would then be correlated.
     if all(statistics.whiteness(row) > UNCORRELATED for row in fit.residuals.values()):
         yield (
@@ -638,32 +638,34 @@ def _explanation(
     part: slice,
     effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
 ) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
-    """Find the fewest errors of a sensor that explain most of the misfit of its series.
+    """Find a few errors of a sensor that together explain most of the misfit of its series.
 
     Errors are added one by one, each time the one with which the residuals become smallest, until
     the errors together explain the share `MOST` of the series' chi squared. `residuals` are those
     of all series, `part` the rows of the sensor's series, and `effects` the derivatives of
     `residuals` by each kind of error.
 
-    **Returns:** the decrease of the chi squared of all series, the values of the errors by their
-    kind, and the share of the series' chi squared that they explain; 0, no values and 0 if all
-    errors together explain less than `MOST`.
+    **Returns:** the decrease of the chi squared of all series; the deviations of the errors from
+    `neutral`, by kind; and the share of the series' chi squared that they explain. All are zero or
+    empty if even all errors together explain less than `MOST`.
     """
     chosen: list[type[AbstractSeriesVariation]] = []
     before = float(np.sum(residuals[part] ** 2))
 
     def fitted(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values of errors of these kinds by least squares, and the residuals that
-        remain."""
+        """Return the errors of these kinds by least squares, and the remaining residuals."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
-        least = information.LEAST_SINGULAR_VALUE
-        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=least)[0] / sizes
+        smallest = information.LEAST_SINGULAR_VALUE
+        values = -np.linalg.lstsq(columns / sizes, residuals, rcond=smallest)[0] / sizes
         return values, residuals + columns @ values
+
+    def chi_squared_with(kind: type[AbstractSeriesVariation]) -> float:
+        return float(np.sum(fitted([*chosen, kind])[1] ** 2))
 
     while len(chosen) < len(effects):
         rest = [kind for kind in effects if kind not in chosen]
-        chosen.append(min(rest, key=lambda kind: float(np.sum(fitted([*chosen, kind])[1] ** 2))))
+        chosen.append(min(rest, key=chi_squared_with))
         values, left = fitted(chosen)
         explained = 1.0 - float(np.sum(left[part] ** 2)) / before
         if explained > MOST:
@@ -675,35 +677,33 @@ def _explanation(
 def _effects_of_errors(
     fit: Fit, name: str
 ) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
-    """Derivatives of the residuals of a series by each error of its sensor, at its neutral
-    value."""
+    """Derivatives of the residuals of a series by each kind of error that its sensor may have, at
+    an ideal sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
-    pairs = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
+    instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
     effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
     effects[SeriesDelay] = -np.gradient(quantity, times)
     for kind in (SeriesBias, SeriesGain, SeriesDrift):
         fault = kind((name,))
-        effects[kind] = np.array([fault.error(kind.neutral + 1.0, *pair) for pair in pairs])
+        # The reading is linear in the error: its derivative is the effect of one unit.
+        unit_error = kind.neutral + 1.0
+        effects[kind] = np.array([fault.error(unit_error, *instant) for instant in instants])
     return {kind: effect / np.asarray(series.noise) for kind, effect in effects.items()}
 
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """A sentence on the series whose misfit is mainly that of as few errors of its sensor as
-    possible.
-
-    Of several series it is the one whose errors lower the chi squared of all series the most.
-    """
+    """A sentence on a series whose misfit a few errors of its sensor explain for the most part, if
+    there is one; of several such series, on the one whose errors lower the chi squared of all
+    series the most."""
     residuals = np.concatenate([*fit.residuals.values()])
     jacobian = np.concatenate([*fit._jacobians.values()])
+    # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
+    # number avoids a division by the zero norm of a parameter without effect.
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-    estimated = {
-        (type(parameter.variation), name)
-        for parameter in fit.parameters.values()
-        if isinstance(parameter.variation, AbstractSeriesVariation)
-        for name in parameter.variation.series
-    }
-    most, name, values, explained, end = 0.0, "", {}, 0.0, 0
+    # The best explanation so far: its decrease of chi squared, series, errors and share.
+    most, name, values, explained = 0.0, "", {}, 0.0
+    end = 0
     for series, row in fit.residuals.items():
         part = slice(end, end + len(row))
         end = part.stop
@@ -714,11 +714,11 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
         for kind, effect in _effects_of_errors(fit, series).items():
             column = np.zeros(len(residuals))
             column[part] = effect
-            # The fit has changed its parameters to make up for the error as far as possible. What
-            # they can make up for is left out of the error's effect, or the error would seem
-            # smaller than it is, and to be one of other series.
+            # The fit has changed its parameters to compensate for the error as far as possible.
+            # This part is left out of the error's effect, or the error would seem smaller than it
+            # is, and its effect to be in other series too.
             column -= basis @ (basis.T @ column)
-            if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
+            if not _is_estimated(fit, kind, series) and np.linalg.norm(column) > 0.0:
                 effects[kind] = column
         fault = _explanation(residuals, part, effects)
         if fault[0] > most:
@@ -740,6 +740,12 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     )
 
 
+def _is_estimated(fit: Fit, kind: type[AbstractSeriesVariation], series: str) -> bool:
+    """Whether an error of this kind, of the sensor of a series, is a parameter of the fit."""
+    variations = (parameter.variation for parameter in fit.parameters.values())
+    return any(type(each) is kind and series in each.series for each in variations)
+
+
 def _outliers(fit: Fit) -> Iterator[str]:
     """A sentence if the largest residuals contribute most of chi squared."""
     rows = np.concatenate(list(fit.residuals.values())) ** 2
@@ -756,8 +762,8 @@ def _outliers(fit: Fit) -> Iterator[str]:
 
 
 def _shorter_records(fit: Fit) -> Iterator[str]:
-    """Sentences that advise to fit a shorter record, or growing windows of the record, or to
-    compute the longest record that a single run can fit."""
+    """Advice to fit a shorter record or growing windows of the record, or to compute the longest
+    record that a single run can fit."""
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
     rows = np.concatenate([fit.residuals[name] for name in all_series])

@@ -24,7 +24,7 @@ RISE = DEVIATIONS**2
 """Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 
 FEWEST_FREEDOM = 2.0
-"""Smallest number of degrees of freedom that an interval assumes."""
+"""Smallest number of degrees of freedom from which `student_factor` computes intervals."""
 
 
 class Direction(NamedTuple):
@@ -57,7 +57,7 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
 
 
 def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
-    """Return the probability of a larger chi squared by noise alone; NaN without degrees of
+    """Return the probability that noise alone gives a larger chi squared; NaN without degrees of
     freedom."""
     from scipy.special import chdtrc
 
@@ -92,9 +92,9 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
 
 @dataclass(frozen=True)
 class CorrelatedNoise:
-    """Noise whose covariance depends only on the distance of samples, which are at equal intervals.
+    """Stationary noise of M samples at equal intervals.
 
-    `autocovariances`: (M,) covariance of samples that are 0 to M - 1 intervals apart.
+    `autocovariances`: (M,) covariance of two samples that are 0 to M - 1 intervals apart.
     """
 
     autocovariances: Float[np.ndarray, " M"]
@@ -106,12 +106,12 @@ class CorrelatedNoise:
 
     @property
     def effective(self) -> float:
-        """Number of independent samples from which the variance would be known as accurately."""
+        """Number of independent samples that determine the variance as accurately as these M."""
         first, rest = self.autocovariances[0], self.autocovariances[1:]
         return float(len(rest) + 1) / (1.0 + 2.0 * float(np.sum((rest / first) ** 2)))
 
     def information(self, rows: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-        """Return J^T R J for the covariance R (M, M) of the samples and a matrix J = `rows`."""
+        """Return J^T R J for the covariance R (M, M) of the samples and the matrix J = `rows`."""
         from scipy.linalg import matmul_toeplitz
 
         return rows.T @ matmul_toeplitz(self.autocovariances, rows)
@@ -120,43 +120,48 @@ class CorrelatedNoise:
 def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
     """Return the noise of which residuals (M,), not all zero, are a sample.
 
-    It is an autoregressive process, fitted by Burg's method. Its order is that of the smallest
-    corrected criterion of Akaike (C. Hurvich and C. Tsai, *Regression and time series model
-    selection in small samples*, 1989).
+    It is an autoregressive process, fitted by Burg's method. Its order minimises Akaike's corrected
+    criterion (C. Hurvich and C. Tsai, *Regression and time series model selection in small
+    samples*, 1989).
     """
     count = len(residuals)
-    ahead = behind = residuals
+    # Errors of predicting each sample from those before it, and from those after it.
+    forward = backward = residuals
     weights = np.ones(1)  # x_k + w_1 x_(k-1) + ... is the part that cannot be predicted.
-    power = float(residuals @ residuals) / count
-    earliest = [power]
+    variance = float(residuals @ residuals) / count  # of this part
+    estimated = [variance]  # Autocovariances from lag 0 on.
     best, least = (weights, 1), math.inf
+    # The largest order is the usual 10 log10(M), or M/4 for short records.
     for order in range(min(int(10.0 * math.log10(count)), count // 4) + 1):
-        criterion = count * math.log(power) + count * (count + order) / (count - order - 2)
+        criterion = count * math.log(variance) + count * (count + order) / (count - order - 2)
         if criterion < least:
             best, least = (weights, order + 1), criterion
-        ahead, behind = ahead[1:], behind[:-1]
-        size = float(ahead @ ahead + behind @ behind)
-        if size == 0.0:
+        # From here on, everything is raised to the next order by Levinson's recursion. Pairs of
+        # errors one lag farther apart determine the reflection coefficient.
+        forward, backward = forward[1:], backward[:-1]
+        squares = float(forward @ forward + backward @ backward)
+        if squares == 0.0:  # The prediction is exact, so no higher order is better.
             break
-        reflection = -2.0 * float(ahead @ behind) / size
-        earliest.append(-reflection * power - float(weights[1:] @ np.array(earliest[:0:-1])))
+        reflection = -2.0 * float(forward @ backward) / squares
+        estimated.append(-reflection * variance - float(weights[1:] @ np.array(estimated[:0:-1])))
         padded = np.append(weights, 0.0)
         weights = padded + reflection * padded[::-1]
-        ahead, behind = ahead + reflection * behind, behind + reflection * ahead
-        power *= max(1.0 - reflection**2, np.finfo(float).eps)
-    weights, first = best
+        forward, backward = forward + reflection * backward, backward + reflection * forward
+        variance *= max(1.0 - reflection**2, np.finfo(float).eps)
+    weights, known = best
     autocovariances = np.zeros(count)
-    autocovariances[:first] = earliest[:first]
-    if first > 1:
-        for lag in range(first, count):
-            autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - first : -1]
+    autocovariances[:known] = estimated[:known]
+    # At larger lags the process continues them (Yule-Walker equations); white noise has zeros.
+    if known > 1:
+        for lag in range(known, count):
+            autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - known : -1]
     return CorrelatedNoise(autocovariances)
 
 
 def student_factor(effective: float) -> float:
-    """Return the ratio of the half widths of 95 % intervals by Student's distribution and by the
-    normal one, for a variance that is known from an `effective` number of samples, which is taken
-    as the number of degrees of freedom; at least `FEWEST_FREEDOM` are used."""
+    """Return how many times as wide 95 % intervals are by Student's distribution as by the normal
+    one. Its degrees of freedom are the `effective` number of independent samples from which the
+    variance is estimated, but at least `FEWEST_FREEDOM`."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(effective, FEWEST_FREEDOM), 0.5 + 0.5 * CONFIDENCE)) / DEVIATIONS
@@ -178,9 +183,9 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Return other minima of chi squared that fit the data about as well, the lowest first.
 
-    A minimum is returned if, by its chi squared, it is in the joint 95 % confidence region of the
-    best one, and if, by the covariances, it is outside the 95 % interval of at least one parameter
-    around the best minimum and around each lower minimum that is returned.
+    By its chi squared, each is in the joint 95 % confidence region of the best one. By the
+    covariances, it is outside the 95 % interval of at least one parameter around the best minimum,
+    and around each lower minimum that is returned.
     """
     from scipy.special import chdtri
 
@@ -191,8 +196,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 def distinct(
     minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
 ) -> list[RunMisfit]:
-    """Return the minima with a chi squared up to `limit` that are `apart` from each lower one that
-    is returned, the lowest first."""
+    """Return the minima with a chi squared up to `limit`, the lowest first, without those that are
+    not `apart` from one returned before."""
     chosen: list[RunMisfit] = []
     for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
         if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):

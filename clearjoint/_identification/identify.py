@@ -47,7 +47,8 @@ window."""
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits` has the finished fits and, if `partly`, the best result so far of the interrupted one.
+    `fits` has the finished fits and, if `partly` is true, at the end the best result so far of the
+    interrupted fit.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -224,8 +225,9 @@ def identify_many(
 class _Problem:
     """What the fits of `identify_many` have in common; `fit` fits one set of measurements.
 
-    `coarse` is `compared` with the looser tolerances of a screening. `rows` are coordinates from
-    which searches start, and `ends` the ends of growing windows and of the record.
+    - `coarse`: `compared`, with the looser tolerances of a screening.
+    - `rows`: (S, p) coordinates from which searches start, or that a screening surrounds.
+    - `ends`: ends of the growing windows and of the record, s.
     """
 
     compared: Comparison
@@ -241,10 +243,8 @@ class _Problem:
     def fit(
         self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements, and return the fit and whether the user interrupted it.
-
-        The fit is ``None`` if that happened before the first run of a search had ended.
-        """
+        """Fit one set of measurements. Return the fit, ``None`` if there was no result yet, and
+        whether the user interrupted it."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened, checked, stopped = (), None, False
@@ -267,6 +267,7 @@ class _Problem:
             best = best_search(searches)
             # Searches that failed or reached their limit of iterations have no minimum to check.
             if self.check_runs != 0 and best.ending in (Ending.CONVERGED, Ending.STALLED):
+                # In runs with derivatives, each of which costs as much as 1 + p of a screening.
                 cost = sum(search.evaluations for search in searches)
                 cost += sum(screening.runs for screening in screened) // (1 + len(parameters))
                 on_run = partial(on_iteration, compared.data.count)
@@ -368,11 +369,8 @@ def _with_prior(
     deviations: np.ndarray,
     at: np.ndarray,
 ) -> RunMisfit:
-    """Return the misfit at coordinates `at` with a normal prior, as residuals (at -
-    centre)/deviations.
-
-    A coordinate with an infinite deviation has no prior.
-    """
+    """Return the misfit at coordinates `at` with the residuals (at - centre)/deviations of a normal
+    prior appended; where a deviation is infinite, there is no prior."""
     plain = misfit(at)
     return replace(
         plain,
@@ -385,8 +383,8 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield the function to call after each run of a search: the user's, one that shows a line, or
-    one that shows nothing."""
+    """Yield the function to call after each run: the user's, or one that updates a bar, which is
+    hidden if `progress` is false. `searches` is the total number of searches."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return

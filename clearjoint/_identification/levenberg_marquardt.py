@@ -28,15 +28,15 @@ PATIENCE = 15
 """Number of successive rejected steps after which a search ends. Each rejection multiplies the
 damping by four, so that the last of these steps are negligibly short."""
 SHORT = 1e-3
-"""A search ends if every component of the next step is smaller in magnitude than this fraction of
-the tolerance. The unit of scaled coordinates is about a standard deviation of an estimate."""
+"""A search ends if every component of the next step, in scaled coordinates, whose unit is about a
+standard deviation of an estimate, is smaller in magnitude than this fraction of the tolerance."""
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
 UNDETERMINED = 1e-12
-"""Singular value of the Jacobian, relative to the largest, below which the data don't determine a
-direction, and norm of a column, relative to the largest norm, below which a coordinate is scaled by
-the largest norm instead of its own."""
+"""Two limits: the data don't determine a direction whose singular value of the Jacobian is less
+than this share of the largest; and a coordinate whose column's norm is less than this share of the
+largest norm is scaled by the largest instead of its own."""
 
 
 class Ending(Enum):
@@ -99,9 +99,9 @@ class WindowSearch:
 class Search:
     """Result of the search from one start.
 
-    `windows` are the successive searches over growing windows of the record, and `best` is the run
-    of the last accepted step, or after an interruption a run over the whole record at the best
-    coordinates.
+    - `windows`: the successive searches over growing windows of the record.
+    - `best`: the run of the last accepted step or, after an interruption, a run over the whole
+      record at the best coordinates.
     """
 
     start: Float[np.ndarray, " p"]
@@ -125,7 +125,7 @@ def best_search(searches: Iterable[Search]) -> Search:
 
 
 class _ClippedDescent(optx.DampedNewtonDescent):
-    """Descent whose steps are clipped to `limits`, in scaled coordinates.
+    """Descent in which each component of a step is clipped to `limits`, (p,) scaled coordinates.
 
     Without limits, a parameter that the data hardly determine would run away while the other
     parameters are still far from their estimates.
@@ -140,7 +140,7 @@ class _ClippedDescent(optx.DampedNewtonDescent):
 
 
 class _TrustRegion(optx.ClassicalTrustRegion):
-    """Trust region without steps that increase chi squared.
+    """Trust region that accepts no step that increases chi squared.
 
     Because a clipped step has another direction, the linear model may predict an increase for it.
     optimistix would then accept a step with up to 1 % of this increase.
@@ -175,11 +175,12 @@ def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """Compute one step of the search from the linear model at the latest point, which may be worse
-    than the best coordinates `y` so far. `arrays` of the solver's state are ``None`` at first.
+    """Compute one step of the search, in scaled coordinates. `y` is the best point so far, `model`
+    the linear model at the latest point, and `arrays` those of the solver's state, ``None`` for the
+    first step.
 
-    **Returns:** the best coordinates, the new arrays of the state, which have the next point to
-    evaluate, whether to end, and the `decrement` at the best point.
+    **Returns:** the best point, including the latest; the new arrays, of which `y_eval` is the next
+    point to evaluate; whether the search ends; and the `decrement` at the best point.
     """
     # The damping decreases if chi squared has decreased by at least 0.7 times what the linear model
     # predicts. With optimistix' own cutoff of 0.99, it would decrease only after an almost exact
@@ -213,9 +214,9 @@ def search_with_damping(
 ) -> tuple[RunMisfit, tuple[Iteration, ...], Ending]:
     """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
-    A `KeyboardInterrupt` after the first evaluation ends the search. During the first evaluation it
-    is not caught, because there is no result yet. The search ends when the Gauss-Newton step is
-    below `tolerance`, in standard deviations of the estimates.
+    The search ends when the Gauss-Newton step is below `tolerance`, in standard deviations of the
+    estimates. No coordinate changes by more than its limit in a step. A `KeyboardInterrupt` ends
+    the search; during the first evaluation it is not caught, because there is no result yet.
 
     **Returns:** the best evaluation, all iterations, and the reason why the search ended. This is
     never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
@@ -262,11 +263,11 @@ def search_with_damping(
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Return an equivalent shorter least-squares problem in scaled coordinates.
+    """Return p + 1 residuals and their Jacobian, in scaled coordinates, that have the same sum of
+    squares as the M residuals at all coordinates.
 
-    A QR decomposition reduces the M rows to p + 1. It is a rotation, which changes neither chi
-    squared nor its dependence on the coordinates, and one compiled program serves data of any size.
-    Fewer than p + 1 rows are followed by zeros.
+    A QR decomposition gives them: it rotates the rows. So one compiled program serves data of any
+    size. Fewer than p + 1 rows are followed by zeros.
     """
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))

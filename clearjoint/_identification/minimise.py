@@ -33,7 +33,8 @@ Objective = Callable[[dict[str, jax.Array]], jax.Array]
 """Function that receives outputs by name, (N,) each or numbers of reductions, and returns the
 number to minimise, ()."""
 Coordinates = dict[str, PyTree]
-"""By name of the parameter, its coordinate on the scale of a `Parameter`, or its arrays."""
+"""For each parameter by name: the coordinate of a `Parameter` on its scale, or the values of a path
+in the form of `Predictor.values`."""
 HALVINGS = 12
 """Largest number of trials of a line search, each with half the step of the one before."""
 
@@ -160,6 +161,7 @@ def _descended(
     def advance(
         value: float, gradient: Coordinates, optimiser_state: PyTree, at: Coordinates
     ) -> tuple[PyTree, PyTree]:
+        # The line search of L-BFGS needs these; other optimisers ignore them.
         further = {"value": value, "grad": gradient, "value_fn": search.value}
         # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
         # for each core, a run that needs XLA too would wait for ever on a machine with one core.
@@ -176,6 +178,7 @@ def _descended(
         if result != RESULTS.successful:
             break
         if not np.isfinite(value):
+            # Later in a search, the best run so far is the result.
             expected = "finite in the first run"
             remedy = "start from other parameters, or change it"
             require(bool(history), "objective", float(value), expected, remedy)
@@ -183,6 +186,7 @@ def _descended(
         history.append(float(value))
         best = at if float(value) <= min(history) else best
         moved, optimiser_state = advance(value, gradient, optimiser_state, at)
+        # Without a change, all further iterations would repeat this one.
         if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
             break
         at = moved
@@ -190,16 +194,18 @@ def _descended(
     expected = "parameters for which the first run succeeds"
     require(bool(history), "parameters", RESULTS[result], expected, remedy)
     coordinates = np.asarray(ravel_pytree(best)[0])
-    estimates = {
-        name: float(value) if isinstance(value, jax.Array) and not value.ndim else value
-        for name, value in _values(search.parameters, best).items()
-    }
+
+    def as_float(value: PyTree) -> PyTree:
+        return float(value) if isinstance(value, jax.Array) and value.ndim == 0 else value
+
+    values = _values(search.parameters, best)
+    estimates = {name: as_float(value) for name, value in values.items()}
     return Minimum(estimates, coordinates, min(history), np.array(history), result)
 
 
 @dataclass(frozen=True)
 class _Forward:
-    """An objective and its gradient by the derivatives of runs by each parameter, from the
+    """Objective and gradient by runs with derivatives, in forward mode; the search starts at the
     coordinates `first`, (p,)."""
 
     runs: Experiment
@@ -240,7 +246,8 @@ class _Forward:
 
 @dataclass(frozen=True)
 class _Reverse:
-    """An objective and its gradient by the derivatives of runs in reverse mode."""
+    """Objective and gradient by runs in reverse mode, for any `Part`s; the search starts at the
+    values of `predictor`."""
 
     predictor: Predictor
     objective: Objective

@@ -25,18 +25,18 @@ def filled(
     number: int,
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "{number} p"]:
-    """Return points that fill a box evenly."""
+    """Return a Latin hypercube of points, which fill the box from `low` to `high` evenly."""
     from scipy.stats import qmc
 
     return low + (high - low) * qmc.LatinHypercube(len(low), rng=generator).random(number)
 
 
 def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared over the first `count` times.
+    """Return chi squared over the first `count` times, from curves (see this module).
 
     If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
-    time. The result is infinite for a run that misses a sample at any of these times, also at the
-    last one that counts in part.
+    time. The result is infinite for a run that misses a sample at one of these times, including the
+    next one.
     """
     full = min(int(count), curves.shape[1] - 1)
     part = count - full
@@ -51,8 +51,8 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
     """Return the last number at which a condition holds that holds at `low`, but not at `high`.
 
     The interval is bisected until no number is between its ends: a step of a posterior may be as
-    short as 1e-30, because a prior of which a share of 1e-15 of the box's width is likely varies by
-    1e30 in its logarithm.
+    short as 1e-30, because the logarithm of a prior that is 1e15 times narrower than the box varies
+    by 1e30 over the box.
     """
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if holds(middle) else (low, middle)
@@ -60,13 +60,12 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return the number of sample times up to which the level set has at least `keep` points.
-
-    The number may be a fraction, see `chi_squared_over`. Just beyond it, fewer than `keep` points
-    fit about as well as the best; it is T if this happens nowhere.
-    """
+    """Return over how many sample times at least `keep` points have a chi squared that exceeds the
+    smallest by no more than `excess`. The number may be a fraction, see `chi_squared_over`; it is
+    at most the number of times in `curves`."""
 
     def gap(values: np.ndarray) -> np.ndarray:
+        # Excess of the `keep`-th smallest value over the smallest.
         return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
     beyond = np.flatnonzero(gap(curves) > excess)
@@ -99,7 +98,8 @@ def drawn_among(
     """Draw new points in the region that two or more points fill.
 
     Each is drawn from a normal distribution around one of the points, with the covariance of the
-    points nearest to it, so that new points follow a curved or disconnected region.
+    points nearest to it, so that new points follow a curved or disconnected region. Points outside
+    the `bounds` are reflected at them.
     """
     neighbours = min(NEIGHBOURS * (points.shape[1] + 1), len(points))
     near = np.argsort(_principal_distances(points), axis=1)[:, :neighbours]
@@ -116,7 +116,8 @@ def drawn_among(
 
 
 def _principal_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Distances between points, in standard deviations of all points along their principal axes."""
+    """Distances between points, in units of the points' standard deviation along each principal
+    axis of their covariance."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

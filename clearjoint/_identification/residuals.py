@@ -59,12 +59,14 @@ optimiser rejects the step."""
 
 
 class Experiment(eqx.Module):
-    """A scene with p parameters and measured quantities, to be run for many parameter values.
+    """A scene with p parameters and measured quantities, to be run for many parameter values by one
+    compiled program.
 
-    All its runs share one compiled program. Some of the parameters may be errors of the sensors,
-    such as a delay, which don't change the scene. The `values` of `family` are not used: `run`
-    takes coordinates. The last of `times` is repeated until their number is 64, 512, 4096 and so
-    on, so that records of similar length share a program.
+    - `family`: the scene and state for given coordinates. Its `values` are not used.
+    - `outputs`: measured quantity of each series, by name, in the order of `names`.
+    - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
+      so on, so that records of similar length share a program.
+    - `sensors`: errors of the sensors, such as a delay, that are parameters.
     """
 
     scheme: Scheme
@@ -80,11 +82,11 @@ class Experiment(eqx.Module):
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates (p,) of the parameters, and return readings of the sensors.
 
-        An output with a delay is evaluated at `times` minus this delay, or at the start of the run
-        if this is earlier. With negative delays, the run ends later than `end_time`, the time of
-        the last sample to compare. Numbers for later times are meaningless, as where `reached` is
-        false, because the run failed early. With delays, `reached` is true throughout, and outputs
-        are NaN at times that the run misses.
+        `end_time` is the time of the last sample to compare, s; readings at later times are
+        meaningless. An output with a delay is evaluated at `times` minus the delay, but not before
+        the start of the run. With negative delays, the run ends later than `end_time`. If the run
+        fails early, readings that it misses are meaningless and `reached` is false there; with
+        delays, they are NaN and `reached` is true everywhere.
         """
         at, end_time = on_device(coordinates), on_device(end_time)
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
@@ -117,10 +119,13 @@ def _instants(
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     """Compute the times at which to sample a run with D delays, and the end of the run.
 
-    **Returns:** the N = (1 + 3 D) T times in ascending order; their indices (1 + 3 D, T), a row for
-    the times without delay, then for each delay the rows of the delayed times and of times `APART`
-    earlier and later; whether the delayed times (D, T) are at or after the start; and the end of
-    the run.
+    **Returns:**
+
+    - ((1 + 3 D) T,) all times, rising.
+    - (1 + 3 D, T) indices in these: a row for the times without delay, then for each delay three
+      rows, for the delayed times and for times `APART` earlier and later.
+    - (D, T) whether each delayed time is at or after the start.
+    - the end of the run.
     """
     delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its last sample.
@@ -150,11 +155,9 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return a copy of a run with outputs and derivatives at the delayed sample times.
-
-    `rising`, `indices` and `inside` are those of `_instants`. Outputs are NaN at times that the run
-    did not reach, and `reached` is true throughout.
-    """
+    """Return a copy of a run with outputs and derivatives at the T sample times, each output
+    delayed by its own delay. `rising`, `indices` and `inside` are the results of `_instants`.
+    Outputs are NaN at times that the run did not reach, and `reached` is true throughout."""
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
     for name, output in runs.outputs.items():
@@ -234,7 +237,8 @@ class Samples(eqx.Module):
     """Samples of S measured series on T common times, as arrays from which residuals are computed.
 
     `weights` are inverse standard deviations of the noise. `values` and `weights` are zero where a
-    series has no sample, as at the padding in the end. A series without period has ``None``.
+    series has no sample, and at the padding after the last time. `periods` has ``None`` for a
+    quantity that is not periodic.
     """
 
     values: Float[np.ndarray, "S T"]
@@ -252,10 +256,9 @@ class Samples(eqx.Module):
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise, to the nearest multiple of a series' period.
-
-        A residual is zero where there is no sample, and `UNREACHED` where the prediction is NaN.
-        """
+        """Return (prediction - value) / noise; for a periodic quantity, the nearest multiple of the
+        period is subtracted first. A residual is zero where there is no sample, and `UNREACHED`
+        where the prediction is NaN."""
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
         rows = [
@@ -268,8 +271,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return the samples of all series on the common times of `Measurements.times`, padded to
-    `count`."""
+    """Return the samples of all series, on `Measurements.times` padded to `count` times."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -287,6 +289,7 @@ class RunMisfit:
       samples that the run misses, where the `jacobian` is zero. In a window of a growing record
       that is not the last one, a prior adds p more.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
+    - `time`: time that the run reached, s; `attempts`: number of its steps, rejected ones included.
     """
 
     coordinates: Float[np.ndarray, " p"]

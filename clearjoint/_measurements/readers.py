@@ -59,7 +59,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class _Column:
-    """One column of a table, with a label for error messages, and the table's unit, if any."""
+    """One column of a table, with a label for error messages and, if the table has it, its unit."""
 
     label: str
     values: "pd.Series"
@@ -182,22 +182,23 @@ def function_from_csv(
 
 
 def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
-    """Read a CSV file, and return a function that finds one of its columns by its name, and for
-    error messages the name of the argument in which the user has passed it."""
+    """Read a CSV file, and return the function ``column(name, argument)``, which finds a column by
+    its name. `argument` is the user's argument that errors about the name mention."""
     options = {"index_col": False, "skipinitialspace": True, **options}
     table = _read(path, options)
     headers = [_split(header) for header in table.columns]
-    names, written = [name for name, _ in headers], []
+    names, names_in_file = [name for name, _ in headers], []
     if {"header", "names"}.isdisjoint(options) and names:
         # pandas renames repeated columns, so the header is read again as a row of texts, in which a
         # name that occurs twice can be recognised. With the user's options `header` or `names`, the
         # names are not simply in the first row, so this check is left out.
-        written = [_split(header)[0] for header in _read(path, options | _FIRST_LINE).iloc[0]]
+        first_row = _read(path, options | _FIRST_LINE).iloc[0]
+        names_in_file = [_split(header)[0] for header in first_row]
     file = f"{str(path)!r}"
 
     def column(name: str, argument: str) -> _Column:
         _require_listed(argument, name, names, f"columns of {file}")
-        once = max(names.count(name), written.count(name)) == 1
+        once = max(names.count(name), names_in_file.count(name)) == 1
         require(once, argument, name, f"unique in {file}", "rename one of the columns")
         k = names.index(name)
         return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
@@ -292,7 +293,7 @@ def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> N
 
 
 def _times(column: _Column, unit: str) -> np.ndarray:
-    """Return the times in a column, s; `unit` is that of a table without one."""
+    """Return the times in a column, converted to s; `unit` is their unit if the table has none."""
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)

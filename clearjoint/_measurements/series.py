@@ -37,8 +37,8 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
-    """Return the factor that converts values from a unit, any that pint knows, to an SI unit, and
-    the SI unit; without `si`, that of the SI base unit of the same dimension.
+    """Return the factor that converts values from a unit, any that pint knows, to the SI unit `si`,
+    and that SI unit; by default the combination of SI base units with the same dimension.
 
     **Raises:** `ValueError` for an unknown unit, a unit of another dimension, a frequency in Hz
     where an angular speed is expected, a unit that is not a multiple of the SI unit, such as a
@@ -78,8 +78,8 @@ _UNREADABLE = (
     ValueError,
     tokenize.TokenError,
 )
-"""Errors that pint raises for texts that are no units, its own being subclasses. Others, such as
-one by which a handler of signals ends a program, are no errors of the unit."""
+"""Errors that pint raises for texts that are no units; its own are subclasses. Others, such as an
+error by which a signal handler ends a program, are not about the unit."""
 
 
 def _pint_unit(
@@ -311,12 +311,11 @@ class Measurements(AbstractReadable):
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with the series by name, and with the noise of each series as
-        "<name>_noise", both in SI units.
+        """Return an `xarray.Dataset` with the values of each series as "<name>", and the standard
+        deviations of their noise as "<name>_noise", in SI units.
 
-        If all series have the same times, the dimension of all variables is "time". If not, each
-        series and its noise have a dimension of their own, "<name>_time". The coordinate of each
-        dimension contains its times, s.
+        The dimension is "time" if all series have the same times, otherwise "<name>_time" for each
+        series. Its coordinate contains the times, s.
 
         **Raises:** `ValueError` if the name of a series is also that of a dimension or of a noise.
         """

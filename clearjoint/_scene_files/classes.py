@@ -29,7 +29,8 @@ Classes: TypeAlias = Collection[type]
 Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""Functions that make objects of classes whose constructors do not check their arguments."""
+"""For each class whose constructor does not check its arguments, a function that does, and returns
+an object of the class."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +77,12 @@ def is_abstract(kind: type) -> bool:
 
 
 def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
-    """Return the makers that a file may name as `kind`, by their names: classes that derive from
-    one of the `families` (from any class if there are none), and those of their static methods that
-    return an object of the class, such as "Body.rod".
+    """Return, by name, the makers that a file may name as `kind`: classes, and static methods that
+    return an object of their class, such as "Body.rod".
 
-    The classes of this package must also derive from `AbstractReadable`, or be one of the
-    `families`. The user-defined `classes` have two names, with and without their module; the short
-    one is omitted if a class of this package has it.
+    The classes derive from one of the `families`, if there are any. Those of this package must also
+    derive from `AbstractReadable`, or be one of the `families`. The user-defined `classes` have two
+    names, with and without their module; of equal short names, that of this package counts.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
@@ -119,7 +119,7 @@ def _static_methods(kind: type) -> dict[str, Maker]:
 
 
 def family_names(families: tuple[type, ...]) -> str:
-    """Return the names of base classes for a message, such as "AbstractForce or AbstractFilm"."""
+    """Return base classes as text for messages: "AbstractForce or AbstractFilm"."""
     return " or ".join(kind.__name__ for kind in families)
 
 
@@ -180,26 +180,28 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the values that an annotation allows, whose unit may be in ``Annotated[float,
-    "s"]``."""
+    """Return the `Expectation` that an annotation describes. Numbers have the unit in the
+    annotation, as in ``Annotated[float, "s"]``, or else `unit`."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
-        return expectation(inner[0], next((n for n in inner[1:] if isinstance(n, str)), unit))
+        kind, *notes = inner
+        return expectation(kind, next((note for note in notes if isinstance(note, str)), unit))
     # A `Quantity` is any function of an instant. A file can contain only objects of the package's
     # class of such functions.
     if annotation == Quantity:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind, unit) for kind in inner if kind is not NoneType]
-        # None is no part: unless texts are allowed, the reader takes the text "none" for it. The
-        # shapes and classes of all parts are allowed. Of every other property, the first value
-        # that is neither None nor False is taken, so that a flag is true if it is true for any
-        # part.
+        # The parts are merged. None is not among them: unless texts are allowed, the reader takes
+        # the text "none" for it. Shapes and classes, which are tuples, are joined. Of every other
+        # attribute, the first value that is neither None nor False is taken, so that a flag is true
+        # if it is true for any part.
         merged: dict[str, Any] = {}
-        for entry in fields(Expectation):
-            values = [value for part in parts if (value := getattr(part, entry.name))]
-            is_tuple = isinstance(entry.default, tuple)
-            merged[entry.name] = sum(values, ()) if is_tuple else next(iter(values), entry.default)
+        for attribute in fields(Expectation):
+            name, default = attribute.name, attribute.default
+            values = [value for part in parts if (value := getattr(part, name))]
+            is_tuple = isinstance(default, tuple)
+            merged[name] = sum(values, ()) if is_tuple else next(iter(values), default)
         merged["allows_none"] = NoneType in inner
         return Expectation(**merged)
     if origin is Literal:

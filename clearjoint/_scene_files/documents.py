@@ -1,7 +1,7 @@
 """Text of TOML and JSON files, and names of the locations in them for error messages.
 
 A table is a TOML table or a JSON object. A location is given by the keys of tables and indices of
-lists that lead to it; a written path is their text, such as "joints.pin.clearance". The limits on
+lists that lead to it; as a text, such as "joints.pin.axis[0]", these are a path. The limits on
 sizes and depths stop files that would exhaust time or memory.
 """
 
@@ -29,7 +29,7 @@ Keys: TypeAlias = tuple[str | int, ...]
 NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
 """Pattern of one key or index, with or without quotation marks."""
 KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
-"""Pattern of one key or index of a written path: in brackets, after a dot, or at the beginning."""
+"""Pattern of one key or index of a path: in brackets, after a dot, or at the beginning."""
 SHORT = reprlib.Repr()
 """Makes the texts of values in error messages."""
 SHORT.maxlist = SHORT.maxtuple = 12
@@ -37,18 +37,16 @@ SHORT.maxstring = SHORT.maxother = 60
 
 
 def split(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, all as texts: ("joints", "pin", "axis", "0")
-    for "joints.pin.axis[0]", or for "joints['pin'].axis[0]" as `clearjoint.parameters` returns it.
-
-    Characters that don't belong to a path, such as a second dot in a row, are skipped.
-    """
+    """Return the keys and indices of a path, all as texts: ("joints", "pin", "axis", "0") for
+    "joints.pin.axis[0]", or for "joints['pin'].axis[0]" as `clearjoint.parameters` returns it.
+    Characters that don't belong to a path, such as a second dot in a row, are skipped."""
     names = map("".join, KEY.findall(text))
     return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a written path, as `split`; raise a `ValueError` if it is
-    empty or has characters that `split` would skip."""
+    """Return the result of `split`; raise a `ValueError` for a path that is empty or has characters
+    that `split` would skip."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -70,7 +68,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the beginning of a path that exists in nested tables, with indices as integers."""
+    """Return as many of the first `keys` as lead to an entry of the nested tables and lists in
+    `content`, with indices of lists as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -85,17 +84,17 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
 
 
 class Source:
-    """The text of a file, in which error messages find the line of a value, and the `changes` that
-    the command line makes, by the keys of the changed value."""
+    """The text of a file, for error messages that tell where a value is set. `changes` has the
+    options ``--set`` of the command line, by the keys of the value that each of them sets."""
 
     def __init__(self, text: str, suffix: str):
         self._text, self._is_toml = text, suffix == ".toml"
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return what a message adds to the path of the file for the value at `keys`: the change of
-        the command line that sets it, or the line of the statement that sets it or the closest
-        table around it; an empty text if the line is unknown."""
+        """Return where the value at `keys` is set, as a text that follows the name of the file in
+        messages: " with --set run.end=2", or ", line 12" of the statement that sets it or, if it
+        is missing, the table around it; an empty text if the line is unknown."""
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
@@ -111,6 +110,7 @@ class Source:
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
+            # The longest beginning of the file, of at most `limit` lines, that is valid TOML.
             for size in range(limit, 0, -1):
                 with suppress(tomllib.TOMLDecodeError):
                     return size, tomllib.loads("\n".join(lines[:size]) + "\n")
@@ -163,7 +163,7 @@ def _shown(value: object) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names as a text for a message, in alphabetical order; "none" without names."""
+    """Return names, in alphabetical order, as text for a message; "none" without names."""
     return ", ".join(sorted(names)) or "none"
 
 

@@ -44,18 +44,16 @@ from .schema import scene_schema
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts objects to tables, and collects the units of the values, by the keys that lead to
-    them, and the user-defined classes among those of the objects."""
+    """Converts objects to tables. `units` collects the unit of each value, by its keys, and
+    `user_classes` the user-defined classes of the objects."""
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the arguments with which the constructor makes an object again.
-
-        Left out are arguments whose value and default are both ``None``, empty dictionaries whose
-        default is empty or ``None``, and arguments that have a default but no field.
-        """
+        """Return the arguments, by name, with which the constructor makes an object again. Left out
+        are arguments whose value and default are both ``None``, empty dictionaries whose default is
+        empty or ``None``, and arguments that have a default but no field."""
         kind = type(instance)
         if not is_of_package(kind):
             self.user_classes.add(kind)
@@ -165,11 +163,11 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
     # Read the text and compare it with the scene: a class may change its arguments, or take others
     # than its fields, and its objects would then not be restored.
     with quiet():
-        read = scene_of_document(parse(text, suffix, str(path)), writer.user_classes, location)
-    for saved, restored, at in zip(
-        (scene, state), read, (location, location.at(STATE)), strict=True
-    ):
-        difference = first_difference(saved, restored, at)
+        parsed = parse(text, suffix, str(path))
+        read_scene, read_state = scene_of_document(parsed, writer.user_classes, location)
+    in_scene = first_difference(scene, read_scene, location)
+    in_state = first_difference(state, read_state, location.at(STATE))
+    for difference in (in_scene, in_state):
         if difference is not None:
             difference.refuse(
                 "a value that its class does not restore from arguments",
@@ -263,9 +261,13 @@ def first_difference(first: object, second: object, location: FileLocation) -> F
         return location
     entries, others = _entries(first), _entries(second)
     if not (entries or others):  # two values without parts, or two empty containers
-        bits = [(a.shape, a.dtype, a.tobytes()) for a in map(np.asarray, (first, second))]
-        by_bits = are_arrays or isinstance(first, float)
-        return None if (bits[0] == bits[1] if by_bits else first == second) else location
+        if are_arrays or isinstance(first, float):
+            # Bits also tell 0.0 from -0.0, and NaN equals itself.
+            a, b = np.asarray(first), np.asarray(second)
+            are_equal = (a.shape, a.dtype, a.tobytes()) == (b.shape, b.dtype, b.tobytes())
+        else:
+            are_equal = first == second
+        return None if are_equal else location
     if set(entries) != set(others):
         return location
     pairs = ((entries[key], others[key], location.at(key)) for key in entries)
@@ -285,7 +287,7 @@ def _entries(node: object) -> dict:
 def scene_of_document(
     document: Document, classes: Classes, location: FileLocation
 ) -> tuple[Scene, State]:
-    """Return the scene and its complete state that the tables of a file describe, as `load`."""
+    """Return the scene and the state that the tables of a file describe, as `load` does."""
     version, remedy = document.get(VERSION, FORMAT), ""
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
         remedy = f"write {VERSION} = {FORMAT}, or leave it out"

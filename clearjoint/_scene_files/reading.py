@@ -45,8 +45,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, for which a table with `axis` and `angle`, rad,
-    stands."""
+    """Return the Euler parameters, scalar first, of a rotation about an axis: a table with the keys
+    `axis` and `angle` may replace them in a file."""
     return tuple(rotation(axis, angle).tolist())
 
 
@@ -68,7 +68,7 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return a number or nested tuples for an array."""
+        """Convert a value as `value` does, but return an array as a number or nested tuples."""
         # Arguments that may also be numbers or objects are not limited to their options.
         options = None if expected.shapes or expected.classes else expected.options
         if options is not None and not (content is None or isinstance(content, str)):
@@ -101,16 +101,19 @@ class Reader:
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
         """Convert a table to an object of its class, to Euler parameters, or to a dictionary."""
+        # A table of entries by name may have one that is called "kind".
         if expected.by_name is None:
             families = expected.classes
             if KIND in content:
                 make = find_maker(content[KIND], families, self.classes, location.at(KIND))
                 return self.instance(make, content, location)
+            # Without a class in the file, only one class must be possible.
             if len(families) == 1 and not is_abstract(families[0]):
                 return self.instance(families[0], content, location)
             if families:
                 remedy = f"add it: a subclass of {family_names(families)}"
                 location.refuse(dict(content), f"a table whose `{KIND}` names a class", remedy)
+            # Where no object is expected, a table may stand for Euler parameters.
             if EULER_PARAMETERS in expected.shapes:
                 return self.instance(axis_and_angle, content, location)
             if not expected.allows_anything:
@@ -126,8 +129,9 @@ class Reader:
         location: FileLocation,
         other_keys: tuple[str, ...] = (),
     ) -> PyTree:
-        """Make an object from a table with the arguments of its class or static method.
-        `other_keys`: further keys that the table in the file may have, for messages."""
+        """Make an object by calling a class or static method with the entries of a table.
+        `other_keys`, which error messages list too, are keys of the file that `content` lacks
+        because the caller reads them."""
         signature = arguments(make)
         values = {}  # arguments as Python values
         for name, item in content.items():
@@ -165,16 +169,17 @@ class Reader:
         # ``None``, numbers or options may be allowed too; these are no objects of the classes.
         for name, item in values.items():
             allowed, stored = signature[name], getattr(made, name, None)
-            is_other = (
+            is_number = isinstance(stored, int | float | tuple | np.ndarray)
+            is_no_object = (
                 stored is None
                 or isinstance(item, Mapping)
-                or (allowed.shapes and isinstance(stored, int | float | tuple | np.ndarray))
+                or (bool(allowed.shapes) and is_number)
                 or any(item is option for option in (allowed.options or {}).values())
             )
-            if allowed.classes and not (is_other or isinstance(stored, allowed.classes)):
+            if allowed.classes and not (is_no_object or isinstance(stored, allowed.classes)):
                 expected = f"a table whose `{KIND}` is a {family_names(allowed.classes)}"
                 location.at(name).refuse(item, expected, "write one")
-            if allowed.by_name is not None and not is_other:
+            if allowed.by_name is not None and not is_no_object:
                 location.at(name).refuse(item, "a table of entries by name", "write one")
         return made
 
@@ -192,9 +197,9 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number in a text such as "0.3 mm", converted to the SI unit `unit` and then
-    rounded once, so that "0.3 mm" gives the same float as 3e-4. If `unit` is ``None``, a unit in
-    the text is refused."""
+    """Return the number in a text such as "0.3 mm", converted to the SI unit `unit`; if that is
+    ``None``, the text must have no unit. The result is rounded only once, so that "0.3 mm" gives
+    the same float as 3e-4."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

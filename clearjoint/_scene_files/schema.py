@@ -46,9 +46,9 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Collects the definitions to which the schema of a file refers: the schemas of makers, by
-    their names in files, and that of numbers, under `ROWS`. The schema of a class is added when
-    another schema first refers to it."""
+    """Makes the schema of a file. `definitions` collects the schemas to which it refers: that of
+    numbers, under `ROWS`, and those of makers, by their names in files, each added when another
+    schema first refers to it."""
 
     classes: Classes
     definitions: Schema = field(
@@ -91,8 +91,7 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers of the `families`, adding missing
-        ones."""
+        """Return references to the definitions of all makers of the `families`; add new ones."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -144,8 +143,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of numbers, or of texts with units, of the given shapes. Without
-    any, true and false are allowed too, because the `shapes` of a flag are empty."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
+    Without shapes, any are allowed, and true and false too, since a flag has none."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

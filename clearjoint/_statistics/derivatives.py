@@ -36,11 +36,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_RUNS = 10
-"""Smallest number of runs for each coefficient of the regression. The intervals by so few hold the
-derivative as often as stated, but half of them are wider than 3.5 times the root mean square error.
-With 40 runs for each coefficient, half are wider than 2.4 times this error."""
+"""Smallest number of runs for each coefficient of the regression. Intervals from so few contain the
+true derivative as often as stated, but half of them are wider than 3.5 times the root mean square
+error. With 40 runs for each coefficient, half are wider than 2.4 times this error."""
 MOST_POWER = 4.0
-"""Largest power of one minus the leverage of a run by which its squared residual is divided."""
+"""Largest exponent k with which a run's squared residual is divided by (1 - leverage)^k."""
 
 
 def statistics_derivatives(
@@ -159,10 +159,11 @@ def _coefficients(parameters: int) -> int:
 
 
 def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.ndarray:
-    """Standardised coordinates of all runs.
+    """Standardised coordinates of all runs, (runs, p).
 
     The first `draws` rows are independent draws. Then come as many rows for each parameter with a
-    uniform distribution, in pairs that differ only in this parameter, which is 1 and -1.
+    uniform distribution, in pairs that differ only in this parameter: it is 1 in the first row of a
+    pair and -1 in the second.
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []
@@ -197,10 +198,8 @@ def estimate(
     draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean by the nominal values, from the rows of `_points`.
-
-    They are computed by regression for a normal parameter, and from pairs of runs for a uniform
-    one.
+    """Return the derivatives of an output's mean from its `values` at the `points` of `_points`; by
+    regression for parameters whose distribution is `normal`, by pairs of runs for uniform ones.
 
     **Raises:** `ValueError` if too few independent runs succeed for the regression, or if fewer
     than two pairs of runs of a uniform parameter succeed.
@@ -227,9 +226,10 @@ def estimate(
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of z in a regression of y, and their standard errors.
+    """Coefficients of the p standardised coordinates z (runs, p) in a regression of y (runs,), and
+    their standard errors.
 
-    The regressors are Hermite polynomials up to degree 3 for normal and Legendre polynomials for
+    The regressors are polynomials up to degree 3, those of Hermite for normal and of Legendre for
     uniform parameters, and products of two parameters. They are orthogonal under the distribution
     of z, so that the expectation of the coefficient of z does not depend on the other regressors.
     """

@@ -34,8 +34,8 @@ RANK_TOLERANCE = 1e-8
 """Share of the largest singular value of the constraints' Jacobian, below which singular values,
 such as those that redundant constraints cause, count as zero."""
 NEGLIGIBLE = 1e-9
-"""Share of the size that was asked for a disturbance. Components below it are rounding errors and
-are set to zero, so that velocities which the constraints fix get no axis."""
+"""Components of a disturbance below this share of its size are rounding errors and are set to zero,
+so that velocities which the constraints fix get no axis."""
 
 
 def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws v"]:
@@ -56,13 +56,12 @@ def disturbed_velocities(
     along: Float[np.ndarray, "n v"],
     start_time: float,
 ) -> Float[np.ndarray, "n v"]:
-    """Return velocities (m/s, global) and spins (rad/s, body axes) of the `bodies` at n disturbed
-    starts.
+    """Return the velocity (m/s, global) and spin (rad/s, body axes) of each body at n disturbed
+    starts, in columns in the order of `bodies`, from which the order in `scene` may differ.
 
     Those of `state` are changed by the parts of the random directions `along` that the constraints
-    permit, scaled to `size`: the expected root mean square of the added speeds over starts and
-    bodies, in which a spin counts by the speed at its body's radius of gyration. A scene that a
-    function of JAX or of a user has made may have its bodies in another order than `bodies`.
+    permit, scaled to `size`, m/s: the expected root mean square of the added speeds over starts and
+    bodies, in which a spin counts by the speed at its body's radius of gyration.
 
     **Raises:** `ValueError` if the constraints leave no velocity free.
     """
@@ -98,11 +97,11 @@ def disturbed_axes(
 ) -> dict[str, Axis]:
     """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
 
-    The result has the given `axes` and an axis, named such as "disturbed velocity x of arm", for
-    each component of a velocity or spin that differs in any lane from that of the undisturbed
-    state. `draws` successive lanes have equal values of `axes`. If `draws` is 1 and `axes`
-    change only numbers of the scene, these must differ little from those in `scene`, whose
-    constraints then serve all lanes.
+    The result has the given `axes` and an axis, with a name such as "disturbed velocity x of arm",
+    for each component of a velocity or spin that differs in any lane from that of the undisturbed
+    state. `size` and `along` are as in `disturbed_velocities`. Each `draws` successive lanes must
+    have equal values of `axes`. If `draws` is 1 and `axes` change only numbers of the scene, the
+    constraints of `scene` serve all lanes, so that the numbers must differ little from its own.
 
     **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
     that is also that of a disturbed velocity.
@@ -141,8 +140,7 @@ def _component(state: State, body: str, part: str, k: int) -> float:
 
 
 def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies` in a
-    state."""
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies`."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
@@ -150,7 +148,7 @@ def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"
 def with_values(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
 ) -> tuple[Scene, State]:
-    """Return scene and initial state with one value of each of several axes."""
+    """Return scene and initial state with the `values` of the axes of these names."""
     for name, value in values.items():
         change = axes[name].setter(scene, state)
         scene, state = change(scene, state, value)
@@ -164,13 +162,13 @@ DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
 measurements, and far above rounding errors."""
 TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
-"""Settings of the runs with a tangent, which does not control the length of steps with so large a
-tolerance. A growth rate needs few correct digits of the tangent, and control by an ever larger
-tangent would make steps ever shorter."""
+"""Settings of the runs with a tangent. With so large a tolerance, the tangent does not control the
+length of steps. A growth rate needs few correct digits of it, and as it grows, its control would
+make steps ever shorter."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 ROUNDING = 1e-12
-"""Rounding error of a level of a quantile."""
+"""Largest rounding error of a quantile's level."""
 DRAW, QUANTILE = "draw", "quantile"
 """Names of the dimensions that results have besides the axes."""
 
@@ -299,8 +297,7 @@ def ensemble(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each lane of a zipped sweep failed: its run ended early or was never
-    started."""
+    """Return whether each lane of a zipped sweep failed: its run ended early or never began."""
     return results["result"].values != SUCCESSFUL
 
 
@@ -312,17 +309,16 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 def scalar_outputs(
     results: "xr.Dataset", quantities: Collection[str] = ()
 ) -> dict[str, tuple[np.ndarray, str]]:
-    """Return the outputs with one number in each lane of a zipped sweep, and further ones of the
-    given names, by name, as pairs of values, NaN for failed lanes, and unit."""
+    """Return the values and the unit of each output with one number in each lane of a zipped sweep,
+    and of the outputs named in `quantities`, by name. Values are NaN in failed lanes."""
     failed = failed_runs(results)
-    return {
-        str(name): (
-            np.where(failed, np.nan, variable.values.astype(float).T).T,
-            variable.attrs.get("units", "1"),
-        )
-        for name, variable in results.data_vars.items()
-        if name in quantities or (variable.dims == ("lane",) and name not in NOT_OUTPUTS)
-    }
+    found = {}
+    for name, variable in results.data_vars.items():
+        if name in quantities or (variable.dims == ("lane",) and name not in NOT_OUTPUTS):
+            # Transposed, because `failed` is along the first dimension and sample times follow it.
+            values = np.where(failed, np.nan, variable.values.astype(float).T).T
+            found[str(name)] = values, variable.attrs.get("units", "1")
+    return found
 
 
 def _statistics(
@@ -334,8 +330,10 @@ def _statistics(
 ) -> "xr.Dataset":
     """Return the statistics of all outputs over the draws at each point.
 
-    `labels` are coordinates of the dataset along the axes, and `shape` their sizes, then the number
-    of draws, which are successive lanes; `quantities` are names of outputs at sample times.
+    - `labels`: coordinates of the dataset along the axes.
+    - `shape`: number of values of each axis, then number of draws, which are successive lanes.
+    - `levels`: those of the quantiles.
+    - `quantities`: names of the outputs at sample times.
     """
     import xarray as xr
 
@@ -370,10 +368,10 @@ def _statistics(
 def _quantile_errors(
     runs: Float[np.ndarray, "... draws"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Standard errors of quantiles of `runs`, of which failed ones are left out.
+    """Standard errors of the quantiles of `runs`, where NaN stands for a failed run.
 
-    They are NaN where fewer than two runs succeeded, and for a level less than one deviation of the
-    share of runs below it from 0 or 1.
+    They are NaN where fewer than two runs succeeded, and for a level p that is nearer to 0 or 1
+    than sqrt(p (1 - p)/n), the standard deviation of the share of n runs below the quantile.
     """
     # The share of n draws below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
@@ -382,8 +380,8 @@ def _quantile_errors(
     for point in np.ndindex(*runs.shape[:-1]):
         usable = runs[point][np.isfinite(runs[point])]
         if len(usable) > 1:
-            aside = np.sqrt(levels * (1.0 - levels) / len(usable))
-            ends = np.array([levels - aside, levels + aside])
+            deviation = np.sqrt(levels * (1.0 - levels) / len(usable))
+            ends = np.array([levels - deviation, levels + deviation])
             # No run shows how far the quantile is from a level outside 0 to 1. Half the distance to
             # the smallest or largest value was 0.06 to 0.6 of the standard error.
             within = (ends[0] > -ROUNDING) & (ends[1] < 1.0 + ROUNDING)
@@ -402,9 +400,10 @@ def _lyapunov_exponent(
 ) -> tuple[float, float]:
     """The largest Lyapunov exponent, 1/s, averaged over several starts, and its standard error.
 
-    The exponent of a start is the growth rate of the tangent over the second half of the run; in
-    the first half the tangent turns to the direction of fastest growth. Runs that fail before the
-    end are left out. If fewer than two remain, both numbers are NaN.
+    The starts are disturbed by `size`, m/s, in the directions `along`. The exponent of a start is
+    the growth rate of the tangent over the second half of the run; in the first half the tangent
+    turns to the direction of fastest growth. Runs that fail before the end are left out. If fewer
+    than two remain, both numbers are NaN.
     """
     start_time, end_time = span
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 ORDERS = ("first_order", "total_order")
 """Names of the two indices, in SciPy's order."""
 RANDOMISATIONS = 4
-"""Number of independent randomisations of the Sobol points. More of them reduce the quantile of
-Student's distribution, by which intervals are wider than twice the standard error, but have fewer
-points each, which fill the distributions less evenly: with 8, errors and intervals for smooth
-outputs are up to 5 and 3 times larger."""
+"""Number of independent randomisations of the Sobol points. With more of them, the quantile of
+Student's distribution, a factor of the intervals, is smaller; but each has fewer points, which fill
+the distributions less evenly. With 8, for smooth outputs, errors are up to 5 times and intervals up
+to 3 times larger."""
 
 
 def sobol_indices(
@@ -128,8 +128,8 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
 def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     """First-order and total indices of an output, and the ends of their intervals, by name.
 
-    `groups` (n, p + 2) has the output in each run. Groups with a value that is not finite are left
-    out.
+    `groups` (n, p + 2) has the output in each run, in the order of `_groups`. Groups with a value
+    that is not finite are left out.
     """
     from scipy.special import stdtrit
 
@@ -141,13 +141,18 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     if len(used) < len(groups):
         text = f"{len(used)} of {len(groups)} groups of runs are used."
         warnings.warn(text, stacklevel=level_of_the_user())
-    # An error of the mean of the output would change the indices; without it they vary less.
-    a, b, *others = (used - used[:, :2].mean()).T
+    # Outputs at the points A, B and, for each parameter, at A with this parameter from B. The mean
+    # is subtracted, because the indices vary less without it.
+    a, b, *mixed = (used - used[:, :2].mean()).T
+    # The indices are the means of these terms over the variance, as in SciPy.
+    first_terms, total_terms = [b * (c - a) for c in mixed], [0.5 * (a - c) ** 2 for c in mixed]
     moments = [np.ones(len(used)), 0.5 * (a + b), 0.5 * (a**2 + b**2)]
-    terms = [*moments, *(b * (c - a) for c in others), *(0.5 * (a - c) ** 2 for c in others)]
+    terms = [*moments, *first_terms, *total_terms]
+    # A row for each randomisation: number, sum and sum of squares, then p and p terms.
     sums = np.array([[term[randomisation == k].sum() for term in terms] for k in randomisations])
 
     def both_orders(row: np.ndarray) -> np.ndarray:
+        """Return the indices (2, p) from a sum of such rows."""
         number, mean, square = row[0], row[1] / row[0], row[2] / row[0]
         variance = square - mean**2
         # An output that does not vary has the indices zero, as in SciPy.
@@ -157,8 +162,9 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     # independent: the spread of single groups, such as in a bootstrap, is that of random points,
     # which is up to 200 times the error of Sobol points.
     total, freedom = sums.sum(axis=0), len(randomisations) - 1
-    value, without = both_orders(total), np.array([both_orders(total - row) for row in sums])
-    half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * np.sqrt(freedom * without.var(axis=0))
+    value, without_one = both_orders(total), np.array([both_orders(total - row) for row in sums])
+    error = np.sqrt(freedom * without_one.var(axis=0))
+    half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * error
     parts = {"": value, "_low": value - half, "_high": value + half}
     return {
         f"{order}{suffix}": numbers[k]

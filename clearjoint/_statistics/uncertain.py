@@ -90,8 +90,7 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Return the middle of the distribution, and its standard deviation or half width, in the
-        coordinate."""
+        """Return the distribution's middle and standard deviation or half width, in coordinates."""
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None
@@ -115,8 +114,7 @@ class Uncertain:
 
 
 def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
-    """Raise a `ValueError` unless the argument is a dictionary of `Uncertain` by name, with one at
-    least."""
+    """Raise a `ValueError` unless `uncertain` is a dictionary of `Uncertain`, and not empty."""
     require_types("uncertain", uncertain, Uncertain, "an Uncertain", PASS_UNCERTAIN)
     require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)
 
@@ -128,7 +126,7 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points in the unit cube, by one of `METHODS`; those of "random" are independent.
+    """Return points in the unit cube, by one of `METHODS`.
 
     **Raises:** `ValueError` for an unknown method, and for fewer than one draw.
 
@@ -199,7 +197,7 @@ def design(
 def axes_at(
     scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
 ) -> dict[str, Axis]:
-    """Return an axis of n values for each uncertain number, at cumulative probabilities `points`
+    """Return an axis of n values for each of p numbers, at cumulative probabilities `points`,
     (n, p)."""
     return {
         name: number.axis(scene, state, number.standardised(points[:, k]))

@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of the forces, their `scale` before long arrows are cut, m/N, and a `note` on it for
-    the legend. Without forces the scale is 1."""
+    """Arrows of the forces. `scale`: length divided by force, m/N, before long arrows are cut; 1
+    without forces. `note`: text on the scale, for the legend."""
 
     parts: list[DrawnPart]
     scale: float
@@ -47,9 +47,9 @@ def arrows(
     magnitudes = np.concatenate([np.linalg.norm(f, axis=1) for f in all_forces] or [np.zeros(1)])
     acting = magnitudes[magnitudes > 0.0]
     largest, longest = float(magnitudes.max()), LONGEST * sizes.size
-    root = False  # whether lengths are proportional to the square root of forces
+    by_root = False  # whether lengths are proportional to the square root of forces
     if scale is None:
-        root = len(acting) > 0 and largest > 5.0 * float(np.median(acting))
+        by_root = len(acting) > 0 and largest > 5.0 * float(np.median(acting))
         scale = longest / largest if len(acting) else 1.0
     longest *= 1.0 + 1e-9  # a longest arrow is not cut because of rounding errors
     parts = []
@@ -58,8 +58,8 @@ def arrows(
             if not np.any(forces):
                 continue
             norms = np.linalg.norm(forces, axis=1, keepdims=True)
-            # The largest force has the same length by either formula.
-            lengths = np.minimum(scale * (np.sqrt(norms * largest) if root else norms), longest)
+            # The arrow of the largest force has the same length by either formula.
+            lengths = np.minimum(scale * (np.sqrt(norms * largest) if by_root else norms), longest)
             vectors = forces / np.maximum(norms, 1e-300) * lengths  # zero for no force, not NaN
             starts = points - vectors if at_tip else points
             poses = between(starts, starts + vectors, 1.1 * sizes.bar).copy()
@@ -72,7 +72,7 @@ def arrows(
     # The legend states the force of an arrow as long as a tenth of the mechanism or, if lengths are
     # not proportional to forces, the largest force.
     length, force, suffix = 0.1 * sizes.size, 0.1 * sizes.size / scale, ""
-    if root:
+    if by_root:
         length, force, suffix = scale * largest, largest, ", lengths ∝ square root of forces"
     elif largest * scale > longest:
         suffix = f", cut at {newtons(longest / scale)}"
@@ -89,8 +89,8 @@ def newtons(force: float) -> str:
 def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return where the contact forces act, and the forces on the second body of each joint: (N, 3)
-    m and N, by names such as "pin V" for the contact "V" of the joint "pin".
+    """Return the point, (N, 3) m, at which each contact force acts, and the force on the second
+    body of the joint, (N, 3) N, by names such as "pin V" for the contact "V" of the joint "pin".
 
     Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
     """

@@ -31,7 +31,7 @@ DPI = 100
 SAMPLES = 4 * DPI
 """Computed points per inch, of which several are averaged in a pixel."""
 MOST_POINTS = 1_000_000
-"""Largest number of points whose depths are computed at once, apart from those of one triangle."""
+"""Largest number of points whose depths are computed at once; a triangle may have more."""
 FRAMES_PER_SECOND = 25
 
 
@@ -81,8 +81,7 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Draw the parts in frame `k` and, unless the view is of a single state, the frame's
-        time."""
+        """Draw the parts in frame `k` and, except for a single state, the frame's time."""
         height, width = self._shape
         # `nearest` has the inverse distance of the nearest opaque triangle at each point.
         picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)
@@ -102,12 +101,14 @@ class Film:
             shades = light[:, None] * np.array(to_rgb(part.colour_at(k)))
             projected = in_perspective(triangles, self._distance) * self._scale + middle
             closeness = 1.0 / (self._distance - triangles[:, :, 2])
-            before = nearest if part.opacity == 1.0 else nearest.copy()
+            # A transparent part does not hide those behind it, so it leaves `nearest` as it is.
+            depths = nearest if part.opacity == 1.0 else nearest.copy()
+            # Index of the triangle of this part that is seen at each point, -1 for none.
             shown = np.full(len(nearest), -1)
             for point, triangle, near in _covered(projected, closeness, width, height):
-                np.maximum.at(before, point, near)
-                first = near == before[point]
-                shown[point[first]] = triangle[first]
+                np.maximum.at(depths, point, near)
+                is_first = near == depths[point]
+                shown[point[is_first]] = triangle[is_first]
             seen = shown >= 0
             behind = (1.0 - part.opacity) * picture[seen]
             picture[seen] = behind + part.opacity * shades[shown[seen]]
@@ -138,20 +139,21 @@ class Film:
 def _covered(
     corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield the points of a grid that triangles cover, for some triangles at a time: the number of
-    the point, row by row; the index of the triangle; and its value there.
+    """Yield the points of a grid that triangles cover, for some triangles at a time: (M,) numbers
+    of the points, row by row; indices of the triangles; and the triangles' values there.
 
     `corners` are counter-clockwise, in points from the lower left of the grid. Between them, the
     `values` are interpolated linearly.
     """
     a, b, c = (corners[:, j] for j in range(3))
-    # Each triangle covers, in each row between its lowest and its highest corner, the points
-    # between its edges. The lines are numbered triangle by triangle.
+    # Point (i, k) of the grid is at x = i + 0.5, y = k + 0.5. A line is the part of a row of points
+    # inside a triangle; lines are numbered triangle by triangle.
     low, high = (
         np.clip(np.ceil(f(corners[:, :, 1], axis=1) - 0.5), 0, height).astype(int)
         for f in (np.min, np.max)
     )
     triangle, row = _counted(low, high)
+    # A line is between the two edges of its triangle that cross its row.
     y, crossings = row + 0.5, []
     for p, q in ((a, b), (b, c), (c, a)):
         p, q = p[triangle], q[triangle]
@@ -166,9 +168,10 @@ def _covered(
     # The values are linear functions of x and y: their slopes, from the differences to corner a.
     (bx, by), (cx, cy) = (b - a).T, (c - a).T
     rise_b, rise_c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
-    along_x, along_y = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / (
+    slope_x, slope_y = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / (
         bx * cy - cx * by
     )
+    # Lines are taken in groups of about `MOST_POINTS` points, which limits the memory.
     first, ends = 0, np.cumsum(np.maximum(right - left, 0))
     while first < len(row):
         done = ends[first - 1] if first else 0
@@ -176,23 +179,23 @@ def _covered(
         line, x = _counted(left[first:last], right[first:last])
         line += first
         k = triangle[line]
-        value = values[k, 0] + along_x[k] * (x + 0.5 - a[k, 0]) + along_y[k] * (y[line] - a[k, 1])
+        value = values[k, 0] + slope_x[k] * (x + 0.5 - a[k, 0]) + slope_y[k] * (y[line] - a[k, 1])
         yield row[line] * width + x, k, value
         first = last
 
 
 def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the whole numbers of all intervals, from the start to before the end of each, and
-    first the index of the interval of each number."""
+    """Return the index of the interval, and the number, of each whole number from `starts[k]` to
+    `ends[k]` - 1, interval by interval: [0, 0, 2] and [3, 4, 7] for [3, 9, 7], [5, 9, 8]."""
     counts = np.maximum(ends - starts, 0)
     interval = np.repeat(np.arange(len(counts)), counts)
-    before = np.repeat(np.cumsum(counts) - counts, counts)
+    before = np.repeat(np.cumsum(counts) - counts, counts)  # numbers of the intervals before
     return interval, starts[interval] + np.arange(len(interval)) - before
 
 
 def _time_text(time: float, whole: float) -> str:
-    """Return the text of a time, s, in a run of duration `whole`, s: one unit of the last digit is
-    at most a hundredth of the duration."""
+    """Return the text of a time, s, with so many digits that one unit of the last digit is at most
+    a hundredth of the run's duration `whole`, s."""
     whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))

@@ -34,8 +34,7 @@ class Mesh(NamedTuple):
 
 @runtime_checkable
 class HasTriangles(Protocol):
-    """An object, such as a mesh of trimesh, with `vertices`, (V, 3) m, and `faces`, (F, 3)
-    indices."""
+    """An object, such as a mesh of trimesh, with the arrays of a `Mesh`."""
 
     vertices: ArrayLike
     faces: ArrayLike
@@ -93,9 +92,8 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring about z with straight ends that reaches from z = 0 to z = 1. At the
-    drawn `length`, to which a pose stretches the mesh, the `wire`, given by its radius, is round.
-    """
+    """Return a helical spring about z with straight ends, from z = 0 to z = 1. If a pose stretches
+    it to `length`, m, the wire, of radius `wire`, m, is round."""
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
@@ -136,8 +134,8 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a plate of a `width` along z, centred at the origin. Straight lines from there to the
-    corners of the `rim`, counter-clockwise, must lie inside the rim."""
+    """Return a plate of thickness `width` along z, centred at the origin, inside a `rim` of corners
+    in counter-clockwise order, each of which must be visible from the origin."""
     # Triangles from the rim to the centre.
     count = len(rim)
     first = np.arange(count)
@@ -146,8 +144,8 @@ def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 
 
 def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a ring about z, centred at the origin, between edges with corners, counter-clockwise,
-    where corners with the same index are at the same angle."""
+    """Return a ring of thickness `width` about z, centred at the origin, between two edges. Their
+    corners are in counter-clockwise order; those with the same index are at the same angle."""
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
 
@@ -159,18 +157,16 @@ def _extruded(
 
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
-    """Return the corners, at the angles 0, 2 pi/N, ..., of the region that is enclosed by tangents
-    perpendicular to these directions, at given distances from the origin.
+    """Return the outline, as corners at the angles 0, 2 pi/N, ..., of the region inside N lines.
+    Line k is perpendicular to the direction of corner k, at `distances[k]` from the origin.
 
-    If the distances are the support function of a convex shape, the distance of the tangent as a
-    function of its direction, the outline is that of the shape; if a shape's support function
-    nowhere exceeds them, the shape is inside the outline.
+    If the distances are the support function of a convex shape (the distances of its tangents), the
+    outline is that of the shape.
     """
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
-    # A ray from the origin in the k-th direction meets the j-th tangent after the length d / c,
-    # where d is the distance of the tangent from the origin, and c the cosine of the angle between
-    # the k-th and the j-th direction. Tangents that the ray doesn't meet count as infinitely far
-    # away.
+    # A ray from the origin in the k-th direction meets the j-th line after the length d / c, where
+    # d is the distance of the line from the origin, and c the cosine of the angle between the k-th
+    # and the j-th direction. Lines that the ray doesn't meet count as infinitely far away.
     cosines = np.cos(angles[:, None] - angles)
     reached = np.where(cosines > 1e-6, distances / np.maximum(cosines, 1e-6), np.inf)
     radii = reached.min(axis=1)[:, None]
@@ -240,8 +236,7 @@ def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.nda
 
 
 def pose_at(point: ArrayLike, rotation: ArrayLike | None = None) -> Float[np.ndarray, "4 4"]:
-    """Return the pose of a rotation (3, 3), by default none, followed by a translation to
-    `point`."""
+    """Return the pose of a `rotation`, by default none, followed by a translation to `point`."""
     pose = np.eye(4)
     pose[:3, 3] = np.asarray(point, dtype=float)
     if rotation is not None:
@@ -324,8 +319,8 @@ class DrawnPart:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return the poses of a solid, from z = 0 to z = 1 in its own axes, that connects two moving
-    points, such as a spring, with its x and y times `width`; (1, 4, 4) if all poses are equal."""
+    """Return the poses in which a solid from z = 0 to z = 1, such as a spring, connects two moving
+    points, and is stretched along x and y by `width`; (1, 4, 4) if all poses are equal."""
     along = ends - starts
     # A minimum of 1e-12 m, since equal points have no direction.
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
@@ -337,7 +332,7 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, (M, 3) m, of boxes around all parts in the frames `instants`."""
+    """Return the corners, m, of boxes around each part in the frames of the numbers `instants`."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)

@@ -32,8 +32,7 @@ class BodyPoses:
 
 
 def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
-    """Return the poses of the bodies and of the ground in a single state, or in states at N
-    `times`."""
+    """Return the poses of bodies and ground in a single state, or in states at N `times`."""
     from scipy.spatial.transform import Rotation
 
     ground = np.tile(np.eye(4), (1 if times is None else len(times), 1, 1))
@@ -83,8 +82,8 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Check that a state has exactly the bodies of a scene and one position of each body for each
-    time, which a trajectory that a user made may lack."""
+    """Raise a `ValueError` unless `states` has exactly the given bodies and, with `times`, one
+    position of each body for each time, which a user's trajectory may lack."""
     in_motion, in_scene = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(in_motion == in_scene, "motion", in_motion, f"of the scene's bodies {in_scene}", remedy)

@@ -27,8 +27,8 @@ drawn; also the least drawn radius of bearings of known radius, by default."""
 class Proportions:
     """Sizes and scales of a view.
 
-    - `size`: diagonal of the box around the mechanism.
-    - `bar`: radius of the bar by which a body is drawn.
+    - `size`: diagonal of the box around the mechanism, m.
+    - `bar`: radius of the bar by which a body is drawn, m.
     - `bearing_scale`: drawn size divided by true size of bearings and sockets. The drawn radius of
       a journal or a ball is that of its bearing or socket less the drawn clearance.
     - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
@@ -58,10 +58,9 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the sizes and scales for a view of a scene, as it is in the first frame. `noted` has
-    the points and axes of the scene's elements (markers), and the radii and clearances of its
-    bearings and sockets (bores). Scales that are None are chosen so that bearings and clearances
-    are visible.
+    """Return the sizes and scales for a view of a scene, by its first frame. `noted` has the points
+    and axes of the scene's elements (markers), and the radii and clearances of its bearings and
+    sockets (bores). Scales that are None are chosen so that bearings and clearances are visible.
 
     **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance would exceed
     0.9 times the drawn radius of its bearing.
@@ -127,8 +126,7 @@ def equivalent_solid(body: Body) -> BodySolid:
 
 
 def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
-    """Return the diagonal, m, of a box around the mechanism in the first frame; 1 m if it has no
-    extent."""
+    """Return the diagonal of a box around the mechanism in the first frame, m; 1 if it is zero."""
     points = [poses.point(marker.body, marker.point)[0] for marker in noted.markers]
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
@@ -176,6 +174,7 @@ def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
 
 
 def _rounded(number: float) -> float:
+    # Down to two digits.
     unit = 10.0 ** (np.floor(np.log10(number)) - 1.0)
     # Against rounding errors, 1e-9 keeps numbers that have two digits already, and `round` removes
     # digits such as the last one of 0.30000000000000004.
@@ -191,7 +190,7 @@ show more at the sides."""
 
 class Camera(NamedTuple):
     """Camera of a view: positions of the viewer (`eye`) and of the middle of the picture
-    (`target`), upward direction, and half the height of the picture in the plane of the target, m.
+    (`target`), m; unit vector `up`; and `reach`, half the height of the picture at the target, m.
     """
 
     eye: np.ndarray
@@ -200,8 +199,7 @@ class Camera(NamedTuple):
     reach: float
 
     def axes(self) -> np.ndarray:
-        """Return a matrix (3, 3) whose rows are the unit vectors to the right, upwards and to the
-        viewer."""
+        """Return unit vectors to the right, upwards and to the viewer, as rows of a matrix."""
         return _axes(self.eye - self.target, self.up)
 
 
@@ -244,8 +242,8 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return the direction from the mechanism to the viewer, of any length: perpendicular to `up`
-    and near `front` where possible, and then tilted to the right and upwards."""
+    """Return a vector from the mechanism towards the viewer: the part of `front` perpendicular to
+    `up`, if it is long enough, and then tilted to the right and upwards."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Components of the direction to the right and upwards; the component along `front` is 1.

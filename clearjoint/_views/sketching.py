@@ -63,8 +63,7 @@ class DrawnJournal:
     def touching_point(
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
-        """Return the point at which the drawn journal touches the drawn bearing in each frame, (N,
-        3).
+        """Return the point at which the drawn journal touches the drawn bearing in each frame.
 
         **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
         base W; `normal`: unit vectors from the axis to the contact points.
@@ -301,10 +300,9 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates whose surfaces, at given distances from a marker along a normal, face it.
-
-        They are longer than the path of the marker `runner` by `excess`, m, and a bar at each end.
-        """
+        """Draw plates perpendicular to `normal`, whose sides that face the marker `middle` are at
+        the distances `surfaces` from it, m, along the normal. At each end, they are longer than the
+        path of the marker `runner` by `excess`, m, and a bar."""
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -352,10 +350,13 @@ class SketchingPen(AbstractPen):
         self._hold(centre)
 
     def body(self, name: str, body: Body) -> None:
-        """Draw a body as a bar around the points of its joints and forces, and its equivalent solid
-        if it has at most one such point, or if they are close together: along every body axis they
-        span less than half the solid's longest side. The bar then also reaches the centre of mass.
-        A body with a block, a gear or walls, and at most one point, gets neither bar nor solid."""
+        """Draw a body as a bar around the points of its joints and forces.
+
+        A body with at most one such point, or with points that span less than half the longest side
+        of its equivalent solid along every body axis, is drawn as this solid too, and the bar then
+        also reaches the centre of mass. Nothing is drawn for a body with a block, a gear or walls,
+        and at most one point.
+        """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
         if name in self._shaped and len(points) <= 1:
@@ -391,8 +392,8 @@ class SketchingPen(AbstractPen):
         self._shaped.add(name)
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
-        """Draw a stand, which is a pyramid with its tip at the point, or for a bearing at the
-        outside of the wall, below each point of the ground's elements. `down`: unit vector."""
+        """Draw a stand below each point of the ground's elements: a pyramid with its tip at the
+        point or, for a bearing, at the outside of its wall. `down`: unit vector."""
         # The columns are the axes of the pyramid: to the side, near the line of sight, and down.
         # The small number prevents a division by zero if `front` is parallel to `down`.
         frame = frame_about(down, self._sizes.front + 1e-6)
@@ -434,9 +435,9 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hulls of the markers' bodies to the markers' points, or to a distance `around`
-        before them, such as the outer radius of a bearing, and add the current `element` to
-        `drawn`."""
+        """Extend the hull of each marker's body to the marker's point or, with a distance `around`,
+        m, such as the outer radius of a bearing, only to this distance from the point. Add the
+        current `element` to `drawn`."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -467,8 +468,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the range of the marker `runner`, m, along an axis of `base` through that
-        marker."""
+        """Return the smallest and the largest coordinate of the marker `runner`, m, along an axis
+        of the body of the marker `base`, from that marker."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -513,8 +514,8 @@ def colours(bodies: Collection[str]) -> dict[str, str]:
 
 
 MIXTURES = (0.0, 0), (0.5, 255), (0.45, 0), (0.25, 255), (0.25, 0), (0.7, 255), (0.65, 0)
-"""For each repetition of the colours of bodies, the part of white or black in them, and the
-brightness of that, 255 or 0."""
+"""Shades of the colours of bodies: the share of white or black that is mixed in, and 255 for white
+or 0 for black."""
 
 
 def _mixed(colour: str, part: float, brightness: int) -> str:
@@ -528,8 +529,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a matrix (3, 3) whose third column is the axis of rotation `along`. The first is
-    turned about it by `phase`, rad, from the vector from which joints measure angles of profiles
-    and teeth."""
+    """Return a rotation matrix (3, 3) that maps z to the axis `along`, and x to the direction at
+    the angle `phase`, rad, about it, by the convention of joints for profiles and teeth."""
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -224,8 +224,8 @@ def _poses(
     forces: bool,
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `frames` frames, the observation at the same times
-    or None, and notes for the legend."""
+    """Return the poses of the bodies in at most `frames` frames; the observation at the same times,
+    or None if no forces are shown; and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"
@@ -300,8 +300,9 @@ def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) ->
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a list with a note on the largest force of all impacts, if it exceeds the largest
-    normal force of all frames by more than a tenth, because it acts between two frames."""
+    """Return a note on the largest force of all impacts, in a list. The list is empty unless that
+    force exceeds the largest normal force in all frames by more than a tenth, because it acts
+    between two frames."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

@@ -49,8 +49,7 @@ have not run yet are crosses at the lower edge.
 
 **Raises:** `ValueError` for unknown names, for a joint that lacks the journal or the contacts to
 draw, for a window without drawn times, for an output that is not one number for each drawn value,
-and for other than polar axes
-where polar ones are needed.
+and for axes that are not polar where polar ones are needed.
 
 **Examples** in docstrings of this module assume these lines, after those in the docstring of
 `clearjoint`:

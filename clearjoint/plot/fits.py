@@ -62,7 +62,7 @@ class FittedModel(Protocol):
 
 def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     """Draw each measured series over time with the fitted prediction, and below it the residuals,
-    which are divided by the noise. The grey band should contain 95 % of the residuals.
+    divided by the noise. The grey band, from -2 to 2, should contain 95 % of them.
 
     **Arguments:** `fit`: from `cj.identify`; `series`: names of the measured series to draw, by
     default all.
@@ -201,9 +201,9 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Draw upper bounds of the integration errors of a run's outputs, in units of the measurement
-    noise, and of their derivatives by the parameters, relative, over time. Vertical lines are those
-    of `growth`.
+    """Draw upper bounds of integration errors over time: of a run's outputs, in units of the
+    measurement noise, and of their derivatives by the parameters, relative. Vertical lines are
+    those of `growth`.
 
     **Arguments:** `horizon`: from `cj.fit_horizon`.
 

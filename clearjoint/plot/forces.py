@@ -105,15 +105,13 @@ def joint_forces(
     >>> axes = plot.joint_forces(observed)
     """
     observed.require_contacts(observation)
-    forces = {
-        name: np.linalg.norm(
-            sum(
-                np.asarray(c.normal) * np.asarray(c.normal_force)[:, None] for c in family.values()
-            ),
-            axis=1,
-        )
-        for name, family in observation.contacts.items()
-    }
+    forces = {}
+    for name, family in observation.contacts.items():
+        vectors = [
+            np.asarray(contact.normal) * np.asarray(contact.normal_force)[:, None]
+            for contact in family.values()
+        ]
+        forces[name] = np.linalg.norm(np.sum(vectors, axis=0), axis=1)
     return _over_time(observation.times, forces, window, logarithmic, axes)
 
 
@@ -214,6 +212,7 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
+    # Penetration, m, and normal force, N, in an impact, with a zero before and after it.
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
     in_impact = (times >= onset) & (times <= separation)

@@ -199,8 +199,8 @@ def length_unit(clearance: float) -> tuple[float, str]:
 
 
 def observed_clearance(observation: Observation, joint: str) -> float:
-    """Return the radial clearance of a joint, m: the eccentricity of a base less its penetration,
-    or the median of this difference, which varies if the bearing or the journal has a profile."""
+    """Return the radial clearance of a joint, m: the median of the eccentricity of a base less its
+    penetration, which varies only if the bearing or the journal has a profile."""
     bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
     journals = [
         name

@@ -18,7 +18,7 @@ def contacts(observation: Observation, joint: str) -> dict[str, ContactObservati
 
 
 def require_contacts(observation: Observation) -> None:
-    """Refuse an observation without contacts."""
+    """Raise a `ValueError` for an observation without contacts."""
     names, remedy = list(observation.contacts), "give a joint some clearance"
     require(len(names) > 0, "observation", names, "of a scene with contacts", remedy)
 
@@ -29,16 +29,16 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 
 
 def spans(mask: np.ndarray) -> np.ndarray:
-    """Return the M intervals in which a mask (N,) is true: (M, 2), the first index of each and the
-    index after its last one."""
+    """Return the first index, and the index after the last one, of each interval in which a mask
+    (N,) is true, (M, 2)."""
     # The padded mask changes at both ends of each interval, also of one at an end of the mask.
     return np.flatnonzero(np.diff(np.pad(mask, 1).astype(int))).reshape(-1, 2)
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
-    """Merge equal curves, so that none hides another: two curves count as equal if they differ by
-    less than a line's width. Label and values of each remaining curve are returned; merged curves
-    have a label with all their names, such as "bases V and W"."""
+    """Return the labels and values of `curves`, with equal ones merged, so that none hides another.
+    Curves count as equal if they differ by less than a line's width; the label of merged ones has
+    all their names, such as "bases V and W"."""
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
     distinct: list[tuple[list[str], np.ndarray]] = []
     for label, values in curves.items():

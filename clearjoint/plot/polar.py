@@ -199,8 +199,8 @@ def _dressed(
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the factor from the SI unit to one that suits the largest of `values`, and its name.
-    Prefixes do not suit volumes, because mm³ and µm³ differ by nine powers of ten."""
+    """Return the result of `fitting_unit`, for volumes too: these are in mm³, or in µm³ times a
+    power of ten, since prefixes, which change a volume by nine powers of ten, do not suit them."""
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

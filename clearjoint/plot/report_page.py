@@ -183,8 +183,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _simultaneous(impacts: Impacts) -> list[list[int]]:
-    """Return groups of the indices of simultaneous impacts of a joint: they overlap the first of
-    the group for more than half of the shorter one's duration."""
+    """Return groups of indices of simultaneous impacts of a joint at different contacts. Each
+    impact of a group overlaps the first one for more than half of the shorter one's duration."""
     groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
@@ -322,6 +322,7 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
 def _record(
     scene: Scene, solution: Solution, quantity: Quantity | None, unit: str | None
 ) -> xr.DataArray:
+    # The quantity whose spectrum is drawn, by default the velocity or spin that changes most.
     trajectory = trajectory_of(solution, solution.saved or solution.steps)
     if quantity is not None:
         return series(scene, solution, quantity, unit=unit, trajectory=trajectory)
@@ -336,9 +337,8 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row of the page with lines of text and, unless there are no `rows`, a table below.
-    If the page has no space for all columns, the widest are made narrower, and their texts
-    broken."""
+    """Return a row of the page with lines of text and, unless there are no `rows`, a table below,
+    whose widest columns are made narrower, with broken texts, if the page has too little space."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
@@ -471,8 +471,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
 
 
 def _small(axes: Axes) -> None:
-    """Make lines thinner, and rasterise those of more than 5000 points so that a PDF file stays
-    small."""
+    """Make lines thinner, and for a small PDF rasterise those of more than 5000 points."""
     for line in axes.get_lines():
         line.set_linewidth(0.6 * line.get_linewidth())
         line.set_rasterized(len(np.asarray(line.get_xdata())) > 5000)

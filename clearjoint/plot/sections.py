@@ -139,8 +139,8 @@ def section_points(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two channels of section crossings at `times` (N,), s: name, values (N,) and SI unit of
-    each. For the other arguments, see `poincare_section`."""
+    """Draw two `channels`, each given by its name, values (N,) and SI unit, of section crossings at
+    `times` (N,), s. For the other arguments, see `poincare_section`."""
     times, units = np.asarray(times), [unit for *_, unit in channels]
     is_drawn = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"

@@ -52,7 +52,7 @@ def next_colour(axes: Axes) -> str:
 
 
 def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
-    """Return `axes`, or for None the axes of a new figure of width and height `size`, inches."""
+    """Return `axes`, or if it is None those of a new figure of width and height `size`, inches."""
     if axes is not None:
         return axes
     return plt.subplots(figsize=size, layout="constrained")[1]
@@ -101,8 +101,8 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes, with the lower edge at `height` in heights of
-    the axes, for all labelled curves or given `handles`."""
+    """Add a legend without a frame above the axes, for the given `handles`, by default all labelled
+    curves. `height`: of its lower edge, in heights of the axes."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
         # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
         # from the legend.
@@ -126,6 +126,7 @@ ROOM = "room of the legend"
 
 
 def _legend_box(axes: Axes, _room: Axes, renderer: RendererBase | None) -> Bbox:
+    # The box of the legend or, without one, the upper edge of the axes, in fractions of the figure.
     legend = axes.get_legend()
     box = Bbox([[axes.bbox.x0, axes.bbox.y1], [axes.bbox.x1, axes.bbox.y1]])
     if legend is not None and legend.get_visible():
@@ -142,8 +143,9 @@ def fit_labels(figure: Figure) -> None:
                 continue
             box, space = label.get_window_extent(), axes.get_window_extent()
             share = space.height / box.height if vertical else space.width / box.width
-            if share < 0.9:
-                letters = max(int(share * max(map(len, text.split("\n")))), 8)
+            if share < 0.9:  # a label may be a little longer than its axis
+                fitting = int(share * max(map(len, text.split("\n"))))
+                letters = max(fitting, 8)  # no column of single words beside short axes
                 label.set_text(fill(text.replace("\n", " "), letters, break_long_words=False))
 
 
@@ -171,8 +173,8 @@ def inside(
     contents: str = "observed times",
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
-    """Return a mask (N,) that is true for values in a window, of which there must be some. The
-    other arguments are for the error message: the name of the window, what it lacks, and advice."""
+    """Return a mask (N,) of the values in a window, of which there must be some. The last three
+    arguments are for the error message: name of the window, what it lacks, and advice."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
     expected = f"an interval with {contents}"
@@ -183,10 +185,9 @@ def inside(
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 """SI prefixes by their power of ten."""
 PREFIXED = ("m", "s", "N", "J", "W", "Pa", "Hz", "rad", "N s")
-"""Units that take a prefix, also as the numerator of a quotient: mm/s."""
+"""Units that take a prefix, also as numerators: mm/s."""
 GEOMETRIC = 1e-6
-"""Tolerance for rounding errors: numbers count as equal if they differ by at most this fraction of
-their mean."""
+"""Numbers count as equal if they differ by at most this fraction of their mean."""
 
 
 class ScaledValues(NamedTuple):
@@ -200,8 +201,8 @@ class ScaledValues(NamedTuple):
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
-    1000, and make the label of their axis. If the axis already shows other data, with the text
-    `present`, such as "force, kN", the unit is that in this text."""
+    1000, and make the label of their axis. If the axis already has the label `present` of other
+    data, such as "force, kN", its unit is taken instead."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
@@ -242,12 +243,11 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the factor to, and the text of, the unit with the prefix that brings the largest
-    magnitude of `values`, in the SI unit `unit`, between 1 and 1000; forces are in N if all are
-    below 10 kN, else in kN.
+    """Return the factor from the SI unit `unit` to the unit in which to draw `values`, and the text
+    of the latter: with the prefix that brings the largest magnitude between 1 and 1000.
 
-    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Units that are
-    not in `PREFIXED` stay as they are.
+    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Forces are in N
+    if all are below 10 kN, else in kN. Units that are not in `PREFIXED` get no prefix.
     """
     if unit == "N":
         largest = np.nanmax(np.abs(values), initial=0.0)
@@ -257,8 +257,8 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """Return the factor to, and the text of, the unit of a time axis: ms if all times, s, are below
-    2 s."""
+    """Return the factor from s to the unit of a time axis, and its text: ms if all times, s, or the
+    window are below 2 s, else s."""
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < 2.0 else (1.0, "s")
 
@@ -266,8 +266,8 @@ def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float,
 def time_axis(
     axes: Axes, times: np.ndarray, window: TimeSpan | None
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Prepare a time axis, and limit it to a window, s, if one is given. The mask (N,) of the
-    `times` to draw, these times in ms or s, and the axis label are returned."""
+    """Limit a time axis to a window, s, if one is given. Return the mask (N,) of the `times` to
+    draw, these times in ms or s, and the axis label."""
     factor, unit = time_unit(times, window)
     times = np.asarray(times)
     mask = limit_to_window(axes, times, window, factor)
@@ -305,8 +305,9 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Choose linear or logarithmic scales from the drawn values; otherwise an axis keeps its scale,
-    such as that of earlier curves. `swept`: letters of the axes that show swept parameters."""
+    """Make an axis logarithmic if that suits the drawn values, and linear if one of them is zero or
+    negative; else it keeps its scale, perhaps that of earlier curves. `swept`: letters of the axes
+    that show swept parameters."""
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         if suits_logarithm(values, letter in swept):
             axes.set(**{f"{letter}scale": "log"})

@@ -44,7 +44,8 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return `axis`, or for None the name of the sweep's only axis, which a zipped sweep lacks."""
+    """Return `axis`, or if it is None the name of the sweep's only axis. A zipped sweep has none
+    that counts as the only one."""
     if axis is not None:
         require_names(dataset, (axis,))
         return axis
@@ -72,14 +73,14 @@ def mark_failed(
 
 
 def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
-    """Refuse a data set that lacks a variable or coordinate of one of these names."""
+    """Raise a `ValueError` if a data set lacks a variable or coordinate of one of these names."""
     unknown = [name for name in names if name not in dataset.variables]
     expected = f"names out of {sorted(map(str, dataset.variables))}"
     require(not unknown, "dataset", unknown, expected, "pass names of this sweep")
 
 
 def require_several_values(dataset: xr.Dataset, along: tuple[str, ...]) -> None:
-    """Refuse a data set in which a single value is selected of one of the sweep's axes `along`."""
+    """Raise a `ValueError` if a single value is selected of one of the sweep's axes `along`."""
     single = [axis for axis in along if not dataset[axis].dims]
     expected = "a swept parameter with more than one value left"
     require(not single, "axis", single, expected, "draw the output before that value is selected")
@@ -269,6 +270,7 @@ def power_law_exponent(
 
 
 def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    # The exponent p and the factor C of y = C x^p.
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)

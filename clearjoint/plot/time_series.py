@@ -84,7 +84,7 @@ def rate_series(
 
 
 def trajectory_of(solution: Solution, trajectory: Trajectory | None) -> Trajectory:
-    """Return `trajectory`, or for None the saved states of the solution, which must have some."""
+    """Return `trajectory`, or if it is None the saved states of the solution, which must exist."""
     trajectory = solution.saved if trajectory is None else trajectory
     remedy = "pass save=Saving(times) to simulate(), or trajectory=solution.steps"
     require(trajectory is not None, "solution", "without saved states", "one with states", remedy)
@@ -104,7 +104,7 @@ def name_of(quantity: Callable[..., object]) -> str:
 
 
 def unit_of(quantity: Quantity, unit: str | None) -> str:
-    """Return `unit`, or for None the SI unit that the quantity declares; one of them must exist."""
+    """Return `unit`, or if it is None the SI unit that the quantity declares, which must exist."""
     unit = getattr(quantity, "unit", None) if unit is None else unit
     require(unit is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
     assert unit is not None
@@ -112,6 +112,7 @@ def unit_of(quantity: Quantity, unit: str | None) -> str:
 
 
 def _over_seconds(unit: str) -> str:
+    # The unit of a rate: "m/s^2" for "m/s".
     if unit == "1":
         return "1/s"
     base, slash, power = unit.partition("/s")
@@ -272,7 +273,7 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     largest = y.values.max(initial=0.0)
     if largest > 0.0:  # a constant record has no amplitudes to show on a logarithmic axis
         axes.set_yscale("log")
-        # Amplitudes below 1e-8 of the largest are rounding errors, or leak from the largest.
+        # Amplitudes below 1e-8 of the largest are rounding errors, or spectral leakage.
         axes.set_ylim(max(0.5 * y.values.min(), 1e-8 * largest), 2.0 * largest)
     title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
     axes.set_title(title, fontsize="small", loc="right")

@@ -25,13 +25,14 @@ except ImportError as error:
     ) from error
 
 ROOT = Path(clearjoint.__file__).parents[1]
-LINK = re.compile(r"(?<=\]\()([^)#\s]+)")
-SOURCE = re.compile(r'[^"]+\.(?:md|ipynb)(?=")')
+LINK = re.compile(r"(?<=\]\()([^)#\s]+)")  # the target of a link of Markdown
+SOURCE = re.compile(r'[^"]+\.(?:md|ipynb)(?=")')  # a README or notebook in a JSON text
+# A formula in HTML, in LaTeX: "span" in a line, "div" in a paragraph of its own.
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def page_of(source: str) -> str:
-    """The Markdown page that shows a file of the repository."""
+    """Return the path of the Markdown page that shows a file of the repository."""
     return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
 
 
@@ -51,6 +52,7 @@ def write_page(source: str, docs: Path) -> None:
         text = (ROOT / source).read_text(encoding="utf-8")
 
     def relinked(match: re.Match) -> str:
+        # A link to a file of the repository becomes one to its page or to a copy of the file.
         target = os.path.normpath(Path(source).parent / match[0])
         if (ROOT / target).is_dir():
             target = f"{target}/README.md"
@@ -66,7 +68,8 @@ def write_page(source: str, docs: Path) -> None:
 
 
 def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
-    """Write a page of public names in groups, which begins with a table of them."""
+    """Write a page of the API: a table of its public names, and then their docstrings, in groups.
+    A line beginning with ":::" makes mkdocstrings insert the docstring of an object."""
     page = SITE["api"][name]
     options = f"members: {page.get('members', False)}, show_root_heading: false"
     module = f"::: {page['module']}\n    options: {{{options}, show_root_toc_entry: false}}"
@@ -87,8 +90,8 @@ def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
 
 
 def finished(text: str) -> str:
-    """A page with formulas that browsers show without scripts, and without paths of private
-    modules."""
+    """Return the HTML text of a page with formulas as MathML, which browsers show without scripts,
+    and without tooltips that name private modules."""
 
     def formula(match: re.Match) -> str:
         display = "block" if match[1] == "div" else "inline"
@@ -110,6 +113,7 @@ def build(folder: Path) -> None:
             write_api_page(page, package, docs)
         for script in ("iframe-worker.js", "pages.css"):
             shutil.copy(Path(__file__).with_name(script), docs)
+        # The pages of the API follow the guide and the studies.
         guide, studies, *rest = json.loads(SOURCE.sub(lambda match: page_of(match[0]), nav))
         api = {"API": [f"api/{page}.md" for page in SITE["api"]]}
         config = {**SITE["site"], "nav": [guide, studies, api, *rest], "site_dir": str(site)}

@@ -23,8 +23,10 @@ PATHS = {
 }
 """Where public names are imported from: "clearjoint.laws.Hertz"."""
 PLAIN_WORDS = SITE["plain_words"].split()
-FENCED = re.compile(r"(^ *```.*?^ *```$)", re.MULTILINE | re.DOTALL)
-SESSION = re.compile(r"^( *)>>> .*(?:\n.*\S.*)*", re.MULTILINE)
+"""Public names that become links only after "cj.", since they mostly mean something else."""
+FENCED = re.compile(r"(^ *```.*?^ *```$)", re.MULTILINE | re.DOTALL)  # a block of code
+SESSION = re.compile(r"^( *)>>> .*(?:\n.*\S.*)*", re.MULTILINE)  # an interactive session
+# A name in backticks, perhaps with arguments in parentheses, that is not a link already.
 CODE = re.compile(
     r"(?<![`\[])`(?:(?:cj|clearjoint)(?=\.))?"  # the dot belongs to the name
     r"(\.?[A-Za-z_][\w.]*)(?:\(.*?\))?`(?![`\]])"
@@ -33,27 +35,33 @@ CODE = re.compile(
 
 @functools.cache
 def public_path(name: str, module: str = "") -> str | None:
-    """Where the public name that backticks enclose is described, nothing for another word.
+    """Return the path of the public object or module that a name in backticks means, such as
+    "clearjoint.laws.Hertz" for "Hertz"; ``None`` for another word.
 
-    The name may go on to an attribute or a method. One that begins with a dot is that of the
-    package; another is first looked for in the given module, and must be that of one object.
+    Of "View.save", the path is that of the class. A name that begins with a dot was written after
+    "cj" or "clearjoint". In the docstring of `module`, its own names come first.
     """
-    if f"{module}.{name}" in PATHS or f"clearjoint{name}" in MODULES:
-        return f"{module}.{name}" if f"{module}.{name}" in PATHS else f"clearjoint{name}"
+    if f"{module}.{name}" in PATHS:
+        return f"{module}.{name}"
+    if f"clearjoint{name}" in MODULES:
+        return f"clearjoint{name}"
     parts = name.removeprefix(".").split(".")
+    # The longest beginning of the name that is public; the rest is an attribute or a method.
     for last in range(len(parts), 0, -1):
         head = ".".join(parts[:last])
         found = [path for path in PATHS if path.endswith(f".{head}")]
         own = [path for path in found if path == f"clearjoint.{head}"]
         if own and (name.startswith(".") or head not in PLAIN_WORDS):
             return own[0]
+        # A name of a submodule must be unique. A single word in lower case, such as "position",
+        # mostly isn't meant as one.
         if len(found) == 1 and not own and head not in PLAIN_WORDS:
             return found[0] if last > 1 or "_" in head or not head.islower() else None
     return None
 
 
 def with_links(text: str, module: str = "") -> str:
-    """Make backticked public names outside of code blocks links."""
+    """Turn public names in backticks, outside of code blocks, into links."""
 
     def linked(match: re.Match) -> str:
         path = public_path(match[1], module)
@@ -73,7 +81,7 @@ def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:
 
 
 def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
-    """The constructor that a class with fields gets, with their annotations in the source."""
+    """Return the constructor `of` a dataclass, with the annotations of its fields in the source."""
     parameters = [griffe.Parameter("self", kind=griffe.ParameterKind.positional_only)]
     for name, parameter in inspect.signature(of).parameters.items():
         default = None if parameter.default is parameter.empty else repr(parameter.default)
@@ -89,8 +97,8 @@ def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
 
 
 class HouseStyle(griffe.Extension):
-    """Makes sessions code blocks and public names links, and gives classes with fields the
-    signature of their constructors."""
+    """Turns interactive sessions into code blocks and public names into links, and gives
+    dataclasses the signatures of their constructors."""
 
     @override
     def on_package(self, *, pkg: griffe.Module, **kwargs: object) -> None:
@@ -99,6 +107,7 @@ class HouseStyle(griffe.Extension):
             if item.docstring:
                 text = SESSION.sub(r"\n\1```pycon\n\g<0>\n\1```", item.docstring.value)
                 item.docstring.value = with_links(text, item.path if item.is_module else "")
+        # griffe reads only the source, in which dataclasses have no constructors.
         for path in PATHS:
             module, name = path.rsplit(".", 1)
             of = getattr(importlib.import_module(module), name)

@@ -26,8 +26,8 @@ RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""A jump of the force counts as a jump at the onset if its depth differs from that of the onset by
-at most this fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m."""
+"""A jump of the force is at the onset if its depth differs from that of the onset by at most this
+fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
     (1.3e-6, 0.07, 0.11),
@@ -62,8 +62,8 @@ def ensure(condition: Condition, message: str) -> None:
 def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: Points) -> Points:
     """Return the values of a scalar function of a law and of further numbers at N points.
 
-    **Raises:** `AssertionError` if a value is not finite, or if `jax.vmap` gives another value than
-    a single evaluation.
+    **Raises:** `AssertionError`, with the `name` of the function, if a value is not finite or if
+    `jax.vmap` gives another value than a single evaluation.
     """
     values = jnp.asarray(jax.vmap(function, in_axes=(None, *(0 for _ in points)))(law, *points))
     ensure(jnp.isfinite(values), f"{name} is not finite everywhere.")
@@ -76,7 +76,7 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
 
 def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points: Points) -> None:
     """Raise an `AssertionError` unless all derivatives of a scalar function, by the parameters of
-    the law and by further numbers, are finite."""
+    the law and by the numbers in `points`, are finite."""
     arguments = jax.tree.map(jnp.asarray, law), *points.values()
     gradient = eqx.filter_grad(lambda arguments: function(*arguments))
     slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(arguments)
@@ -193,8 +193,7 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Check that the force jumps only where contact begins or ends, and that the law declares
-    it."""
+    """Check that the force jumps only where contact begins or ends, and only if declared."""
     # Jumps are searched between successive depths, at all rates and entry speeds.
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]

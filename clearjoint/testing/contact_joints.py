@@ -47,8 +47,8 @@ def check_contact_joint(
     check demands that
 
     - the joint's methods `laws` and `contacts` name the same contacts;
-    - normals are unit vectors, or zero without contact, and the `rate` of each contact's gap is the
-      time derivative of its penetration, as the rate of its `factor` is that of the factor;
+    - normals are unit vectors, or zero without contact; the `rate` of each contact's gap is the
+      time derivative of its penetration, and so is the rate of the gap's `factor`, if it has one;
     - the forces on the two bodies are equal and opposite, with a common line of action, or the
       couples on them are equal and opposite;
     - the power of the normal force, or of the couples, agrees with the penetration rate, and the
@@ -97,8 +97,8 @@ def check_contact_joint(
     @jax.jit
     @jax.vmap
     def evaluate(point: jax.Array, change: jax.Array) -> tuple[ByLabel[Condition], Rows, Rows]:
-        """Failures, numbers of the contacts, and derivatives of these if the point changes as
-        given."""
+        """Return the failures of the contacts at a point, their numbers, and the derivatives of
+        these in the direction `change`."""
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
@@ -293,9 +293,7 @@ def _force_failures(
     loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
 ) -> dict[str, jax.Array]:
     """Whether each condition on normal force and friction of one contact without couples fails.
-
-    `factor` has the time derivatives of the factor of its law; ``None`` if there is none.
-    """
+    `factor` is the time derivative of `contact.gap.factor`; ``None`` if that is."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -339,11 +337,9 @@ def _force_failures(
 
 
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """One direction of change for each parameter of the joint, as rows of a matrix.
-
-    In a parameter's row, the element of this parameter is the largest magnitude of the numbers in
-    its field, or 1 if these are zero. All other elements are zero.
-    """
+    """Return a matrix with a row for each parameter of the joint: a change of `point` in this
+    number alone, by the largest magnitude of the numbers in its field, or by 1 if these are
+    zero."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)
@@ -351,9 +347,9 @@ def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -
 
 
 def _rows(contacts: Contacts) -> Rows:
-    """Numbers (15,) of each contact: the penetration, normal force and elastic force; friction and
-    normal, in global axes; and the vectors from both centres of mass to the contact point, in body
-    axes."""
+    """Numbers (15,) of each contact: penetration, normal force and elastic force; then, with three
+    components each, friction and normal in global axes, and the vectors from the bodies' centres of
+    mass to the contact point in body axes."""
     rows = {}
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction
@@ -383,6 +379,6 @@ def _differ(first: Scalar, second: Scalar, allowed: Scalar = TOLERANCE) -> jax.A
 
 
 def _is_nonzero(vector: Vector, size: Scalar = 0.0) -> jax.Array:
-    """Whether a vector is longer than rounding errors of terms of a given size, or not finite."""
+    """Whether a vector exceeds the rounding errors of terms as large as `size`, or isn't finite."""
     allowed = TOLERANCE * (1.0 + size)
     return ~(jnp.asarray(vector.dot(vector)) <= allowed * allowed)

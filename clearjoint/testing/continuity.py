@@ -26,8 +26,8 @@ root, the change decreases in the second half."""
 
 
 class Jumps(NamedTuple):
-    """The largest jump of a function in each of N intervals: the value on its right minus that on
-    its left, zero without a jump, and its position, meaningless without one."""
+    """The largest jump of a function in each of N intervals. `sizes`: value right of the jump minus
+    value left of it, zero without a jump; `positions`: meaningless without a jump."""
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]
@@ -61,18 +61,19 @@ def jumps(
     def bisect(k: jax.Array, state: tuple[_Piece, jax.Array]) -> tuple[_Piece, jax.Array]:
         piece, halfway = state
         change = jnp.abs(piece.value_right - piece.value_left)
-        halfway = jnp.where(k == HALVINGS // 2, change, halfway)
+        halfway = jnp.where(k == HALVINGS // 2, change, halfway)  # the change after half of them
         middle = 0.5 * (piece.left + piece.right)
         value = values(middle)
-        first = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
+        is_left = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
         halves = (
             _Piece(piece.left, middle, piece.value_left, value),
             _Piece(middle, piece.right, value, piece.value_right),
         )
-        return jax.tree.map(lambda *pair: jnp.where(first, *pair), *halves), halfway
+        return jax.tree.map(lambda *pair: jnp.where(is_left, *pair), *halves), halfway
 
     zeros = jnp.zeros_like(start.value_left)
     (_, positions, low, high), halfway = jax.lax.fori_loop(0, HALVINGS, bisect, (start, zeros))
+    # Without a jump, the change has become smaller than rounding errors, or still decreases.
     scale = jnp.maximum(jnp.abs(start.value_left), jnp.abs(start.value_right))
     change = jnp.abs(high - low)
     is_jump = (change > ROUNDING * scale) & (change > STAYS * halfway)
@@ -105,8 +106,7 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """Return motions `time` seconds later, if velocities in global axes and spins in body axes stay
-    constant."""
+    """Return motions after `time`, s, at constant global velocities and spins in body axes."""
     return {
         name: Motion(
             motion.position + motion.velocity * time,

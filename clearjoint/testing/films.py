@@ -13,7 +13,7 @@ from .._model.films import AbstractFilm, FilmGap
 from .continuity import jumps
 
 RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)
-"""Tested lengths of the offset."""
+"""Tested lengths of the offset, in radial clearances."""
 SPEEDS = (0.0, 1e-6, 1.0, 300.0)
 """Tested lengths of the rate, 1/s."""
 ANGLES = tuple(np.arange(12) * np.pi / 6.0)
@@ -79,7 +79,7 @@ def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
 
 
 def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
-    """A compiled function of a film and N states, from a function of a film and one state."""
+    """Compile a function of a film and one state into a function of a film and N states."""
     return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
 
 
@@ -117,8 +117,7 @@ def _states() -> jax.Array:
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Rows of one or two vectors in the plane, turned by an angle, which is arbitrary by
-    default."""
+    """Rows of one or two plane vectors, turned by an angle, rad; the default is arbitrary."""
     c, s = np.cos(angle), np.sin(angle)
     pairs = rows.reshape(len(rows), -1, 2)
     return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)

@@ -120,11 +120,11 @@ def posterior(
     """Return the posterior distribution of parameters, by sequential Monte Carlo.
 
     Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
-    minima, and it needs no start near the truth. Points are drawn from the prior in a box around
-    the guess, which may be much narrower than the box. Then more and more of the record enters the
-    likelihood, and at each step the points are weighted, resampled and moved. At the end,
-    importance sampling around these points gives the points of the result and the evidence. The
-    noise is assumed to be normal, with the standard deviations stated in the measurements.
+    minima, and it needs no start near the truth. Points are drawn from the prior, which is limited
+    to a box around the guess and may be much narrower than the box. Then more and more of the
+    record enters the likelihood, and at each step the points are weighted, resampled and moved. At
+    the end, importance sampling around these points gives the points of the result and the
+    evidence. The noise is assumed to be normal, with the standard deviations in the measurements.
 
     **Arguments:**
 
@@ -194,10 +194,9 @@ def drawn_posterior(
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
-    """Return the posterior distribution of parameters for runs and samples that are prepared.
-
-    `on_step` is called after each step with the time up to which the record is in the likelihood,
-    and the number of runs so far.
+    """Return the posterior distribution of parameters, as `number` points, from prepared runs and
+    samples. `box` has the lower and upper ends of the coordinates. `on_step` is called after each
+    step with the time up to which the record is in the likelihood, and the number of runs so far.
 
     **Raises:** `ImpossiblePointsError`, a `ValueError`, if the prior is zero at all or almost all
     points of the box, or so few points are possible that they have no covariance;

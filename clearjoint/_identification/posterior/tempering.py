@@ -51,8 +51,8 @@ RIDGE = 1e-10
 """Variance that is added along each coordinate, relative to the cloud's variance along it, so that
 the covariance of a flat cloud is not singular."""
 NARROWEST = 1e-4
-"""Share of the cloud's covariance that is added to that of the points near each point, because
-nearly equal points have a singular one: 1 % of the cloud's standard deviations."""
+"""Share of the cloud's covariance that is added to the covariance of the points near each point,
+which is singular if they are nearly equal. It is 1 % of the cloud's standard deviations."""
 WIDE, OVERALL = 1.5, 0.1
 """Standard deviations of the one wide distribution of `Mixture.around`, relative to those of the
 cloud, and its weight."""
@@ -69,8 +69,9 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    `curves` has chi squared over parts of the record of `count` times, and `log_prior` the
-    logarithm of the prior density of points in the box, up to a constant.
+    - `curves`: function that runs points, see `Curves`; `count`: number of times of the record.
+    - `low`, `high`: ends of the box.
+    - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 
     curves: Curves
@@ -86,8 +87,8 @@ class Target:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points in the box, their chi squared over the times up to which they have been run, and the
-    logarithms of their prior density."""
+    """Points in the box, with the results of `Curves` over the times up to which they have been
+    run, and the logarithms of their prior density."""
 
     points: Float[np.ndarray, "n p"]
     curves: Float[np.ndarray, "n T"]
@@ -98,8 +99,7 @@ class Cloud:
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return a cloud with the points of `others` where `mask` is true, and of this one
-        elsewhere."""
+        """Return a cloud with the points of `others` where `mask` is true, else of this one."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),
@@ -112,8 +112,10 @@ class Cloud:
 class Drawn:
     """Result of `draw`: points of equal weight that are distributed as the posterior.
 
-    `log_evidence` is the logarithm of the mean of exp(-chi squared / 2) over the prior, and
-    `effective` the effective number of the weighted runs from which the points were drawn.
+    - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior, with its
+      standard error `error`.
+    - `effective`: effective number of the weighted runs from which the points were drawn.
+    - `steps`: number of steps along the record.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -134,7 +136,8 @@ def draw(
     generator: np.random.Generator,
     on_step: Callable[[float], None] = lambda count: None,
 ) -> Drawn:
-    """Draw points from the posterior. `on_step` gets the number of times in the likelihood.
+    """Draw points from the posterior. `on_step` is called after each step with the number of times
+    in the likelihood.
 
     **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
     is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that
@@ -172,6 +175,7 @@ def from_prior(
         points = filled(target.low, target.high, number, generator)
         return points, log_volume + float(logarithms[0]), 0.0
 
+    # A record of one sample whose chi squared is -2 log_prior has the prior as its likelihood.
     def curves(points: np.ndarray, count: int) -> np.ndarray:
         return np.stack([np.zeros(len(points)), -2.0 * target.log_prior(points)][: count + 1], 1)
 
@@ -329,7 +333,8 @@ def _distinct(
 def resampled(
     weights: Float[np.ndarray, " n"], generator: np.random.Generator, count: int | None = None
 ) -> np.ndarray:
-    """Return indices of points drawn by systematic resampling, in rising order."""
+    """Return indices of `count` points, by default n, drawn by systematic resampling with the
+    weights, in rising order."""
     count = len(weights) if count is None else count
     # The sum of the weights may be less than 1 by rounding, hence the minimum.
     ticks = (np.arange(count) + generator.uniform()) / count
@@ -404,8 +409,9 @@ class Mixture:
         """Return a mixture that follows a cloud of n distinct points.
 
         There is one distribution around each point, with the covariance of the points near it and
-        the weight of the point, and a wide one around all points. Equal points count as one: as
-        neighbours of each other they would have no covariance.
+        the weight of the point, and a wide one around all points. All standard deviations are
+        multiplied by `wider`. Equal points count as one: as neighbours of each other they would
+        have no covariance.
 
         **Raises:** `numpy.linalg.LinAlgError` if no more than p distinct points have a weight.
         """

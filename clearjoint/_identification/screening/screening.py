@@ -129,7 +129,7 @@ def screen(
 ) -> Screened:
     """Screen the box around the guess `centre` once, and return the points that fit best.
 
-    The `number` of the pass, from 0, changes the random numbers.
+    `lanes` makes the runs. The `number` of the pass, from 0, changes the random numbers.
 
     **Raises:** `ValueError` for a name in the `spread` of `screening` that is no parameter.
     """
@@ -180,8 +180,8 @@ def search_screened(
 ) -> tuple[Screened, ...]:
     """Screen and search from the starts found, until noise explains the smallest chi squared.
 
-    `search_from` searches from a start with derivatives. It must also store its result, because
-    only the screenings are returned; its errors, such as a `KeyboardInterrupt`, end the passes.
+    `search_from` searches from a start with derivatives. Only the screenings are returned, so it
+    must also store its result. An error of it, such as a `KeyboardInterrupt`, ends the passes.
     """
     degrees_of_freedom = lanes.data.count - len(centre)
     searches: list[Search] = []
