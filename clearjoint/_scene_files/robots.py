@@ -35,7 +35,7 @@ FLOATING = "floating"
 FIXED = "fixed"
 ROUNDING = 0.5e-9
 """Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
-NEGLIGIBLE = 1e-10
+NEGLIGIBLE = 1e-11
 """Inertia of a body that has none in the file, over that which hangs on it or the armature of its
 joint. In absolute coordinates, as in `observe`, rounding errors relative to its acceleration are
 1e-16 over the square root of this value."""

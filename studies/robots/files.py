@@ -117,12 +117,14 @@ def of_pinocchio(path: Path, q: dict[str, Any], v: dict[str, Any]) -> dict[str, 
 
 
 def of_mujoco(path: Path, q: dict[str, Any], v: dict[str, Any]) -> dict[str, float]:
-    """Return the accelerations by MuJoCo, without contacts, limits and constraints."""
+    """Return the accelerations by MuJoCo, without contacts, limits, constraints, drives, springs of
+    tendons, and fluid."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    model.opt.density = model.opt.viscosity = model.tendon_stiffness[:] = 0.0
     data = mujoco.MjData(model)
     for name in q:
         data.joint(name).qpos, data.joint(name).qvel = q[name], v[name]

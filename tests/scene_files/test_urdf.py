@@ -222,7 +222,7 @@ def test_one_warning_lists_omitted_contents(robot):
         ("", "", {"elbow": PLAY | {"clearance": -1}}, r"`elbow`: Argument `clearance` must be pos"),
         ('type="prismatic"', 'type="helical"', {}, r"`slide`: found 'helical', expected one of"),
         ('<link name="stand"/>', "", {}, r"`foot.child`: found 'stand', expected the name of a l"),
-        ('<joint name="foot" type="fixed"', '<joint name="foot" type="continuous"', {}, "no mass"),
+        ('<joint name="foot" type="fixed"', '<joint name="foot" type="floating"', {}, "no mass"),
         ('<child link="tool"/>', '<child link="rail"/>', {}, r"`flange.child`: .*joint 'slide'"),
         ('<child link="rail"/>', '<child link="upper"/>', {}, "`slide.child`: .*joint 'shoulder'"),
         ('<joint name="foot" type="fixed">', "<joint>", {}, r"`joint\[0\]`: .*an attribute `name`"),
