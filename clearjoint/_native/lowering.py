@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from .._compilation.xla import CALLS, ELEMENTWISE, SHARED
 from .cells import Region
 from .elementary import ELEMENTARY
-from .elementwise import IDENTITIES, PARAMETERS, RULES, apply
+from .elementwise import FLOAT_OPERATIONS, IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
@@ -152,7 +152,8 @@ def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
 
 def count_equations(jaxpr: core.Jaxpr) -> int:
     """Count the equations of a jaxpr and of its inner jaxprs."""
-    return sum(1 + sum(map(count_equations, inner_jaxprs(e))) for e in jaxpr.eqns)
+    outer = [e for e in jaxpr.eqns if e.primitive.name not in RULES]
+    return len(jaxpr.eqns) + sum(count_equations(j) for e in outer for j in inner_jaxprs(e))
 
 
 @dataclass
@@ -539,7 +540,7 @@ class Lowering:
         for atom in equation.invars:
             array = self._atom(atom, arrays)
             # The numbers of a literal are never overwritten.
-            if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
+            if not isinstance(array, int) and isinstance(array, InMemory) and not isinstance(atom, core.Literal):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
                 is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
@@ -744,6 +745,8 @@ class Lowering:
         aval, name = aval_of(equation.outvars[0]), equation.primitive.name
         kind, shape = kind_of(aval), tuple(aval.shape)
         parameter = equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
+        if shape == () and kind == "f" and parameter is None and name in FLOAT_OPERATIONS:
+            return self.ops.emit(FLOAT_OPERATIONS[name], "f", *self.flatten(arguments))
         rule = self.operation(name, aval, parameter)
         if shape != ():
             arguments = [

@@ -295,7 +295,9 @@ class Operations:
                     # is True.
                     return other if bool(number) == (name == "and") else value
         elif name == "fmul":
-            for x, other in (arguments, arguments[::-1]):
+            for x, other, number in zip(arguments, arguments[::-1], known, strict=True):
+                if number is None and kind == "f":  # most factors
+                    continue
                 if self._is_all(x, 1.0):
                     return other
                 if self._is_all(x, -1.0):
