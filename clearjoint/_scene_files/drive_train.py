@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import PyTree
 
-from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
-from .._model.bodies import Body
+from .._model.bodies import Rotor
 from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
 from .._model.contact.dashpots import SpringDashpot
 from .._model.contact.friction import FrictionLaw
@@ -95,7 +94,7 @@ class Train(NamedTuple):
 
     joint: HingeOrSlider
     elements: dict[str, Element]
-    rotor: Body | None = None
+    rotor: Rotor | None = None
 
 
 def rotor_name(joint: str) -> str:
@@ -120,21 +119,20 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     if not is_elastic:
         driven = replace(joint, armature=armature)
         return Train(driven, {**_frictions(name, driven, driven, numbers, drive.law)})
-    # With its own inertia and no mass, the rotor acts on the first body only by the torque of its
-    # bearing, as if the link were on it.
+    # Beside the link, not before it: on the first body it then acts only by the torque of its
+    # bearing about the axis, and nothing but rotor and link depends on it.
     rotor = rotor_name(name)
-    with quiet():  # the body has an unusual density
-        body = Body(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
-        link = replace(joint, armature=None)
-        if isinstance(joint, RevoluteJoint):
-            axes = joint.axis_first, joint.axis_first
-            motor: HingeOrSlider = RevoluteJoint(
-                joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
-            )
-        else:
-            motor = PrismaticJoint(
-                joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
-            )
+    body = Rotor(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
+    link = replace(joint, armature=None)
+    if isinstance(joint, RevoluteJoint):
+        axes = joint.axis_first, joint.axis_first
+        motor: HingeOrSlider = RevoluteJoint(
+            joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
+        )
+    else:
+        motor = PrismaticJoint(
+            joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
+        )
     between = replace(link, first=rotor, point_first=np.zeros(3))
     elements: dict[str, Element] = {motor_name(name): motor}
     elements.update(_frictions(name, motor, link, numbers, drive.law))
