@@ -300,15 +300,11 @@ class Rotor(Body):
 
     Joint coordinates take it as without mass. Its own `mass` and `inertia` count only in absolute
     coordinates, where a body needs some; they should be negligible.
-
-    >>> from clearjoint._model.bodies import Rotor
-    >>> Rotor(1e-12, (1e-12, 1e-12, 1e-12)).mass.item()
-    1e-12
     """
 
     @override
     def _caution_together(self) -> None:
-        """Warn of nothing: the density means nothing."""
+        """Issue no warning: the density has no meaning."""
 
 
 def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:

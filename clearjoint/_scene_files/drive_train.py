@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import PyTree
 
+from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
 from .._model.bodies import Rotor
 from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
@@ -27,7 +28,6 @@ NEGLIGIBLE = 1e-10
 the file's link, and its rotation about the axis to the joint. In absolute coordinates, as in
 `observe`, rounding errors relative to the rotor's acceleration are 1e-16 over the square root of
 this value."""
-ORIGIN = (0.0, 0.0, 0.0)
 COMPLIANCE = "compliance"
 """End of the name of the spring between rotor and link."""
 
@@ -128,17 +128,12 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     # Beside the link, not before it: on the first body it then acts only by the torque of its
     # bearing about the axis, and nothing but rotor and link depends on it.
     rotor = rotor_name(name)
+    assert armature is not None
     body = Rotor(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
     link = replace(joint, armature=None)
-    if isinstance(joint, RevoluteJoint):
-        axes = joint.axis_first, joint.axis_first
-        motor: HingeOrSlider = RevoluteJoint(
-            joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
-        )
-    else:
-        motor = PrismaticJoint(
-            joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
-        )
+    motor = replace(joint, second=rotor, point_second=np.zeros(3), armature=armature)
+    if isinstance(motor, RevoluteJoint):
+        motor = replace(motor, axis_second=motor.axis_first)
     between = replace(link, first=rotor, point_first=np.zeros(3))
     elements: dict[str, Element] = {motor_name(name): motor}
     elements.update(_frictions(name, motor, link, numbers, drive.law))
@@ -224,10 +219,12 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
     # Stiffness and damping of a couple are those of a force times the square of the radius.
     square = DEFAULT_RADIUS**2 if is_hinge else 1.0
     stiffness, damping = numbers["stiffness"] / square, numbers.get("damping")
-    if damping is not None:
-        law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
-    else:
-        law = ExactRestitution(numbers.get("restitution", 0.5), stiffness, exponent=1.0)
+    with quiet():  # the stiffness for the arbitrary radius may be unusual
+        if damping is not None:
+            law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
+        else:
+            restitution = numbers.get("restitution", 0.5)
+            law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
     if isinstance(between, RevoluteJoint):
         return Backlash(
             between.first,

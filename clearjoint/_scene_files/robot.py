@@ -163,7 +163,10 @@ class Robot:
             is_new = name not in joints and name not in forces
             expected = "a name that no joint or force of the scene has"
             require(is_new, "elements", name, expected, "choose another name")
-            (forces if isinstance(element, AbstractForce) else joints)[name] = element
+            if isinstance(element, AbstractForce):
+                forces[name] = element
+            else:
+                joints[name] = element
         with quiet():
             scene = Scene(self.scene.bodies, joints, forces, self.scene.gravity)
         return replace(self, scene=scene)
