@@ -246,7 +246,7 @@ def test_a_drive_acts_where_it_says(read):
 
 
 def test_a_robot_with_drives_is_saved_and_assembled(read, tmp_path):
-    drive = cj.Drive(1e-5, 100.0, "0.5 deg", 9.0, friction=0.3, loss=0.1)
+    drive = cj.Drive(1e-5, 100.0, "0.5 deg", 900.0, friction=0.3, loss=0.1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         robot = read().with_drive("elbow", drive).with_drive("slide", cj.Drive(0.1, stiffness=9.0))
