@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 
 from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
-from .._model.bodies import Rotor
+from .._model.bodies import Body
 from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
 from .._model.contact.dashpots import SpringDashpot
 from .._model.contact.friction import FrictionLaw
@@ -99,7 +99,7 @@ class Train(NamedTuple):
 
     joint: HingeOrSlider
     elements: dict[str, Element]
-    rotor: Rotor | None = None
+    rotor: Body | None = None
 
 
 def rotor_name(joint: str) -> str:
@@ -129,7 +129,8 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     # bearing about the axis, and nothing but rotor and link depends on it.
     rotor = rotor_name(name)
     assert armature is not None
-    body = Rotor(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
+    inertia = NEGLIGIBLE * armature
+    body = Body(inertia, inertia * np.ones(3), is_rotor=True)
     link = replace(joint, armature=None)
     motor = replace(joint, second=rotor, point_second=np.zeros(3), armature=armature)
     if isinstance(motor, RevoluteJoint):

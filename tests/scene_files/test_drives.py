@@ -193,13 +193,13 @@ def test_an_arm_with_play_and_compliance_moves_as_in_scipy(read):
     robot = read(SWING).with_drive("elbow", drive)
     torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
     robot = robot.with_elements({"torque": torque})
-    times = np.linspace(0.05, 1.0, 20)
+    times = np.linspace(0.03, 0.6, 20)
     settings = cj.Settings(rtol=1e-9, ledger=True)
     save = cj.Saving(times, impacts=True)
-    solution = cj.simulate(robot.scene, robot.state(), 1.0, settings, save, progress=False)
+    solution = cj.simulate(robot.scene, robot.state(), 0.6, settings, save, progress=False)
     angles = robot.angles(solution)
     expected = reference(times)
-    assert len(solution.impacts) >= 10
+    assert len(solution.impacts) >= 5
     assert np.abs(angles["elbow motor"] - expected[0]).max() < 1e-6
     assert np.abs(angles["elbow"] - expected[1]).max() < 1e-6
     assert np.ptp(expected[0] - expected[1]) > 1.2 * PLAY
@@ -258,8 +258,9 @@ def test_a_robot_with_drives_is_saved_and_assembled(read, tmp_path):
         jax.tree.leaves((scene, again)), jax.tree.leaves((robot.scene, state)), strict=True
     ):
         assert own == pytest.approx(other, rel=1e-15)
-    found = robot.angles(cj.assemble(robot.scene, state))
-    assert found == pytest.approx(robot.angles(state), abs=1e-12)
+    found, expected = robot.angles(cj.assemble(robot.scene, state)), robot.angles(state)
+    assert [*found] == [*expected]
+    assert [*found.values()] == pytest.approx([*expected.values()], abs=1e-12)
 
 
 @pytest.mark.parametrize(
