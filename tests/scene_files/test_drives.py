@@ -260,7 +260,7 @@ def test_a_robot_with_drives_is_saved_and_assembled(read, tmp_path):
         assert own == pytest.approx(other, rel=1e-15)
     found, expected = robot.angles(cj.assemble(robot.scene, state)), robot.angles(state)
     assert [*found] == [*expected]
-    assert [*found.values()] == pytest.approx([*expected.values()], abs=1e-12)
+    assert np.array([*found.values()]) == pytest.approx(np.array([*expected.values()]), abs=1e-12)
 
 
 @pytest.mark.parametrize(
