@@ -540,7 +540,11 @@ class Lowering:
         for atom in equation.invars:
             array = self._atom(atom, arrays)
             # The numbers of a literal are never overwritten.
-            if not isinstance(array, int) and isinstance(array, InMemory) and not isinstance(atom, core.Literal):
+            if (
+                not isinstance(array, int)
+                and isinstance(array, InMemory)
+                and not isinstance(atom, core.Literal)
+            ):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
                 is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1

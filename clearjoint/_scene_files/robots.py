@@ -13,7 +13,6 @@ to those of the links, a joint's frame that is turned about its axis would shift
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from types import MappingProxyType
@@ -21,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._fields.cautions import NotCarriedOverWarning, caution, quiet
+from .._fields.cautions import NotCarriedOverWarning, caution
 from .._fields.checks import nearest
 from .._model.bodies import GROUND, Body
 from .documents import FileLocation
@@ -352,9 +351,8 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
         products = tensor - np.diag(tensor.diagonal())
         is_principal = np.abs(products).max() <= ZERO * np.abs(tensor).max()
         inertia = tensor.diagonal() if is_principal else 0.5 * (tensor + tensor.T)
-        # A body without mass in the file has an unusual density.
-        with location.in_errors(), nullcontext() if has_mass else quiet():
-            bodies[carrier.body] = Body(mass, inertia)
+        with location.in_errors():
+            bodies[carrier.body] = Body(mass, inertia, is_massless=not has_mass)
     changes = {
         "impossible inertias, replaced by their mean moment, of links": balanced,
         "masses or moments of inertia below the least ones, increased, of bodies": bounded,
@@ -367,7 +365,7 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
     """Return the mass and the inertia tensor of a body without mass, on whose joints others hang,
-    as between the joints of a body of MJCF. They have no effect, but make a `Body`."""
+    as between the joints of a body of MJCF."""
     (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
