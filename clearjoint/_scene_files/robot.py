@@ -620,8 +620,7 @@ def load_robot(
       body can have them, as MuJoCo's compiler does with `balanceinertia`.
     - `bound_mass`, `bound_inertia`: least mass, kg, and least principal moment of inertia, kg m^2,
       of a body, as for MuJoCo's compiler. Smaller ones are increased. Links without mass between
-      hinges and sliders, as between several joints of a body in MJCF, need none: their bodies have
-      1e-11 of the mass and moments of inertia of what they carry.
+      hinges and sliders, as between several joints of a body in MJCF, need none (see `Body`).
 
     **Raises:** `ValueError`, with the file and the element, for a file of more than 50 MB or that
     can't be read, a robot that a scene can't represent, and invalid `play` or `stops`. `OSError`
