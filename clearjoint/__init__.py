@@ -156,6 +156,8 @@ from ._model.drives.functions_of_time import PiecewiseConstant as PiecewiseConst
 from ._model.drives.functions_of_time import PiecewiseLinear as PiecewiseLinear
 from ._model.drives.functions_of_time import Polynomial as Polynomial
 from ._model.drives.functions_of_time import Spline as Spline
+from ._model.drives.servo import Encoder as Encoder
+from ._model.drives.servo import Servo as Servo
 from ._model.forces import AppliedLoad as AppliedLoad
 from ._model.forces import Bushing as Bushing
 from ._model.forces import SpringDamper as SpringDamper

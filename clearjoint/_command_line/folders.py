@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from .._dynamics.formulation import Formulation
+from .._dynamics.sampled_forces import sampled_forces
 from .._export.datasets import to_frame, write_netcdf
 from .._fields.cautions import quiet
 from .._model.bodies import BodyState, State
@@ -24,6 +25,7 @@ from .._simulation.results.impact_table import IMPACT_UNITS, NAMED, Impacts
 from .._simulation.results.solution import (
     BRISTLES,
     CONTACTS,
+    MEMORY,
     STATE_PARTS,
     Crossings,
     Solution,
@@ -222,7 +224,13 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
         work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}
     entry_speeds = _by_contact(scene, table.get(f"{prefix}entry_speed"), CONTACTS)
     bristles = _by_contact(scene, table.get(f"{prefix}bristle_deflection"), BRISTLES)
-    return State(bodies, entry_speeds, work, bristles)
+    remembered, memory = table.get(f"{prefix}memory"), {}
+    forces = sorted(sampled_forces(scene), key=len, reverse=True)
+    for label in [] if remembered is None else remembered[MEMORY].values.tolist():
+        force = next(name for name in forces if label.startswith(f"{name} "))
+        number = remembered.sel({MEMORY: label}).values  # pyright: ignore
+        memory.setdefault(force, {})[label.removeprefix(f"{force} ")] = number
+    return State(bodies, entry_speeds, work, bristles, memory)
 
 
 def _by_contact(

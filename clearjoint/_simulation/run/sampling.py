@@ -20,6 +20,7 @@ from ..._compilation import traced_once
 from ..._dynamics.bristles import initial_bristles
 from ..._dynamics.contact_events import initial_entry_speeds
 from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.sampled_forces import initial_memories
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
@@ -92,7 +93,8 @@ def start_with_tangents(
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family_of_scenes.start(values)
         motion = system.encode(state.bodies)
-        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
+        memory = initial_memories(system, motion, t0, state.memory)
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles), memory)
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
     # `with_derivatives` evaluates a function of the system, and differentiates it along directions
@@ -200,7 +202,7 @@ def _sampled_from(
             # `look_at_tangents` are not. The correction is repeated here, where it is
             # differentiated.
             y = stabilised(system, y, time)
-            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
+            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:

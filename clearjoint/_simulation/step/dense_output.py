@@ -97,8 +97,9 @@ class Snapshot(eqx.Module):
         **Arguments:** `inside`: a function that returns the `Instant` after a part, 0 to 1, of the
         time of the step that ends here; ``None`` if quantities need no instants inside steps.
         """
-        motion, work = self.y.motion, self.y.work
-        return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
+        y = self.y
+        parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
+        return Instant(system, self.t, *parts, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """Return a row of a table of recorded states, by name of the column: the scene's time in s
