@@ -201,6 +201,11 @@ def drivers_are_smooth(
     return smooth
 
 
+def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
+    """Return whether an instant is not after the time t, by more than rounding errors."""
+    return ~_is_after(system, system.clock(instant), system.clock(t))
+
+
 def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
     return at > t + _rounding(system, at)
 

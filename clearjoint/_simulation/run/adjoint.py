@@ -242,7 +242,7 @@ def _observed(
 ) -> Values:
     """Return the derivatives of quantities at a time, s since the start, in an accepted step."""
     dense = look_inside(method, systems.system(), tried, time)
-    along = look_at_tangents(method, tried, time, dense[1])
+    along = look_at_tangents(method, systems.system(), tried, time, dense[1])
 
     def observed(system: System, y: PyTree, entry_speeds: PyTree) -> tuple[Values, None]:
         y = stabilised(system, y, time)

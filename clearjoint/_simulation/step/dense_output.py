@@ -9,12 +9,14 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
+from ..._dynamics.breakpoints import coincide
 from ..._dynamics.contact_events import ContactGaps, entry_speeds_inside
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.sampled_forces import sampled_forces
 from ..._dynamics.system import System
 from ..._fields.checks import require
-from ..._math.vectors import Scalar
+from ..._math.vectors import Condition, Scalar
 from ...quantities.base import Instant, Quantity
 from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Variables, choose
@@ -30,10 +32,19 @@ def look_inside(
     contain the corrections for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
-    y = choose(t >= end, step.y, dense.evaluate(dense_time(attempt, t)))
+    is_end = at_end(system, attempt, t)
+    y = choose(is_end, step.y, dense.evaluate(dense_time(attempt, t)))
     ends = attempt.entry_speeds_start, step.entry_speeds
     inside = entry_speeds_inside(system.scene, step.contact_gaps, end - t, *ends)
-    return on_constraints(system, y, t), choose(t >= end, step.entry_speeds, inside)
+    return on_constraints(system, y, t), choose(is_end, step.entry_speeds, inside)
+
+
+def at_end(system: System, attempt: Attempt, t: Scalar) -> Condition:
+    """Return whether a time t, s, is the end of the accepted step of an `attempt`. Where memories of
+    sampled forces may jump, it may be earlier by a rounding error, so that sample times at the
+    instants of the jumps surely get the values after them."""
+    end = attempt.step.t
+    return coincide(system, end, t) if sampled_forces(system.scene) else t >= end
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
