@@ -47,7 +47,10 @@ m/s or rad/s. They occur if a driver computes differences of large values in a t
 intervals of time."""
 
 
-def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing | Periodic]]:
+Breakpoints: TypeAlias = dict[str, list[Scalar | Increasing | Periodic]]
+
+
+def breakpoints(scene: Scene) -> Breakpoints:
     """Return the breakpoints of each joint or force that has any, without empty arrays."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {
@@ -64,6 +67,12 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing | Periodic]]
     return {name: instants for name, instants in times.items() if instants}
 
 
+def _unsampled(scene: Scene) -> Breakpoints:
+    """Return the `breakpoints` without those of sampled forces."""
+    sampled = sampled_forces(scene)
+    return {name: times for name, times in breakpoints(scene).items() if name not in sampled}
+
+
 def _is_row(node: PyTree) -> bool:
     return isinstance(node, Increasing | Periodic)
 
@@ -77,18 +86,21 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
     The result is infinity if no breakpoint is after t, and ``None`` if no element has a breakpoint.
     """
-    soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
+    times = breakpoints(system.scene)
+    soonest = _extreme(system, times, system.clock(t), lambda at: at, after=True)
     return None if soonest is None else system.own_time(soonest)
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     """Return the time t, clipped to the open interval of breakpoints in which a step begins at
-    `start`, since elements have the values there that hold inside of the step."""
+    `start`, since elements have the values there that hold inside of the step. The instants of
+    sampled forces do not count, since their memories have these values anyway."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
-    earliest = _extreme(system, start, lambda at: at + _rounding(system, at), after=False)
-    latest = _extreme(system, start, lambda at: at - _rounding(system, at), after=True)
+    times = _unsampled(system.scene)
+    earliest = _extreme(system, times, start, lambda at: at + _rounding(system, at), after=False)
+    latest = _extreme(system, times, start, lambda at: at - _rounding(system, at), after=True)
     if earliest is None:
         return t
     return system.own_time(jnp.clip(system.clock(t), earliest, latest))
@@ -104,11 +116,9 @@ def since_breakpoints(
     The time is zero except for rounding. It is needed for its derivatives by the parameters on
     which the breakpoint depends.
     """
-    landings, sampled = {}, sampled_forces(system.scene)
+    landings = {}
     start, t = system.clock(start), system.clock(t)
-    for name, times in breakpoints(system.scene).items():
-        if name in sampled:
-            continue
+    for name, times in _unsampled(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
             if isinstance(at, Periodic):
@@ -245,17 +255,18 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
 
 def _extreme(
     system: System,
+    breakpoints: Breakpoints,
     t: Scalar,
     function: Callable[[jax.Array], jax.Array],
     after: bool,
 ) -> Scalar | None:
-    """Return the least value of an increasing function at the breakpoints after the time t of the
+    """Return the least value of an increasing function at those breakpoints after the time t of the
     scene, or without `after` its largest value at the others; infinite if there are none of these,
-    and ``None`` if the scene has no breakpoints. It is not differentiated, since the solution does
+    and ``None`` if there are no breakpoints. It is not differentiated, since the solution does
     not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
-    for times in breakpoints(system.scene).values():
+    for times in breakpoints.values():
         for table in times:
             if isinstance(table, Periodic):
                 nearest = _latest(system, table, t, int(after))

@@ -13,6 +13,7 @@ from .._model.joints.base import AbstractForce, Motions
 from .._model.joints.sampled_force import AbstractSampledForce, Memory
 from .._model.scene import Scene
 from .coordinates import MotionVariables
+from .kinds import Kinds
 from .system import System
 
 Memories = Mapping[str, Memory]
@@ -65,9 +66,10 @@ def initial_memories(
         require(name in forces, "state.memory", name, expected, nearest(name, forces, remedy))
     if not forces:
         return {}
-    motions, memories = system.motions(variables), {}
+    kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
     for name, force in forces.items():
-        memory, own = force.initial_memory(motions, system.clock(t)), given.get(name, {})
+        memory = kinds.evaluate(_initial_memory, force, motions, system.clock(t))
+        own = given.get(name, {})
         for key in own:
             expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)
             require(key in memory, f"state.memory[{name!r}]", key, expected, advice)
@@ -75,6 +77,17 @@ def initial_memories(
             key: jnp.asarray(own.get(key, value), dtype=float) for key, value in memory.items()
         }
     return memories
+
+
+def _initial_memory(force: AbstractSampledForce, motions: Motions, t: Scalar) -> Memory:
+    return force.initial_memory(motions, t)
+
+
+def updated_memory(
+    force: AbstractSampledForce, motions: Motions, name: str, memory: Memory, t: Scalar
+) -> Memory:
+    """Return `force.updated_memory`, for `Kinds.evaluate`."""
+    return force.updated_memory(name, memory, motions, t)
 
 
 def holding(system: System, memories: Memories) -> System:

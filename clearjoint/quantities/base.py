@@ -103,6 +103,12 @@ class Instant:
         """The instant halfway through the step that ends here."""
         return self.inside(0.5)
 
+    @property
+    def just_before(self) -> "Instant":
+        """The same end of a step, but before sampled forces such as a `Servo` change there: forces
+        and accelerations may jump."""
+        return self.inside(1.0)
+
     @cached_property
     def motions(self) -> Motions:
         """Motion of each body and of "ground" by name: `position` and `velocity` of the centre of

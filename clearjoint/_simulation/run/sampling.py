@@ -146,7 +146,7 @@ def look_at_tangents(
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
-    is_end = at_end(system, attempt, t)
+    is_end = at_end(system, end, t)
     y = choose(is_end, last.y, dense.evaluate(dense_time(attempt, t)))
 
     def speed_along(name: str, label: str) -> Gradients:

@@ -25,7 +25,13 @@ from ..._dynamics.breakpoints import (
 )
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.coordinates import MotionVariables
-from ..._dynamics.sampled_forces import HeldForce, sampled_forces, with_forces
+from ..._dynamics.kinds import Kinds
+from ..._dynamics.sampled_forces import (
+    HeldForce,
+    sampled_forces,
+    updated_memory,
+    with_forces,
+)
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import NO_WRENCH, Wrench
@@ -178,6 +184,7 @@ def _past_samples(
         return jax.tree.map(partial(jnp.asarray, dtype=float), fixed.motions(motion))
 
     forces, motions = sampled_forces(system.scene), system.motions(y.motion)
+    kinds = Kinds(system.scene)
     if differentiated:
         rates = rates_of(fixed, still, speeds, before).motion
         motion_rates = jax.jvp(motions_at, (still.motion,), (rates,))[1]
@@ -187,7 +194,7 @@ def _past_samples(
             since, there = system.clock(t) - at, motions
             if differentiated:
                 there = _moved_on(motions, motion_rates, -since)
-            updated = forces[name].updated_memory(key, now[name], there, at)
+            updated = kinds.evaluate(updated_memory, forces[name], there, key, now[name], at)
             earlier, now = now, {**now, name: choose(lands, updated, now[name])}
             changes.append((name, earlier, now, since))
     y = replace(y, memory=now)

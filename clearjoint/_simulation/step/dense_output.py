@@ -32,18 +32,17 @@ def look_inside(
     contain the corrections for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
-    is_end = at_end(system, attempt, t)
+    is_end = at_end(system, end, t)
     y = choose(is_end, step.y, dense.evaluate(dense_time(attempt, t)))
     ends = attempt.entry_speeds_start, step.entry_speeds
     inside = entry_speeds_inside(system.scene, step.contact_gaps, end - t, *ends)
     return on_constraints(system, y, t), choose(is_end, step.entry_speeds, inside)
 
 
-def at_end(system: System, attempt: Attempt, t: Scalar) -> Condition:
-    """Return whether a time t, s, is the end of the accepted step of an `attempt`. Where memories of
+def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
+    """Return whether a time t, s, is the `end` of the step in which it lies. Where memories of
     sampled forces may jump, it may be earlier by a rounding error, so that sample times at the
     instants of the jumps surely get the values after them."""
-    end = attempt.step.t
     return coincide(system, end, t) if sampled_forces(system.scene) else t >= end
 
 
@@ -163,7 +162,8 @@ class DenseStep(eqx.Module):
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)
-        y = on_constraints(system, choose(t >= end.t, end.y, self.inside(method, elapsed)), t)
+        is_end = at_end(system, end.t, t)
+        y = on_constraints(system, choose(is_end, end.y, self.inside(method, elapsed)), t)
         ends = start.entry_speeds, end.entry_speeds
         speeds = entry_speeds_inside(system.scene, self.gaps, end.t - t, *ends)
-        return Snapshot(t, y, choose(t >= end.t, end.entry_speeds, speeds))
+        return Snapshot(t, y, choose(is_end, end.entry_speeds, speeds))
