@@ -10,13 +10,13 @@ from .._fields.checks import nearest, require
 from .._math.vectors import Scalar
 from .._model.bodies import NO_WRENCH, Wrench
 from .._model.joints.base import AbstractForce, Motions
-from .._model.joints.sampled_force import AbstractSampledForce, Memory
+from .._model.joints.sampled_force import AbstractSampledForce, ForceMemory
 from .._model.scene import Scene
 from .coordinates import MotionVariables
 from .kinds import Kinds
 from .system import System
 
-Memories = Mapping[str, Memory]
+Memories = Mapping[str, ForceMemory]
 """Memory of each sampled force of a scene, by name."""
 NO_MEMORIES: Memories = {}
 
@@ -79,13 +79,13 @@ def initial_memories(
     return memories
 
 
-def _initial_memory(force: AbstractSampledForce, motions: Motions, t: Scalar) -> Memory:
+def _initial_memory(force: AbstractSampledForce, motions: Motions, t: Scalar) -> ForceMemory:
     return force.initial_memory(motions, t)
 
 
 def updated_memory(
-    force: AbstractSampledForce, motions: Motions, name: str, memory: Memory, t: Scalar
-) -> Memory:
+    force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
+) -> ForceMemory:
     """Return `force.updated_memory`, for `Kinds.evaluate`."""
     return force.updated_memory(name, memory, motions, t)
 

@@ -18,7 +18,7 @@ from .._dynamics.contact_forces import NO_BRISTLES, Bristles, EntrySpeeds, Loade
 from .._dynamics.coordinates import Motions
 from .._dynamics.energy import bristle_energy
 from .._dynamics.equations_of_motion import Dynamics
-from .._dynamics.sampled_forces import NO_MEMORIES, Memories, holding
+from .._dynamics.sampled_forces import NO_MEMORIES, Memories, holding, initial_memories
 from .._dynamics.system import System
 from .._fields.checks import as_number, errors_about, nearest, require
 from .._fields.types import ArrayLike
@@ -80,13 +80,14 @@ class Instant:
         Each is a vector in the axes of the joint's first body. Contacts without bristles are left
         out.
         """
-        self.memory = memory
-        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``."""
+        self.memory = memory or initial_memories(system, variables, own_time, {})
+        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; those
+        at the start of a run unless given."""
         # The scene's forces do not know their memories.
-        self._system = holding(system, memory)
+        self._system = holding(system, self.memory)
         self._own_time, self._variables, self._inside = own_time, variables, inside
         # What JAX may trace of an instant.
-        self._parts = system, own_time, variables, entry_speeds, work, bristles, memory
+        self._parts = system, own_time, variables, entry_speeds, work, bristles, self.memory
 
     def inside(self, fraction: Scalar) -> "Instant":
         """Return the instant at a fraction, 0 to 1, of the step that ends here, from the solver's

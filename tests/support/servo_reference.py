@@ -63,13 +63,10 @@ class SampledPid:
             low, high = self.drivable(motor_speed(y))
             low, high = max(low, -self.limit), min(high, self.limit)
             pushes = (torque + grown > high and error > 0) or (torque + grown < low and error < 0)
-            if not pushes:
-                new = grown
-            else:
-                new = integral
+            grown = integral if pushes else grown
             if t > 0.0:
-                integral = new
-            return float(np.clip(torque + new, -self.limit, self.limit))
+                integral = grown
+            return float(np.clip(torque + grown, -self.limit, self.limit))
 
         before = goal
         torque = command(0.0, y, *read(y))

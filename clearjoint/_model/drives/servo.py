@@ -16,7 +16,7 @@ from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import PARALLEL, Motions
 from ..joints.constraint_rows import rate_of
-from ..joints.sampled_force import AbstractSampledForce, Memory, Periodic
+from ..joints.sampled_force import AbstractSampledForce, ForceMemory, Periodic
 from .drivers import ROUNDING, SI, AbstractDriveAboutAxis, torque_about
 from .functions_of_time import FunctionOfTime, as_function_of_time, value_at
 
@@ -175,7 +175,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
 
     @override
     def updated_memory(
-        self, name: str, memory: Memory, motions: Motions, t: Scalar
+        self, name: str, memory: ForceMemory, motions: Motions, t: Scalar
     ) -> dict[str, Scalar]:
         commands = self._commands()
         if name == "command":
@@ -210,7 +210,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         return jax.jvp(lambda t: value_at(target, t), (t,), (jnp.ones_like(t),))
 
     def _commanded(
-        self, memory: Memory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar
+        self, memory: ForceMemory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar
     ) -> tuple[Scalar, dict[str, Scalar]]:
         """Return the torque, N m, that the servo commands at a sample, and what changes in its
         memory."""
@@ -245,7 +245,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         lost = self.stall_torque * self.speed(motions) / self.no_load_speed
         return -self.stall_torque - lost, self.stall_torque - lost
 
-    def torque(self, memory: Memory, motions: Motions) -> Scalar:
+    def torque(self, memory: ForceMemory, motions: Motions) -> Scalar:
         """Return the motor's torque on the second body, N m."""
         torque, drivable = memory["torque"], self._drivable(motions)
         if drivable is None or self.stall_torque is None:
@@ -254,5 +254,5 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         return torque - ramp(torque - highest, width) + ramp(lowest - torque, width)
 
     @override
-    def held_wrenches(self, memory: Memory, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+    def held_wrenches(self, memory: ForceMemory, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         return torque_about(self.relative_angle(motions), self.torque(memory, motions))

@@ -13,7 +13,7 @@ from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from .base import AbstractForce, Motions
 
-Memory: TypeAlias = Mapping[str, Scalar]
+ForceMemory: TypeAlias = Mapping[str, Scalar]
 """Memory of a sampled force: numbers by name, in SI units."""
 
 
@@ -86,12 +86,12 @@ class AbstractSampledForce(AbstractForce):
 
     @abc.abstractmethod
     def updated_memory(
-        self, name: str, memory: Memory, motions: Motions, t: Scalar
+        self, name: str, memory: ForceMemory, motions: Motions, t: Scalar
     ) -> dict[str, Scalar]:
         """Return the memory after an instant: `name` is a key of `instants`, `t` its time in s."""
 
     @abc.abstractmethod
-    def held_wrenches(self, memory: Memory, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+    def held_wrenches(self, memory: ForceMemory, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         """Return the wrench on each body by name, as `AbstractForce.wrenches` does, between two
         instants. It must be smooth in time there."""
 
