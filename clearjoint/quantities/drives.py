@@ -31,9 +31,9 @@ class AbstractMotorQuantity(AbstractQuantity):
         """Return the torque on the drive's second body, N m."""
         drive = now.scene.forces[self.drive]
         if isinstance(drive, Servo):
-            return drive.torque(now.memory[self.drive], now.motions)
+            return drive.present_torque(now.memory[self.drive], now.motions)
         assert isinstance(drive, AbstractDriveTorque)
-        return drive.torque(now.motions, now.time)
+        return drive.present_torque(now.motions, now.time)
 
 
 class MotorTorque(AbstractMotorQuantity):

@@ -181,9 +181,9 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
     @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        return torque_about(self.relative_angle(motions), self.torque(motions, t))
+        return torque_about(self.relative_angle(motions), self.present_torque(motions, t))
 
-    def torque(self, motions: Motions, t: Scalar) -> Scalar:
+    def present_torque(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the torque on the second body in N m, at time `t` in s."""
         angle = self.relative_angle(motions)
         return self.torque_at(angle.value, rate_of(angle, motions), t)

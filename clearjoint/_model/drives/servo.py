@@ -245,7 +245,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         lost = self.stall_torque * self.speed(motions) / self.no_load_speed
         return -self.stall_torque - lost, self.stall_torque - lost
 
-    def torque(self, memory: ForceMemory, motions: Motions) -> Scalar:
+    def present_torque(self, memory: ForceMemory, motions: Motions) -> Scalar:
         """Return the motor's torque on the second body, N m."""
         torque, drivable = memory["torque"], self._drivable(motions)
         if drivable is None or self.stall_torque is None:
@@ -255,4 +255,4 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
 
     @override
     def held_wrenches(self, memory: ForceMemory, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        return torque_about(self.relative_angle(motions), self.torque(memory, motions))
+        return torque_about(self.relative_angle(motions), self.present_torque(memory, motions))
