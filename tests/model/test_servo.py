@@ -488,3 +488,55 @@ def test_wrong_arguments_are_refused():
     for quantity in (cj.quantities.MotorCurrent("servo"), cj.quantities.MotorTorque("servos")):
         with pytest.raises(ValueError, match="`drive` must be one of"):
             quantity.check(scene)
+
+
+@pytest.mark.slow
+def test_play_and_friction_are_found_from_goal_and_position_alone():
+    """Six seconds at 200 Hz, simulated by SciPy and rounded to the 12 bits of an encoder."""
+
+    def goal(t):
+        return 0.35 * np.sin(5.0 * t) + 0.1 * np.sin(13.0 * t)
+
+    table = np.arange(0, 1201) / 200.0
+    law = SampledPid(
+        200.0,
+        8.0,
+        0.12,
+        delay=0.005,
+        limit=1.5,
+        goal=lambda t: goal(math.floor(t * 200.0 + 1e-6) / 200.0),
+    )
+    times, start = table[2:], np.zeros(4)
+    states, _ = law.run(
+        rates_with_play, start, 6.0, lambda y: (y[1], y[3]), times, max_step=1e-3, rtol=1e-9
+    )
+    count = 2.0 * np.pi / 4096
+    measured = np.round(states[:, 1] / count) * count
+    steps = cj.PiecewiseConstant(table, goal(table))
+    limits = {"delay": 0.005, "torque_limit": 1.5}
+    servo = cj.Servo(
+        *("ground", "rotor", Z, steps, 200.0, 8.0, 0.12),
+        **limits,
+        encoder=cj.Encoder("ground", "link", Z),
+    )
+    channel = cj.quantities.JointAngle("hinge of the link")
+    series = cj.Series(channel, times, measured, noise=count / math.sqrt(12.0))
+    truth = {"play": PLAY, "drag": 0.1, "viscosity": 0.02, "inertia": LINK}
+    paths = {
+        "play": lambda scene: scene.joints["gear"].play,
+        "drag": lambda scene: scene.joints["friction"].load,
+        "viscosity": lambda scene: scene.joints["friction"].viscosity,
+        "inertia": lambda scene: scene.bodies["link"].inertia[2],
+    }
+    fit = cj.identify(
+        geared(servo),
+        AT_REST,
+        cj.Measurements({"link": series}),
+        {name: cj.Parameter(path, cj.Log()) for name, path in paths.items()},
+        guess={n: truth[n] * f for n, f in zip(truth, (0.5, 1.3, 0.7, 1.2), strict=True)},
+        check_runs=0,
+        **QUIET,
+    )
+    for name, value in truth.items():
+        error, deviation = abs(fit.estimates[name] - value), fit.standard_errors[name]
+        assert error < 4.0 * deviation < 0.05 * value, name

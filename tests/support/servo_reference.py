@@ -63,15 +63,10 @@ class SampledPid:
             low, high = self.drivable(motor_speed(y))
             low, high = max(low, -self.limit), min(high, self.limit)
             pushes = (torque + grown > high and error > 0) or (torque + grown < low and error < 0)
-            grown = integral if pushes else grown
-            if t > 0.0:
-                integral = grown
-            return float(np.clip(torque + grown, -self.limit, self.limit))
+            integral = integral if pushes else grown
+            return float(np.clip(torque + integral, -self.limit, self.limit))
 
-        before = goal
-        torque = command(0.0, y, *read(y))
-        goal = before
-        commands = {}
+        torque, commands = command(0.0, y, *read(y)), {}
         count = int(np.ceil(end * self.rate)) + 1
         # At the same instant, the sample comes before the command that takes effect.
         instants = [(k * period, 0, k) for k in range(1, count)]

@@ -45,20 +45,18 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     position are to be predicted or fitted: `Motor` has neither sampling nor delay, and damps more
     than a servo with the same gains.
 
-    - **Start.** A run that starts without `State.memory` of the servo begins as if the first
-      reading had been the same for long: its torque acts at once, and the integral is zero.
+    - **Start.** A run that starts without `State.memory` of the servo begins with a sample, whose
+      torque acts at once, as if it had been commanded for longer than the delay.
     - **Speed.** "difference" takes the change of the angle since the last sample over the period,
       as a servo with an encoder does; it lags by half a period. "sensor" reads the speed.
     - **Goal.** It is the target, whose rate is its derivative by time; zero for a
       `PiecewiseConstant`. Steps need not end at the times of a table. With a `speed_limit`, the
       goal starts at the present angle and follows the target by at most this speed.
-    - **Torque limits.** The commanded torque is limited to `torque_limit`. A motor with a
-      `stall_torque` and a `no_load_speed` also limits it to those torques that its voltage can
-      drive against the back EMF at the present speed w, also between samples: -stall (1 + w/no-load
-      speed) to stall (1 - w/no-load speed), rounded as in `Motor`. Without a `torque_limit`, the
-      stall torque is the limit at negative speeds too.
-    - **Integral.** It stops growing while the commanded torque is at its limit (conditional
-      integration).
+    - **Torque limits.** The commanded torque is limited to `torque_limit`, or else to the
+      `stall_torque`, if there is one. The voltage of a motor with a `stall_torque` T and a
+      `no_load_speed` v can drive torques from -T (1 + w/v) to T (1 - w/v) against the back EMF at
+      the speed w. This limit acts on the torque between samples too, rounded as in `Motor`.
+    - **Integral.** It stops growing while the torque is at a limit (conditional integration).
     - **Angle.** Revolutions are counted, from within half a revolution of the target at the start.
     - **Resolution.** Angles are not rounded to counts of the encoder: derivatives would vanish. In
       a fit, count the resolution r, rad, as noise of the measured angle, r/sqrt(12).
@@ -159,16 +157,14 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         angle = target - wrapped(target - angle, TURN)
         time = self.instants()["sample"].latest(t)
         # The last sample was before the start: there the angle was another one.
-        memory = {"angle": angle - speed * (t - time), "time": time, "torque": 0.0 * angle}
+        memory = {"angle": angle - speed * (t - time), "time": time}
         if self.integral is not None:
             memory["integral"] = 0.0 * angle
         if self.speed_limit is not None:
             memory["goal"] = angle
-        torque = self._commanded(memory, angle, speed, motions, t)[0]
-        memory["torque"] = torque
-        if self.delay is not None:
-            memory |= dict.fromkeys(self._commands(), torque)
-        return memory
+        torque, changed = self._commanded(memory, angle, speed, motions, t)
+        commands = [] if self.delay is None else self._commands()
+        return {**memory, **changed, **dict.fromkeys(["torque", *commands], torque)}
 
     def _commands(self) -> list[str]:
         return [f"command {k}" for k in range(self.delay_periods + 1)]
