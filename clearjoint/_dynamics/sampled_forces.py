@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from typing_extensions import override
 
 from .._fields.checks import nearest, require
-from .._math.vectors import Scalar
-from .._model.bodies import NO_WRENCH, Wrench
+from .._math.vectors import IDENTITY, ZERO, Scalar, unpack
+from .._model.bodies import NO_WRENCH, Motion, Wrench
 from .._model.joints.base import AbstractForce, Motions
 from .._model.joints.sampled_force import AbstractSampledForce, ForceMemory
 from .._model.scene import Scene
@@ -49,6 +49,15 @@ class HeldForce(AbstractForce):
 def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
     forces = scene.forces.items()
     return {name: force for name, force in forces if isinstance(force, AbstractSampledForce)}
+
+
+def memory_names(scene: Scene) -> dict[str, list[str]]:
+    """Return the names of the numbers in the memory of each sampled force of a packed scene."""
+    still = Motion(ZERO, IDENTITY, ZERO, ZERO)
+    return {
+        name: list(force.initial_memory(dict.fromkeys(force.body_names(), still), 0.0))
+        for name, force in sampled_forces(unpack(scene)).items()
+    }
 
 
 def initial_memories(

@@ -457,7 +457,7 @@ def test_a_sampled_force_of_a_user():
 
 def test_wrong_arguments_are_refused():
     for options, words in (
-        ({"delay": 0.011}, "`delay` must be at most 1 periods at a rate of 200.0 Hz"),
+        ({"delay": 0.011}, r"`delay` must be at most .* 1/\(200.0 Hz\), but is 0.011"),
         ({"speed_from": "encoder"}, "`speed_from` must be in"),
         ({"delay_periods": 0}, "`delay_periods` must be a whole number"),
         ({"stall_torque": 1.0}, "`no_load_speed` must be given together with `stall_torque`"),
@@ -471,7 +471,7 @@ def test_wrong_arguments_are_refused():
         cj.simulate_nonsmooth(scene, at(), 0.1, step=1e-3)
     axes = {"delay": cj.Axis(PATHS["delay"], [0.001, 0.011])}
     outputs = {"top": cj.Peak(cj.quantities.JointAngle("hinge"), "rad")}
-    with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most 1 periods"):
+    with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most"):
         cj.sweep(scene, at(), 0.1, axes, outputs, **QUIET)
     for memory, words in (
         (

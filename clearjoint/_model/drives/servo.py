@@ -132,7 +132,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
                 lambda delay, rate: delay * rate <= periods + 1e-9,
                 "delay",
                 (self.delay, self.rate),
-                f"at most {periods} periods at a rate of {{1}} Hz",
+                f"at most `delay_periods`/`rate`, which is {periods}/({{1}} Hz)",
                 "pass a larger `delay_periods`, for which the servo keeps as many commands",
             )
 
@@ -178,9 +178,9 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
             # By how many samples the command that takes effect is older than the newest one.
             assert self.delay is not None
             age = jnp.round((memory["time"] - (t - self.delay)) * self.rate)
-            torque = jnp.nan
-            for k, command in enumerate(commands):
-                torque = jnp.where(age == k, memory[command], torque)
+            torque = memory[commands[0]]
+            for k, command in enumerate(commands[1:]):
+                torque = jnp.where(age > k, memory[command], torque)
             return {**memory, "torque": torque}
         angle, speed = self._reading(motions)
         # Revolutions are counted from the angle that the speed predicts.
