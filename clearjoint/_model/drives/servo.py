@@ -50,8 +50,9 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     - **Speed.** "difference" takes the change of the angle since the last sample over the period,
       as a servo with an encoder does; it lags by half a period. "sensor" reads the speed.
     - **Goal.** It is the target, whose rate is its derivative by time; zero for a
-      `PiecewiseConstant`. Steps need not end at the times of a table. With a `speed_limit`, the
-      goal starts at the present angle and follows the target by at most this speed.
+      `PiecewiseConstant`. Steps need not end at the times of a table. If these are rounded, a small
+      `offset` makes each sample read the row of its own time. With a `speed_limit`, the goal starts
+      at the present angle and follows the target by at most this speed.
     - **Torque limits.** The commanded torque is limited to `torque_limit`, or else to the
       `stall_torque`, if there is one. The voltage of a motor with a `stall_torque` T and a
       `no_load_speed` v can drive torques from -T (1 + w/v) to T (1 - w/v) against the back EMF at
