@@ -233,7 +233,10 @@ def angles(solution, body="arm"):
     return 2.0 * np.arctan2(orientation[:, 3], orientation[:, 0])
 
 
-@pytest.mark.parametrize("coordinates", [cj.JointCoordinates(), cj.AbsoluteCoordinates()])
+@pytest.mark.parametrize(
+    "coordinates",
+    [cj.JointCoordinates(), pytest.param(cj.AbsoluteCoordinates(), marks=pytest.mark.slow)],
+)
 def test_the_voltage_limits_the_torque_between_samples_too(coordinates):
     """A slow servo whose motor reaches its no-load speed within a sample: w' = limit(w)/J."""
     stall, no_load = 0.8, 3.0
@@ -405,6 +408,7 @@ def test_it_counts_revolutions():
     assert abs(lagging) < 0.5 * 0.3 / INERTIA * 0.5**2 + 1e-6 < 30.0 - 8.0 * np.pi
 
 
+@pytest.mark.slow
 def test_the_energy_ledger_counts_its_work():
     servo = cj.Servo(*ABOUT, 2.0, 200.0, 18.0, 0.25, delay=0.0031)
     settings = cj.Settings(rtol=1e-10, ledger=True)
@@ -442,10 +446,10 @@ class SampledDamper(cj.extend.AbstractSampledForce):
 
 
 def test_a_sampled_force_of_a_user():
-    """Of 30 bodies, each with its own period T: v(k+1) = v(k) (1 - c T/m)."""
-    names = [f"ball {k}" for k in np.random.default_rng(1).permutation(30)]
+    """Of six bodies, each with its own period T: v(k+1) = v(k) (1 - c T/m)."""
+    names = [f"ball {k}" for k in np.random.default_rng(1).permutation(6)]
     bodies = {name: cj.Body(2.0, (1.0, 1.0, 1.0)) for name in names}
-    periods = dict(zip(names, np.linspace(0.011, 0.05, 30), strict=True))
+    periods = dict(zip(names, np.linspace(0.011, 0.05, 6), strict=True))
     forces = {f"brake of {name}": SampledDamper(name, 3.0, t) for name, t in periods.items()}
     state = cj.State({name: cj.body_state(ORIGIN, velocity=(1.0, 0.0, 0.0)) for name in names})
     final = cj.simulate(cj.Scene(bodies, forces=forces), state, 0.2, **QUIET).final
