@@ -7,6 +7,7 @@ starts there, just after it, so that it does not matter whether the element comp
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -19,8 +20,10 @@ from .._math.vectors import Condition, Scalar
 from .._model.drives.drivers import AbstractRotationDriver
 from .._model.drives.functions_of_time import Increasing
 from .._model.joints.base import AbstractElement, ByLabel, Row
+from .._model.joints.sampled_force import Periodic
 from .._model.scene import Scene
 from .coordinates import MotionVariables
+from .sampled_forces import sampled_forces
 from .system import System
 
 ROUNDINGS = 8.0
@@ -44,7 +47,8 @@ intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
-    """Return the breakpoints of each joint or force that has any, without empty arrays."""
+    """Return the breakpoints of each joint or force that has any, without empty arrays, and without
+    the instants of sampled forces."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {}
     for name, element in elements.items():
@@ -62,20 +66,32 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
     return times
 
 
+def has_breakpoints(scene: Scene) -> bool:
+    """Return whether a scene has breakpoints, or instants of sampled forces."""
+    return bool(breakpoints(scene) or sampled_forces(scene))
+
+
 def _is_increasing(node: PyTree) -> bool:
     return isinstance(node, Increasing)
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint that is after t by more than rounding errors, s since the origin
-    of the system, like t; infinity if there is none, ``None`` if no element has a breakpoint."""
-    soonest = _extreme(system, system.clock(t), lambda at: at, after=True)
+    """Return the first breakpoint, or instant of a sampled force, that is after t by more than
+    rounding errors, s since the origin of the system, like t; infinity if there is none, ``None``
+    if no element has a breakpoint or instants."""
+    t = system.clock(t)
+    soonest = _extreme(system, t, lambda at: at, after=True)
+    for force in sampled_forces(system.scene).values():
+        for row in force.instants().values():
+            at = jax.lax.stop_gradient(jnp.asarray(_latest(system, row, t, later=1), dtype=float))
+            soonest = at if soonest is None else jnp.minimum(soonest, at)
     return None if soonest is None else system.own_time(soonest)
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     """Return the time t, clipped to the open interval between two breakpoints in which the step
-    from `start` lies, since elements have the values there that hold inside of the step."""
+    from `start` lies, since elements have the values there that hold inside of the step. Instants
+    of sampled forces do not count, since memories have these values anyway."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -89,7 +105,7 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Return for each element with breakpoints, for a step from `start` to `t`:
+    """Return for each element with `breakpoints`, for a step from `start` to `t`:
 
     - whether the step ends at one of its breakpoints;
     - the time, s, from this breakpoint to the end of the step. It is zero except for rounding, but
@@ -112,6 +128,25 @@ def since_breakpoints(
         # since that breakpoint; the sum would have twice this derivative.
         landings[name] = count > 0, sum_since / jnp.maximum(count, 1.0)
     return landings
+
+
+SampledInstants: TypeAlias = dict[str, dict[str, tuple[Condition, Scalar]]]
+
+
+def sampled_instants(system: System, start: Scalar, t: Scalar) -> SampledInstants:
+    """Return, for each sampled force and each name in its `instants`, whether the step from `start`
+    to t ends at such an instant, and the latest one that is not after t, s of the scene. It is
+    later by a rounding error, so that a table of a target surely has the value that it gets at this
+    instant."""
+    start, t = system.clock(start), system.clock(t)
+    found = {}
+    for name, force in sampled_forces(system.scene).items():
+        latest = {key: _latest(system, row, t) for key, row in force.instants().items()}
+        found[name] = {
+            key: (_is_after(system, at, start), at + _rounding(system, at))
+            for key, at in latest.items()
+        }
+    return found
 
 
 def drivers_are_smooth(
@@ -169,6 +204,19 @@ def drivers_are_smooth(
         is_smooth &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
         smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
+
+
+def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
+    """Return whether an instant is not after the time t, by more than rounding errors."""
+    return ~_is_after(system, system.clock(instant), system.clock(t))
+
+
+def _latest(system: System, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
+    """Return the latest of periodic instants that is not after the time t of the scene, s, or one
+    that is `later` by some periods."""
+    nearest = jnp.round((t - row.offset) / row.period)
+    passed = jnp.where(_is_after(system, row.instant(nearest), t), nearest - 1.0, nearest)
+    return row.instant(jax.lax.stop_gradient(passed) + later)
 
 
 def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:

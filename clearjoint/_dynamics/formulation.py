@@ -102,8 +102,8 @@ class Formulation(eqx.Module):
       accelerate if all bodies were free.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
-    - `integrands`: further functions ``f(system, t, variables, entry_speeds, bristles)``, by name,
-      that are integrated with the state.
+    - `integrands`: further functions ``f(system, t, variables, entry_speeds, bristles, memory)``,
+      by name, that are integrated with the state.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates
