@@ -1,5 +1,6 @@
 """Robots' files: which can be loaded, and accelerations beside those of Pinocchio and MuJoCo."""
 
+import importlib
 import re
 import warnings
 from collections import Counter
@@ -100,7 +101,7 @@ def accelerations(robot: cj.results.Robot, state: cj.State, springs: bool) -> di
 
 def of_pinocchio(path: Path, q: dict[str, Any], v: dict[str, Any]) -> dict[str, float]:
     """Return the accelerations under gravity by Pinocchio's articulated-body algorithm."""
-    import pinocchio
+    pinocchio: Any = importlib.import_module("pinocchio")
 
     model = pinocchio.buildModelFromUrdf(str(path))
     data, position, speed = model.createData(), pinocchio.neutral(model), np.zeros(model.nv)
@@ -119,7 +120,7 @@ def of_pinocchio(path: Path, q: dict[str, Any], v: dict[str, Any]) -> dict[str, 
 def of_mujoco(path: Path, q: dict[str, Any], v: dict[str, Any]) -> dict[str, float]:
     """Return the accelerations by MuJoCo, without contacts, limits, constraints, drives, springs of
     tendons, and fluid."""
-    import mujoco
+    mujoco: Any = importlib.import_module("mujoco")
 
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

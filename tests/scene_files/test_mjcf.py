@@ -54,7 +54,7 @@ def random_tree(generator: np.random.Generator, names: list[str], fixed: bool) -
         has_joint = k == 0 or not fixed or generator.random() < 0.6
         # With several joints, there are links without mass between them.
         count = generator.integers(1, 4) if has_joint else 0
-        joints = [random_joint(generator, f"{j} to {names[k]}") for j in range(count)]
+        joints = [random_joint(generator, "also " * j + f"to {names[k]}") for j in range(count)]
         body = random_body(generator, names[k], "".join(joints), inner[k])
         if parents[k] is None:
             return body
