@@ -94,7 +94,8 @@ class Predictor:
             return on_host(self._values, self._shapes, values)
 
         def backward(values: PyTree, cotangents: PyTree) -> tuple[PyTree]:
-            shapes = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, float), values)
+            # A value may be a float of Python, which has no shape.
+            shapes = jax.tree.map(lambda v: jax.ShapeDtypeStruct(np.shape(v), float), values)
             return (on_host(self._gradient, shapes, values, cotangents),)
 
         predict.defvjp(lambda values: (predict(values), values), backward)

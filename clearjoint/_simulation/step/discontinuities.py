@@ -7,7 +7,6 @@ at some angle: the instant of the jump depends on the parameters (see `.saltatio
 """
 
 from functools import reduce
-from operator import or_
 
 import equinox as eqx
 import jax
@@ -216,5 +215,5 @@ def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial
         smooth = STEEPEST * (jnp.abs(da) + jnp.abs(db))
         return jnp.any(jnp.abs(b - a) > smooth + SMALLEST * size + NEGLIGIBLE * largest)
 
-    jumping = [jumps(*row) for row in zip(*leaves, magnitudes, strict=True)]
-    return reduce(or_, jumping) & ~any_changes(system.scene, step.contact_gaps, trial.gaps)
+    jumping = jnp.any(jnp.stack([jumps(*row) for row in zip(*leaves, magnitudes, strict=True)]))
+    return jumping & ~any_changes(system.scene, step.contact_gaps, trial.gaps)

@@ -176,6 +176,9 @@ def test_closed_form_of_an_oscillator(predict):
     }
     for (output, name), derivative in expected.items():
         np.testing.assert_allclose(jacobian[output][name], derivative, rtol=1e-7, atol=1e-8)
+    numbers = {name: float(value) for name, value in values.items()}
+    gradient = jax.grad(lambda numbers: predict(numbers)["x"].sum())(numbers)
+    assert float(gradient["start"]) == pytest.approx(c.sum(), rel=1e-7)
 
 
 REDUCTIONS = {
