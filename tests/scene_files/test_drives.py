@@ -304,6 +304,17 @@ def test_errors_name_argument_and_remedy(read, joint, drive, message):
         read().with_drive(joint, drive)
 
 
+def test_a_rotor_needs_an_armature_and_has_no_size(read):
+    pytest.importorskip("trimesh")
+    robot = read().with_drive("elbow", DRIVE)
+    joints = {**robot.scene.joints, "elbow motor": robot.scene.joints["elbow"]}
+    with pytest.raises(ValueError, match=r"`bodies\['elbow rotor'\].is_massless` must be False"):
+        cj.Scene(robot.scene.bodies, joints)
+    views = [cj.view(each.scene, each.state(), inertias=True) for each in (read(), robot)]
+    sizes = [max(np.abs(part.mesh.vertices).max() for part in view.parts) for view in views]
+    assert sizes[0] == pytest.approx(sizes[1])
+
+
 def test_a_second_drive_and_a_taken_name_are_refused(read):
     robot = read().with_drive("elbow", DRIVE)
     with pytest.raises(ValueError, match="`joint` must be without a drive, but is 'elbow'"):
