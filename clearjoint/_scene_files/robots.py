@@ -36,8 +36,9 @@ ROUNDING = 0.5e-9
 """Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
 NEGLIGIBLE = 1e-11
 """Inertia of a body that has none in the file, over that which hangs on it or the armature of its
-joint. In absolute coordinates, as in `observe`, rounding errors relative to its acceleration are
-1e-16 over the square root of this value."""
+joint. In absolute coordinates, as in `observe`, the acceleration of a rotor is the difference of
+numbers that are larger by the inverse of this value, and `ConstraintEquations.corrected` corrects
+its rounding error."""
 ZERO = 1e-14
 """Ratio of a moment or product of inertia to the largest moment below which it counts as zero."""
 
