@@ -93,10 +93,10 @@ def wear_depths(
     rates: tuple[float, float],
     times: Float[np.ndarray, " T"],
     samples: int,
-) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
+) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"], Signals]:
     """Return the depths that wear off the wall and off the journal of a joint at evenly spaced
-    angles, (2, samples) m, during the `times` from `quadrature_times`, and the largest penetration
-    of a base, m, and sum of the normal forces of both bases, N, at these times."""
+    angles, (2, samples) m, during the `times` from `quadrature_times`; the largest penetration of a
+    base, m, and sum of the normal forces of both bases, N, at these times; and the signals."""
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
     signals = dict(zip(SIGNALS, values.T, strict=True))
@@ -105,7 +105,7 @@ def wear_depths(
     depths = np.asarray(depths_from_signals(element, np.asarray(rates), times, signals, samples))
     deepest = max(signals[f"{base} penetration"].max() for base in BASES)
     forces = np.sum([signals[f"{base} force"] for base in BASES], axis=0)
-    return depths, np.array([deepest, forces.max()])
+    return depths, np.array([deepest, forces.max()]), signals
 
 
 def depths_from_signals(
@@ -145,12 +145,12 @@ def _depths(
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []
-    for angles, radius, rate in zip(_wall_angles(axes, samples), radii, rates, strict=True):
+    for angles, radius, rate in zip(wall_angles(axes, samples), radii, rates, strict=True):
         # Normal force times sliding speed, W, that wears the part at each angle.
         density = jnp.zeros((len(times), samples))
         for base in BASES:
             x, y, power = (signals[f"{base} {kind}"][:, None] for kind in ("x", "y", "power"))
-            density = density + power * _shares(joint, x, y, angles, axes)
+            density = density + power * shares(joint, x, y, angles, axes)
         # The area of the surface that belongs to one angle, m^2.
         area = radius * 2.0 * np.pi / samples * joint.journal_length
         depths.append(rate / area * _integral(times, density))
@@ -165,7 +165,7 @@ def _integral(
     return (sixths * (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2])).sum(axis=0)
 
 
-def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
+def wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
     """Return the directions of evenly spaced points of the wall, (samples,), and of the journal,
     which rotates, (T, samples), in the bearing's frame, rad."""
     angles = np.arange(samples) * 2.0 * np.pi / samples
@@ -174,7 +174,7 @@ def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]
     return angles, jnp.arctan2(along_y, along_x)
 
 
-def _shares(
+def shares(
     joint: ClearanceJoint,
     x: Float[jax.Array, "T 1"],
     y: Float[jax.Array, "T 1"],
