@@ -98,7 +98,7 @@ def _shift(depths: jax.Array, angles: jax.Array, axes: PlanarAxes) -> tuple[jax.
 
 def _wear(
     joint: ClearanceJoint,
-    rates: Float[jax.Array, "2"],
+    rates: tuple[float, float],
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
@@ -106,7 +106,7 @@ def _wear(
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
     along_x, along_y = _shift(depths, contact, axes)
-    x, y = x + along_x, y + along_y
+    x, y = (x + along_x)[:, None], (y + along_y)[:, None]
     for field, removed in zip(PROFILES, (depths[0], -depths[1]), strict=True):
         joint = _moved(joint, field, removed)
     samples = depths.shape[1]
@@ -114,9 +114,11 @@ def _wear(
     radii = joint.bearing_radius, joint.journal_radius
     per_cycle = []
     for angles, radius, rate in zip(wall_angles(columns, samples), radii, rates, strict=True):
-        area = radius * 2.0 * np.pi / samples * joint.journal_length
-        of_angles = shares(joint, x[:, None], y[:, None], angles, columns)
-        per_cycle.append(rate / area * (work @ of_angles))
+        if rate > 0.0:
+            area = radius * 2.0 * np.pi / samples * joint.journal_length
+            per_cycle.append(rate / area * (work @ shares(joint, x, y, angles, columns)))
+        else:
+            per_cycle.append(jnp.zeros(samples))
     return jnp.stack(per_cycle)
 
 
@@ -133,9 +135,9 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
     )
 
 
-@jax.jit
+@partial(jax.jit, static_argnames="rates")
 def _wear_rows(
-    joint: ClearanceJoint, rates: jax.Array, history: jax.Array, rows: jax.Array
+    joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
     """Return the depths per cycle, and their derivatives along those of the depths."""
 
@@ -148,21 +150,17 @@ def _wear_rows(
     return jnp.concatenate([value[None], jax.vmap(along)(rows[1:])])
 
 
-@partial(jax.jit, static_argnames="parts")
+@partial(jax.jit, static_argnames="rates")
 def _jacobian(
-    joint: ClearanceJoint,
-    rates: jax.Array,
-    history: jax.Array,
-    depths: jax.Array,
-    parts: tuple[int, ...],
+    joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
-    """Return the derivatives of the depths per cycle of some parts by the depths of these parts."""
-    wearing = np.array(parts)
+    """Return the derivatives of the depths per cycle of the parts that wear by their depths."""
+    wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths.at[wearing].set(values))[wearing]
 
-    size = len(parts) * depths.shape[1]
+    size = len(wearing) * depths.shape[1]
     return jax.jacfwd(wear)(depths[wearing]).reshape(size, size)
 
 
@@ -183,23 +181,21 @@ class JointWear(NamedTuple):
 
     def per_cycle(self, rows: Rows) -> Rows:
         """Return the depths per cycle and their derivatives, from the depths and theirs."""
-        per_cycle = np.array(
-            _wear_rows(self.joint, jnp.asarray(self.rates), self.history, jnp.asarray(rows))
-        )
+        per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return the derivatives of the depths per cycle of the parts that wear by their depths."""
-        rates = jnp.asarray(self.rates)
-        return np.asarray(
-            _jacobian(self.joint, rates, self.history, jnp.asarray(depths), self.wearing)
-        )
+        """Return approximately the derivatives of the depths per cycle of the parts that wear by
+        their depths, from a part of the contacts."""
+        some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
+        some[:, -1] *= INSTANTS_PER_SAMPLE
+        return np.asarray(_jacobian(self.joint, self.rates, some, depths))
 
     @property
     def wearing(self) -> tuple[int, ...]:
         """Which of the two parts wear."""
-        return tuple(k for k, rate in enumerate(self.rates) if rate > 0.0)
+        return tuple(np.flatnonzero(self.rates).tolist())
 
     def blended(self, other: "JointWear", share: float) -> "JointWear":
         """Return the wear by the contacts of this one and a share, from 0 to 1, of the other."""
