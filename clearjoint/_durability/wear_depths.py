@@ -183,16 +183,21 @@ def shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear of one base that falls on each angle, at each time.
 
-    The share of an angle is max(overlap - clearance + onset + clearance spacing^2/2, 0), divided by
-    the sum of this over all angles. Here the overlap less the clearance is the penetration in the
-    direction of the angle, the onset is the distance of the surfaces at which the force begins, and
-    the spacing is that of the angles, rad.
+    The share of an angle is max(overlap - clearance + onset + room spacing^2/2, 0), divided by the
+    sum of this over all angles. Here the overlap less the clearance is the penetration in the
+    direction of the angle, the onset is the distance of the surfaces at which the force begins, the
+    room is the clearance with the mean deviations of the profiles, and the spacing is that of the
+    angles, rad.
 
-    A contact may be so narrow that it lies between two angles. Therefore clearance spacing^2/2 is
-    added, by which the gap between two circles is larger at one spacing from the deepest point.
+    A contact may be so narrow that it lies between two angles. Therefore room spacing^2/2 is added,
+    by which the gap between two circles is larger at one spacing from the deepest point.
     """
-    spacing = 2.0 * np.pi / np.shape(angles)[-1]
-    excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()
+    samples = np.shape(angles)[-1]
+    room, spacing = joint.clearance, 2.0 * np.pi / samples
+    for profile, sign in ((joint.bearing_profile, 1.0), (joint.journal_profile, -1.0)):
+        if profile is not None:
+            room = room + sign * jnp.mean(profile.at(np.arange(samples) * spacing).value)
+    excess = 0.5 * room * spacing**2 - joint.clearance + joint.law.onset_offset()
     profiles = joint.bearing_profile, joint.journal_profile
     overlap = JournalInBearing(x, y, *profiles, axes).overlap(angles)
     part = jnp.maximum(overlap + excess, 0.0)
