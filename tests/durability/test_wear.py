@@ -117,13 +117,28 @@ def found_of_two():
     return cj.wear(scene, state, CYCLE, RATES, 300.0, largest_change=2e-6, **OPTIONS)
 
 
+SLOW = 1e-13
+"""Specific wear rate, m^2/N, of a bearing that takes 100 000 cycles to a hundred penetrations."""
+DEEP = 500e-6
+"""A hundred penetrations, m."""
+
+
 @pytest.fixture(scope="module")
 def found():
-    return cj.wear(*whirling(), CYCLE, OF_PIN, 300.0, largest_change=2e-6, **OPTIONS)
+    rates = {"pin": cj.WearRates(bearing=SLOW)}
+    return cj.wear(*whirling(DRAG), CYCLE, rates, 1e6, depth=DEEP, **OPTIONS)
 
 
-def test_a_bearing_wears_by_archards_law(found):
-    wears_as_alone(found, "pin", "bearing", rate)
+def test_a_bearing_wears_by_archards_law_to_a_hundred_penetrations(found):
+    """The depth is the same at all angles. Few runs are needed for 97 000 cycles."""
+    assert found.attrs["ending"] == "reached the depth"
+    depths, cycles = found["bearing_depth"].sel(joint="pin").values, found["cycles"].values
+    assert 90e3 < cycles[-1] < 100e3 and len(cycles) < 15
+    assert DEEP <= depths[-1].max() < 1.01 * DEEP
+    assert (np.ptp(depths, axis=1) <= 1e-4 * depths.max(axis=1)).all()
+    exact = [closed_forms(depth, wear_rate=SLOW) for depth in depths.mean(axis=1)[1:]]
+    np.testing.assert_allclose(cycles[1:], exact, rtol=2e-4)
+    assert not found["journal_depth"].any()
 
 
 @pytest.mark.slow
@@ -167,30 +182,40 @@ def test_forces_and_volumes_are_in_the_result(found):
     of_pin = found.sel(joint="pin")
     depths = of_pin["bearing_depth"].mean("angle").values
     forces = [2.0 * STIFFNESS * penetration(depth) for depth in depths]
-    np.testing.assert_allclose(of_pin["force"][:-1], forces[:-1], rtol=5e-3)
-    assert np.isnan(of_pin["force"][-1])
+    np.testing.assert_allclose(of_pin["force"], forces, rtol=5e-3)
     area = 2.0 * np.pi * RADIUS * LENGTH
     np.testing.assert_allclose(of_pin["bearing_volume"], depths * area, rtol=1e-12)
 
 
 def test_life_is_interpolated(found):
-    life = cj.cycles_to_depth(found, 5e-6, "pin")
-    assert rate(0.0) * life == pytest.approx(5e-6, rel=0.05)
+    for depth in np.array([0.01, 0.1, 0.3, 0.7, 0.95]) * DEEP:
+        life = cj.cycles_to_depth(found, depth, "pin")
+        assert life == pytest.approx(closed_forms(depth, wear_rate=SLOW), rel=1e-3)
     assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
 
 
-def test_a_depth_may_end_the_computation(found):
-    options = OPTIONS | {"largest_change": 2e-6}
-    scene, state = whirling()
-    short = cj.wear(scene, state, CYCLE, OF_PIN, np.inf, depth=5e-6, **options)
+def test_a_depth_may_end_the_computation_without_a_number_of_cycles(found):
+    scene, state = whirling(DRAG)
+    rates = {"pin": cj.WearRates(bearing=SLOW)}
+    short = cj.wear(scene, state, CYCLE, rates, np.inf, depth=5e-6, **OPTIONS)
     assert short.attrs["ending"] == "reached the depth"
     count = short.sizes["stage"]
-    # The stages are those of the computation to a number of cycles, up to the depth.
-    np.testing.assert_array_equal(short["cycles"], found["cycles"][:count])
-    deepest = np.maximum(found["bearing_depth"], found["journal_depth"]).max(["joint", "angle"])
-    assert deepest[count - 2] < 5e-6 <= deepest[count - 1]
+    # The stages are those of the computation to a larger depth, up to the depth.
+    np.testing.assert_array_equal(short["cycles"][:-1], found["cycles"][: count - 1])
+    deepest = np.maximum(short["bearing_depth"], short["journal_depth"]).max(["joint", "angle"])
+    assert deepest[count - 2] < 5e-6 <= deepest[count - 1] < 5.1e-6
     with pytest.raises(ValueError, match="`cycles` must be finite.*`depth`"):
-        cj.wear(scene, state, CYCLE, OF_PIN, np.inf, **OPTIONS)
+        cj.wear(scene, state, CYCLE, rates, np.inf, **OPTIONS)
+
+
+def test_contacts_that_stay_open_reach_no_depth():
+    scene, _ = whirling()
+    scene = dataclasses.replace(scene, forces={})
+    state = cj.State(rotor("", 0.0, 0.0)[2])
+    with pytest.raises(ValueError, match=r"`cycles` must be finite \(no part wears"):
+        cj.wear(scene, state, CYCLE, OF_PIN, np.inf, depth=1e-6, **OPTIONS)
+    found = cj.wear(scene, state, CYCLE, OF_PIN, 1e6, **OPTIONS)
+    assert found["cycles"].values.tolist() == [0.0, 1e6] and not found["bearing_depth"].any()
 
 
 def rough():
@@ -215,8 +240,8 @@ def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     deepest = found["penetration"].values[0, :-1]
     assert np.all(deepest < 0.0)
     changes = np.diff(found["bearing_depth"][0].max("angle"))
-    limits = 0.2 * (deepest + float(scene.joints["pin"].law.onset_offset()))
-    np.testing.assert_allclose(changes, limits * [0.1, 1.0], rtol=0.02)
+    limit = 0.2 * (deepest[0] + float(scene.joints["pin"].law.onset_offset()))
+    np.testing.assert_allclose(changes, limit * np.array([1.0, 2.0]), rtol=0.1)
 
 
 PARAMETERS = {
