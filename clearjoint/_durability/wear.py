@@ -610,14 +610,14 @@ class _Stages:
         """Return the wear of the last stage, in which the journal may first have to fall to the
         worn wall, so that further runs follow until the motion is periodic."""
         scene, state = _with_depths(scene, self.names, self.depths[-1]), self.state
-        for _ in range(SETTLING_RUNS if len(self.cycles) > 1 else 1):
+        if len(self.cycles) == 1:
+            return run.measure(scene, state, self.depths[-1][0])
+        for _ in range(SETTLING_RUNS):
             try:
-                measured = run.measure(scene, state, self.depths[-1][0])
+                with quiet():  # Cautions are for the state that a user gives.
+                    measured = run.measure(scene, state, self.depths[-1][0])
             except ValueError as error:
-                # The user's own state in the first stage has its own message. Later states come
-                # from runs, and don't fit only if the drives have another period.
-                if len(self.cycles) == 1:
-                    raise
+                # States that come from runs don't fit only if the drives have another period.
                 raise ValueError(
                     f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} "
                     f"s: the state after {run.settle + run.measured} cycles doesn't fit their "
