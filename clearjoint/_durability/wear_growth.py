@@ -80,7 +80,7 @@ def _unworn(
         approach = JournalInBearing(x, y, *profiles, axes).closest_approach(joint.clearance)
         return jnp.arctan2(approach.sine, approach.cosine)
 
-    angles = jax.vmap(angle_at)(x, y, axes)
+    angles = jnp.asarray(jax.vmap(angle_at)(x, y, axes))
     along_x, along_y = _shift(depths, angles, axes)
     return angles, x - along_x, y - along_y
 
@@ -248,18 +248,20 @@ def grow(
     def below(_: float, flat: np.ndarray) -> float:
         return flat[: shape[1] * shape[2]].max() - (np.inf if depth is None else depth)
 
-    below.terminal = True  # type: ignore[attr-defined]
-    solution = solve_ivp(
-        per_cycle,
-        (0.0, length),
-        rows[:, wearing].ravel(),
-        "BDF",
-        dense_output=True,
-        events=None if depth is None else below,
-        jac=jacobian,
-        rtol=rtol,
-        atol=np.repeat(atol, shape[1] * shape[2]),
-    )
+    below.terminal = True
+    # SciPy subtracts numbers of memory that it has not set, and never uses the differences.
+    with np.errstate(all="ignore"):
+        solution = solve_ivp(
+            per_cycle,
+            (0.0, length),
+            rows[:, wearing].ravel(),
+            "BDF",
+            dense_output=True,
+            events=None if depth is None else below,
+            jac=jacobian,
+            rtol=rtol,
+            atol=np.repeat(atol, shape[1] * shape[2]),
+        )
     if solution.status < 0:
         raise RuntimeError(solution.message)
     return solution.sol

@@ -206,7 +206,6 @@ def test_smaller_errors_of_stages_have_smaller_errors_at_the_end():
         mean = float(found["bearing_depth"][0, -1].mean())
         exact = closed_forms(mean, wear_rate=SLOW, mass=mass, load=load)
         errors.append(abs(float(found["cycles"][-1]) / exact - 1.0))
-    print("ERRORS", errors, found.sizes["stage"])
     assert errors[0] < 0.1 and errors[1] < min(5e-4, 0.2 * errors[0])
 
 
