@@ -106,11 +106,11 @@ def _wear(
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
     along_x, along_y = _shift(depths, contact, axes)
-    x, y = (x + along_x)[:, None], (y + along_y)[:, None]
+    x, y = jnp.asarray(x + along_x)[:, None], jnp.asarray(y + along_y)[:, None]
     for field, removed in zip(PROFILES, (depths[0], -depths[1]), strict=True):
         joint = _moved(joint, field, removed)
     samples = depths.shape[1]
-    columns = PlanarAxes(*(row[:, None] for row in axes))
+    columns = jax.tree.map(lambda row: row[:, None], axes)
     radii = joint.bearing_radius, joint.journal_radius
     per_cycle = []
     for angles, radius, rate in zip(wall_angles(columns, samples), radii, rates, strict=True):
@@ -237,7 +237,7 @@ def grow(
 
     def per_cycle(cycles: float, flat: np.ndarray) -> np.ndarray:
         wear, full = at(cycles, flat)
-        return wear.per_cycle(full)[:, wearing].ravel()
+        return np.asarray(wear.per_cycle(full))[:, wearing].ravel()
 
     def jacobian(cycles: float, flat: np.ndarray) -> np.ndarray:
         # The derivatives grow by the Jacobian of the depths. How the Jacobian itself changes with
