@@ -250,7 +250,7 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
     before the stage, and the largest forces during the stage's run. The last row is the worn state
-    at the end; no run follows, so its forces are NaN."""
+    at the end. If the number of stages or a failure ends the computation, its forces are NaN."""
     columns = {"cycles": dataset["cycles"].values}
     for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values

@@ -223,6 +223,7 @@ class WearPart:
     settle: int = 1
     measured: int = 2
     tolerance: float = 0.1
+    stage_error: float = 0.01
     largest_change: Annotated[float | None, "m"] = None
     samples: int = 96
     stages: int = 10_000

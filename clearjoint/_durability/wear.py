@@ -2,7 +2,7 @@
 
 import dataclasses
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -41,18 +41,34 @@ from .wear_derivatives import (
     derivatives_in_spans,
     directions_of,
 )
+from .wear_growth import History, JointWear, contact_history, grow
 from .wear_rates import WearRates
 
 if TYPE_CHECKING:
     import xarray as xr
     from scipy.interpolate import CubicSpline
 
-CHANGE_BY_PENETRATION = 0.2
-"""Default of the largest change of the worn depth in a stage, relative to the largest penetration
-beyond the onset of the force."""
-FIRST_STAGE = 0.1
-"""Number of cycles of the first stage, divided by the number that the limits allow. It is smaller
-because there is no earlier stage from which the change of the wear rate could be estimated."""
+FIRST_CHANGE = 0.2
+"""Change of the worn depth in the first stage, relative to the largest penetration beyond the onset
+of the force."""
+GROWTH = 2.0
+"""Largest number of cycles of a stage, divided by that of the stage before. The spline through the
+stages, by which `cycles_to_depth` interpolates, has an error of about 1e-3 then."""
+SHORTENED = 0.25
+"""Number of cycles of a stage, divided by that of a stage after which the run failed."""
+FEWEST_CHANGE = 1e-3
+"""Change of the worn depth, relative to that of the first stage, below which a stage is not
+shortened any more."""
+SETTLING_RUNS = 8
+"""Largest number of runs after a stage, each from the state at the end of the one before, until the
+motion is periodic."""
+LEAST_PENETRATION = 1e-12
+"""Smallest scale of errors of depths, m, for joints whose contacts stay open."""
+INTEGRATION = 0.02
+"""Absolute tolerance of the integration of depths over a stage, divided by the error that a stage
+may have."""
+CONTACTS = ("contacts", "direct")
+"""Variables of a store that are no part of the result: fields of `JointWear`."""
 FEWEST_SAMPLES = 8
 """Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
 half of the circumference."""
@@ -75,6 +91,7 @@ def wear(
     settle: int = 1,
     measured: int = 2,
     tolerance: float = 0.1,
+    stage_error: float = 0.01,
     largest_change: float | None = None,
     samples: int = 96,
     stages: int = 10_000,
@@ -85,12 +102,13 @@ def wear(
 ) -> "xr.Dataset":
     """Compute how the profiles of clearance joints wear over many cycles of a periodic motion.
 
-    The wear of a few cycles is computed by a run (Archard's law; see `clearjoint.WearRates`) and
-    extrapolated over as many cycles as a limit on the change of depth allows. Then the profiles are
-    changed, and the next stage begins with the state at the end of the run before. Two successive
-    stages determine the rate of wear and its change (Adams-Bashforth method of second order). The
-    first stage uses its own rate, over a tenth of the cycles that the limit and `cycles` allow,
-    unless `cycles` prescribes the stages.
+    A run measures the wear of a few cycles (Archard's law; see `clearjoint.WearRates`). Over the
+    cycles of a stage, the depths then grow with the forces, sliding speeds and directions of the
+    contacts of this run, while the pressure follows the wall. This is integrated by an implicit
+    method, so that the depth of a stage may be many times the elastic penetration. A run with the
+    new profiles follows. With contacts that change evenly from those of one run to those of the
+    next, the depths are integrated again. If this corrects them by more than `stage_error`, the
+    stage is repeated with fewer cycles.
 
     **Arguments:**
 
@@ -98,10 +116,10 @@ def wear(
     - `cycle`: duration of a cycle, s.
     - `rates`: wear rates of the joints that wear, by name: each a `ClearanceJoint` without
       `line_points`, since a profile is the same all along the axis.
-    - `cycles`: number of cycles to extrapolate to, such as 1e6, or ``np.inf`` if only `depth` ends
-      the computation. Or a rising array, (n,), that fixes the stages: the number of cycles before
-      each stage after the first one, such as ``found["cycles"][1:]`` of an earlier result with
-      slightly different parameters. `largest_change` then has no effect.
+    - `cycles`: number of cycles to compute, such as 1e6, or ``np.inf`` if only `depth` ends the
+      computation. Or a rising array, (n,), that fixes the stages: the number of cycles before each
+      stage after the first one, such as ``found["cycles"][1:]`` of an earlier result with slightly
+      different parameters. Corrections and `largest_change` then shorten no stage.
     - `settings`: of the runs; by default `clearjoint.presets.default` and, for the further runs
       that compute derivatives, `clearjoint.presets.derivatives`.
     - `parameters`: with respect to which the depths are differentiated, by names of your choice;
@@ -113,16 +131,19 @@ def wear(
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.
-    - `largest_change`: largest change of depth in a stage, m; by default a fifth of each joint's
-      largest penetration in the stage, measured from the onset of the force. With larger changes
-      the profile oscillates, since the material that carries the load in one stage is gone in the
-      next.
+    - `stage_error`: largest correction of the depths of a stage, relative to the joint's largest
+      depth plus its penetration from the onset of the force. The corrected depths have a smaller
+      error. For differences between results take 1e-4, since the integration has a relative error
+      of about a fiftieth of it.
+    - `largest_change`: largest change of depth in a stage, m; by default not limited. A stage has
+      at most twice the cycles of the one before, and the depth changes by a fifth of the
+      penetration in the first one.
     - `samples`: number of angles around the wall and around the journal, at least 8.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
     - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains an
       earlier result of the same scene and arguments, computation continues from there.
-      `largest_change`, `stages` and `depth` may be other ones than before.
+      `stage_error`, `largest_change`, `stages` and `depth` may be other ones than before.
 
     **Returns:** an `xarray.Dataset` along "joint", "stage", "angle" and "body":
 
@@ -130,8 +151,9 @@ def wear(
     - ``bearing_depth``, ``journal_depth``: depth worn off before each stage, m, (joint, stage,
       angle). The angle, rad, is about the axis of the bearing or journal, from its x axis (see
       `clearjoint.quantities.JournalOffset`).
-    - ``bearing_rate``, ``journal_rate``: depth per cycle in the stage, m, (joint, stage, angle);
-      NaN in the last stage, which has no run.
+    - ``bearing_rate``, ``journal_rate``: depth per cycle at the beginning of the stage, m, (joint,
+      stage, angle). If the number of `stages` or a failure ends the computation, the last stage has
+      no run: its rates, penetration and force are NaN, and its depths are not corrected.
     - ``bearing_depth_derivative``, ``journal_rate_derivative`` and so on: the derivatives of these
       depths and rates with respect to each parameter's coordinate (its value on its scale, such as
       the logarithm for `Log`), along the additional dimension "parameter". Only with `parameters`.
@@ -151,8 +173,12 @@ def wear(
     state with which no run can start, and a store of another computation; if the run of the first
     stage fails, its two halves differ by more than `tolerance`, or it wears nothing although only
     `depth` ends the computation; if the state at the end of a run does not fit the drives at
-    `start_time`, so that `cycle` is not their period; and if `largest_change` is not given, and a
-    law has a force at a larger distance of the surfaces than its `onset_offset` states.
+    `start_time`, so that `cycle` is not their period; and if a law has a force at a larger distance
+    of the surfaces than its `onset_offset` states.
+
+    After a long stage the journal first falls to the worn wall. Up to eight runs follow, each from
+    the state at the end of the one before, until the halves of one agree to `tolerance`. If none
+    does, or a run fails, the stage is repeated with fewer cycles, until the depth hardly changes.
 
     ```python
     import clearjoint as cj
@@ -174,6 +200,7 @@ def wear(
         settings=settings,
         start_time=start_time,
         cycles=np.asarray(cycles, float),
+        stage_error=stage_error,
         largest_change=largest_change,
         stages=stages,
         depth=depth,
@@ -193,7 +220,7 @@ def wear(
     stages_so_far = _Stages.first(scene, state, list(rates), list(run.directions), samples)
     store = None if path is None else _Store(Path(path), _digest(scene, state, run))
     if store is not None:
-        stages_so_far = store.read(stages_so_far)
+        stages_so_far = store.read(stages_so_far, run, scene)
     begun, last = stages_so_far.cycles[-1], float(run.cycles.max())
     total = last if np.isfinite(last) else None
     units = {"unit": " cycles", "unit_scale": True}
@@ -202,11 +229,11 @@ def wear(
             stages_so_far.add(run, scene)
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
-                store.write(stages_so_far.dataset())
+                store.write(stages_so_far.dataset(), stages_so_far.contacts())
     result = stages_so_far.dataset()
     # Only after the last stage is the attribute `ending` known.
     if store is not None:
-        store.write(result)
+        store.write(result, stages_so_far.contacts())
     return result
 
 
@@ -341,6 +368,7 @@ class CycleRun:
     start_time: float = 0.0
     directions: Mapping[str, ParameterDirection] = dataclasses.field(default_factory=dict)
     cycles: Float[np.ndarray, "*n"] = dataclasses.field(kw_only=True, repr=False)
+    stage_error: float = dataclasses.field(default=0.01, kw_only=True, repr=False)
     largest_change: float | None = dataclasses.field(kw_only=True, repr=False)
     stages: int = dataclasses.field(kw_only=True, repr=False)
     depth: float | None = dataclasses.field(kw_only=True, repr=False)
@@ -378,15 +406,21 @@ class CycleRun:
         require(even, "measured", self.measured, "even, as its two halves are compared", "add one")
         require_count("samples", self.samples, "give a number of angles")
         require_positive("tolerance", self.tolerance, "give a relative difference, such as 0.1")
+        require_positive("stage_error", self.stage_error, "give a relative error, such as 0.01")
+        small, remedy = self.stage_error < 1.0, "give a relative error, such as 0.01"
+        require(small, "stage_error", self.stage_error, "less than 1", remedy)
         if self.largest_change is not None:
             require_positive("largest_change", self.largest_change, "give a depth in m, or None")
         enough, expected = self.samples >= FEWEST_SAMPLES, f"at least {FEWEST_SAMPLES}"
         require(enough, "samples", self.samples, expected, "take the default of 96")
         require_count("stages", self.stages, "give a number of stages")
 
-    def measure(self, scene: Scene, state: State) -> "_Measured":
-        """Run from `state`, and return the wear per cycle with its derivatives. If the run fails,
-        all of these are zero; if only the run with derivatives fails, the derivatives are."""
+    def measure(
+        self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
+    ) -> "_Measured":
+        """Return the wear per cycle, its derivatives and the state after the run. They are zero if
+        the run, or that of the derivatives, failed; `failure` then says why. `depths` are those
+        that the scene's joints have lost."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         solution = simulate(
@@ -403,6 +437,7 @@ class CycleRun:
         halves = np.zeros((2, 1 + len(self.directions), *shape))
         extremes = np.zeros((2, len(self.rates), len(EXTREMES)))
         rates = self.rates_of_parts
+        histories: list[list[History]] = [[] for _ in rates]
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
             # of the short time in which the contact passes it, which the quadrature must resolve.
@@ -411,8 +446,13 @@ class CycleRun:
             times = [quadrature_times(solution, *span, longest) for span in spans]
             for k in range(len(spans)):
                 for j, (name, of_parts) in enumerate(rates.items()):
-                    halves[k, 0, j], extremes[k, j] = wear_depths(
+                    halves[k, 0, j], extremes[k, j], signals = wear_depths(
                         scene, solution, name, of_parts, times[k], self.samples
+                    )
+                    joint = scene.joints[name]
+                    assert isinstance(joint, ClearanceJoint)
+                    histories[j].append(
+                        contact_history(joint, depths[j], times[k], signals, self.measured)
                     )
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
@@ -432,6 +472,7 @@ class CycleRun:
             # Each half has so many cycles.
             halves=halves / (0.5 * self.measured),
             extremes=extremes.max(axis=0),
+            histories=[np.concatenate(of_halves, axis=2) for of_halves in histories if of_halves],
             # Only what a store keeps, so that a computation that is continued has the same bits.
             state=State(solution.final.bodies),
             failure="" if result == RESULTS.successful else RESULTS[result],
@@ -460,11 +501,13 @@ class _Measured(NamedTuple):
     - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
       ends of the journal, N.
     - `state`: after the run.
+    - `histories`: contacts of each joint.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
     halves: Float[np.ndarray, "2 rows joints 2 samples"]
     extremes: Float[np.ndarray, "joints 2"]
+    histories: list[History]
     state: State
     failure: str
 
@@ -477,8 +520,10 @@ class _Stages:
     - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives with respect to the p `parameters`.
-    - `rates`: like `depths`, the depth per cycle in each stage except the last one, which has no
-      run yet; `extremes`: those of `_Measured`, for the same stages.
+    - `rates`, `extremes`: for each stage with a run, the depth per cycle and its derivatives, and
+      those of `_Measured`. The last stage may have no run yet. Its depths are then extrapolated,
+      and are corrected after its run.
+    - `wears`: wear of each joint in the last run; empty before the first one.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty if one can.
     - `ending`: why the computation ended; empty while it goes on.
@@ -492,6 +537,7 @@ class _Stages:
     rates: list[np.ndarray]
     extremes: list[np.ndarray]
     state: State
+    wears: list[JointWear] = dataclasses.field(default_factory=list)
     failure: str = ""
     ending: str = ""
 
@@ -510,60 +556,103 @@ class _Stages:
         return _Stages(names, parameters, areas, [0.0], [depths], [], [], state)
 
     def add(self, run: CycleRun, scene: Scene) -> None:
-        """Measure the wear of the last stage and extrapolate it to a new one.
+        """Run the last stage, correct its depths by the run, and extrapolate them to a new stage.
 
-        Where this fails, the first stage raises an error, and later ones set `failure`, so that the
-        results so far are kept.
+        If the run fails or the correction is too large, the stage is replaced by a shorter one.
+        Where this does not help, the first stage raises an error, and later ones set `failure`, so
+        that the results so far are kept.
         """
-        scene = _with_depths(scene, self.names, self.depths[-1])
-        try:
-            measured = run.measure(scene, self.state)
-        except ValueError as error:
-            # The user's own state in the first stage has its own message. Later states come from
-            # runs, and don't fit only if the drives have another period.
-            if len(self.cycles) == 1:
-                raise
-            raise ValueError(
-                f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} s: "
-                f"the state after {run.settle + run.measured} cycles doesn't fit their start."
-            ) from error
-        difference = run.difference(measured)
-        if measured.failure or difference > run.tolerance:
-            self._refuse(measured.failure, difference, run)
+        if len(self.rates) == len(self.cycles):  # a computation that had reached its end
+            self._extrapolate(run, scene, self.cycles[-1] - self.cycles[-2])
             return
-        # Number of cycles to the next of several goals, or to the only one.
-        goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
-        left = goal - self.cycles[-1]
+        measured = self._measured(run, scene)
+        difference, before = run.difference(measured), len(self.cycles) > 1
+        length = self.cycles[-1] - self.cycles[-2] if before else 0.0
+        if measured.failure or difference > run.tolerance:
+            if not self._shorten(run, scene, SHORTENED * length):
+                self._refuse(measured.failure, difference, run)
+            return
+        depths, wears = self.depths[-1], self._wears(run, scene, measured)
+        if before:
+            try:
+                depths, _ = self._grown(run, scene, length, wears)
+            except RuntimeError as error:
+                if not self._shorten(run, scene, SHORTENED * length):
+                    self.failure = f"the depths of a stage failed: {error}"
+                return
+            scales = depths[0].max(axis=(1, 2)) + self._pressed(scene)
+            corrections = np.abs(depths - self.depths[-1])[0].max(axis=(1, 2))
+            # The extrapolation is of first order in the length of the stage, so that its error
+            # is proportional to the square of the length.
+            error = float(np.max(corrections / scales)) / run.stage_error
+            next_length = length * min(GROWTH, 0.9 / np.sqrt(max(error, 1e-9)))
+            if error > 1.0 and self._shorten(run, scene, max(next_length, SHORTENED * length)):
+                return
+        self.depths[-1] = depths
+        rows = [wear.per_cycle(depths[:, j]) for j, wear in enumerate(wears)]
+        self.rates.append(np.stack(rows, axis=1))
+        self.extremes.append(measured.extremes)
+        self.state, self.wears = measured.state, wears
+        if self.has_ended(run):
+            return
         # Without wear, no number of cycles leads to a depth.
-        if np.isinf(left) and not measured.halves[:, 0].any():
+        if np.isinf(run.cycles.max()) and not self.rates[-1][0].any():
             self.failure = "no part wears in the measured cycles"
             remedy = "check the loads, or give a number of cycles"
             expected = f"finite ({self.failure})"
-            require(len(self.cycles) > 1, "cycles", left, expected, remedy)
+            require(before, "cycles", np.inf, expected, remedy)
             return
-        self.state = measured.state
-        self.rates.append(measured.halves.mean(axis=0))
-        self.extremes.append(measured.extremes)
-        # Several goals prescribe the stages, so that no limit shortens them.
-        length = left if run.cycles.ndim == 1 else self._length(scene, left, run)
-        self._extrapolate(length)
-        # By rounding, the sum could be below the goal, and a needless stage would follow.
-        if length == left:
-            self.cycles[-1] = goal
+        if not before:
+            next_length = self._cycles_to_change(scene, FIRST_CHANGE)
+        self._extrapolate(run, scene, next_length)
 
     def has_ended(self, run: CycleRun) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so."""
+        has_run = len(self.rates) == len(self.cycles)
         if self.failure:
             self.ending = self.failure
-        elif self.cycles[-1] >= run.cycles.max():
+        elif has_run and self.cycles[-1] >= run.cycles.max():
             self.ending = "reached the cycles"
-        elif run.depth is not None and self.depths[-1][0].max() >= run.depth:
+        elif has_run and run.depth is not None and self.depths[-1][0].max() >= run.depth:
             self.ending = "reached the depth"
         elif len(self.cycles) >= run.stages:
             self.ending = f"{run.stages} stages"
         else:
             self.ending = ""
         return self.ending != ""
+
+    def _measured(self, run: CycleRun, scene: Scene) -> _Measured:
+        """Return the wear of the last stage, in which the journal may first have to fall to the
+        worn wall, so that further runs follow until the motion is periodic."""
+        scene, state = _with_depths(scene, self.names, self.depths[-1]), self.state
+        if len(self.cycles) == 1:
+            return run.measure(scene, state, self.depths[-1][0])
+        for _ in range(SETTLING_RUNS):
+            try:
+                with quiet():  # Cautions are for the state that a user gives.
+                    measured = run.measure(scene, state, self.depths[-1][0])
+            except ValueError as error:
+                # States that come from runs don't fit only if the drives have another period.
+                raise ValueError(
+                    f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} "
+                    f"s: the state after {run.settle + run.measured} cycles doesn't fit their "
+                    "start."
+                ) from error
+            if measured.failure or run.difference(measured) <= run.tolerance:
+                break
+            state = measured.state
+        return measured
+
+    def _wears(self, run: CycleRun, scene: Scene, measured: _Measured) -> list[JointWear]:
+        """Return the wear of each joint as a function of the depths, by the run of a stage."""
+        direct = np.zeros_like(self.depths[-1][1:])
+        wears = _joint_wears(run, scene, measured.histories, direct.swapaxes(0, 1))
+        if self.parameters:
+            # The run has the derivatives by the parameters with those of the depths.
+            through_depths = [w.per_cycle(self.depths[-1][:, j])[1:] for j, w in enumerate(wears)]
+            direct = measured.halves.mean(axis=0)[1:] - np.stack(through_depths, axis=1)
+            wears = _joint_wears(run, scene, measured.histories, direct.swapaxes(0, 1))
+        return wears
 
     def _refuse(self, failure: str, difference: float, run: CycleRun) -> None:
         """Set `failure` for a run that can't be extrapolated; raise an error in the first stage."""
@@ -581,40 +670,93 @@ class _Stages:
         )
         self.failure = reason
 
-    def _length(self, scene: Scene, left: float, run: CycleRun) -> float:
-        """Return how many cycles the next stage has, `left` at most, so that no depth changes by
-        more than the limit. The first stage has a tenth of that."""
-        length = left
-        # Each joint limits the stage by its own penetration.
-        rows = zip(self.names, self.rates[-1][0], self.extremes[-1], strict=True)
-        for name, rate, (penetration, _) in rows:
-            if not rate.max() > 0.0:
-                continue
-            limit = run.largest_change
-            if limit is None:
-                joint = scene.joints[name]
-                assert isinstance(joint, ClearanceJoint)
-                # The force may begin before the surfaces touch; the penetration is then negative.
-                limit = CHANGE_BY_PENETRATION * float(penetration + joint.law.onset_offset())
-                expected = f"given, as the force of {name!r} begins before its law's onset_offset()"
-                remedy = "give a depth in m, or mend the law"
-                require(limit > 0.0, "largest_change", run.largest_change, expected, remedy)
-            length = min(length, limit / rate.max())
-        return length * FIRST_STAGE if len(self.rates) == 1 else length
+    def _pressed(self, scene: Scene) -> Float[np.ndarray, " joints"]:
+        """Return each joint's largest penetration in the last run, from the onset of the force."""
+        pressed = self.extremes[-1][:, 0].copy()
+        for j, name in enumerate(self.names):
+            joint = scene.joints[name]
+            assert isinstance(joint, ClearanceJoint)
+            # The force may begin before the surfaces touch; the penetration is then negative.
+            pressed[j] += float(joint.law.onset_offset())
+            expected = f"a distance at which the force of {name!r} has not begun"
+            offset, remedy = joint.law.onset_offset(), "mend the law"
+            has_force = not self.rates[-1][0, j].any() or pressed[j] > 0.0
+            require(has_force, "onset_offset", offset, expected, remedy)
+        return np.maximum(pressed, LEAST_PENETRATION)
 
-    def _extrapolate(self, length: float) -> None:
-        """Append the number of cycles and the depths after a stage of `length` cycles."""
-        middle = rate = self.rates[-1]
-        if len(self.rates) > 1:
-            # Rate at the middle of the stage, on the line through the rates that were measured at
-            # the beginnings of this stage and of the one before.
-            before = self.cycles[-1] - self.cycles[-2]
-            middle = rate + 0.5 * length / before * (rate - self.rates[-2])
-        # Material doesn't grow again, even if the line leads to a negative rate. The depth stays
-        # the same there, and so do its derivatives.
-        change = np.where(middle[0] > 0.0, middle, 0.0) * length
-        self.cycles.append(self.cycles[-1] + length)
-        self.depths.append(self.depths[-1] + change)
+    def _cycles_to_change(self, scene: Scene, change: float) -> float:
+        """Return the number of cycles in which the depths of a joint change by a multiple of its
+        penetration."""
+        fastest = self.rates[-1][0].max(axis=(1, 2))
+        cycles = change * self._pressed(scene) / np.where(fastest > 0.0, fastest, 1.0)
+        return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
+
+    def _shorten(self, run: CycleRun, scene: Scene, length: float) -> bool:
+        """Replace the last stage by a shorter one, and return ``True``; or ``False`` if `cycles`
+        prescribes the stages or the depths would hardly change."""
+        if len(self.cycles) == 1 or run.cycles.ndim == 1:
+            return False
+        if length < self._cycles_to_change(scene, FIRST_CHANGE * FEWEST_CHANGE):
+            return False
+        del self.cycles[-1], self.depths[-1]
+        self._extrapolate(run, scene, length)
+        return True
+
+    def _extrapolate(self, run: CycleRun, scene: Scene, length: float) -> None:
+        """Append the number of cycles and the depths after a stage of at most `length` cycles."""
+        goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
+        left = goal - self.cycles[-1]
+        if run.cycles.ndim == 1:
+            length = left  # no limit shortens stages that are prescribed
+        elif run.largest_change is not None:
+            fastest = self.rates[-1][0].max()
+            length = min(length, run.largest_change / fastest) if fastest > 0.0 else length
+        length = min(length, left)
+        try:
+            depths, reached = self._grown(run, scene, length)
+        except RuntimeError as error:
+            self.failure = f"the depths of a stage failed: {error}"
+            return
+        # By rounding, the sum could be below the goal, and a needless stage would follow.
+        self.cycles.append(goal if reached == left else self.cycles[-1] + reached)
+        self.depths.append(depths)
+
+    def _grown(
+        self, run: CycleRun, scene: Scene, length: float, end: list[JointWear] | None = None
+    ) -> tuple[np.ndarray, float]:
+        """Return the depths at the end of a stage of `length` cycles after the last run, and its
+        number of cycles, which is smaller if a depth ends the computation before.
+
+        With the wear `end` at the end of the stage, the depths are corrected.
+        """
+        begun = len(self.rates) - 1
+        rows, per_cycle, pressed = self.depths[begun], self.rates[begun], self._pressed(scene)
+        rtol = INTEGRATION * run.stage_error
+        # A little deeper, so that the correction doesn't lead above the depth again.
+        until = None if run.depth is None or end else run.depth * (1.0 + 0.1 * run.stage_error)
+        curves, reached = [], length
+        for j, wear in enumerate(self.wears):
+            sizes, size = np.abs(per_cycle[:, j]).max(axis=(1, 2)), per_cycle[0, j].max()
+            # A derivative's scale is its change while the depth changes by the penetration.
+            scales = pressed[j] * np.where(sizes > 0.0, sizes / (size or 1.0), 1.0)
+            other = end[j] if end else None
+            curves.append(grow(wear, other, rows[:, j], length, rtol, rtol * scales, until))
+            reached = min(reached, curves[-1].t_max)
+        depths = rows.copy()
+        for j, (wear, curve) in enumerate(zip(self.wears, curves, strict=True)):
+            depths[:, j, wear.wearing] = curve(reached).reshape(len(rows), -1, rows.shape[-1])
+        # The integration has an error, but material doesn't grow again.
+        depths[0] = np.maximum(depths[0], rows[0])
+        return depths, reached
+
+    def contacts(self) -> dict[str, tuple]:
+        """Return the variables of a store, besides the result, from which a computation goes on."""
+        if not self.wears:
+            return {}
+        histories = np.stack([wear.history for wear in self.wears])
+        direct = np.stack([wear.direct for wear in self.wears])
+        dims = ("joint", "base", "number", "instant"), ("joint", "row", "part", "angle")
+        return dict(zip(CONTACTS, zip(dims, (histories, direct), strict=True), strict=True))
 
     def dataset(self) -> "xr.Dataset":
         """Return the result of `wear`."""
@@ -657,6 +799,24 @@ class _Stages:
         ).transpose("joint", "stage", "angle", ..., missing_dims="ignore")
 
 
+def _joint_wears(
+    run: CycleRun,
+    scene: Scene,
+    histories: Sequence[History] | np.ndarray,
+    direct: Sequence[np.ndarray] | np.ndarray,
+) -> list[JointWear]:
+    """Return the wear of each joint of `run` from its contacts and direct derivatives."""
+    zeros, wears = np.zeros((1, len(run.rates), len(PARTS), run.samples)), []
+    unworn = _with_depths(scene, list(run.rates), zeros)
+    for (name, of_parts), *fields_of_joint in zip(
+        run.rates_of_parts.items(), histories, direct, strict=True
+    ):
+        joint = unworn.joints[name]
+        assert isinstance(joint, ClearanceJoint)
+        wears.append(JointWear(joint, of_parts, *fields_of_joint))
+    return wears
+
+
 @dataclass(frozen=True)
 class _Store:
     """Zarr store of the stages, with the digest of the computation to which they belong."""
@@ -664,36 +824,41 @@ class _Store:
     path: Path
     digest: str
 
-    def write(self, result: "xr.Dataset") -> None:
-        """Replace the store by one with a result of `wear`. At any time, `_folder` returns the
-        folder of a complete store, the old or the new one, even if the process is killed."""
+    def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
+        """Replace the store by one of a result of `wear` and of the contacts that continue it. At
+        any time, `_folder` returns the folder of a complete store, the old or the new one, even if
+        the process is killed."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
-            write_dataset(new, result.assign_attrs(digest=self.digest))
+            write_dataset(new, result.assign(contacts).assign_attrs(digest=self.digest))
             if self.path.exists():
                 shutil.rmtree(old, ignore_errors=True)
                 self.path.rename(old)
             new.rename(self.path)
         shutil.rmtree(old, ignore_errors=True)
 
-    def read(self, first: _Stages) -> _Stages:
+    def read(self, first: _Stages, run: CycleRun, scene: Scene) -> _Stages:
         """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
-        stored, remedy = open_wear(self.path), "pass another folder"
+        stored, remedy = _opened(self.path), "pass another folder"
         expected = "a folder without a result, or with one of the same scene and arguments"
         is_same = stored.attrs.get("digest") == self.digest
         require(is_same, "path", str(self.path), expected, remedy)
-        lacking = ", ".join(name for name in EXTREMES if name not in stored)
+        needed = (*EXTREMES, *CONTACTS) if stored.sizes["stage"] > 1 else EXTREMES
+        lacking = ", ".join(name for name in needed if name not in stored)
         text, expected = f"{self.path} without {lacking}", "a store of this version"
         require(not lacking, "path", text, expected, remedy)
         depths, rates = (_stacked(stored, name) for name in ("depth", "rate"))
         # The stages with a run have a penetration that is not NaN.
         measured = int(np.isfinite(stored["penetration"].values[0]).sum())
         extremes = np.stack([stored[name].values.T for name in EXTREMES], axis=-1)
+        contacts = [stored[name].values for name in CONTACTS if measured]
+        wears = _joint_wears(run, scene, *contacts) if measured else []
         return dataclasses.replace(
             first,
+            wears=wears,
             cycles=stored["cycles"].values.tolist(),
             depths=list(depths),
             rates=list(rates[:measured]),
@@ -734,6 +899,10 @@ def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
     >>> dict(cj.open_wear("wear.zarr").sizes)
     {'joint': 1, 'stage': 1, 'angle': 8}
     """
+    return _opened(path).drop_vars(CONTACTS, errors="ignore")
+
+
+def _opened(path: str | PathLike[str]) -> "xr.Dataset":
     import xarray as xr
 
     remedy = "pass the `path` that was given to wear()"

@@ -93,13 +93,13 @@ def wear_depths(
     rates: tuple[float, float],
     times: Float[np.ndarray, " T"],
     samples: int,
-) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"]]:
+) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"], Signals]:
     """Return the wear of a joint with the wear `rates` of bearing and journal, m^2/N, during the
     `times` from `quadrature_times`.
 
     **Returns:** the depths that wear off the wall and off the journal at evenly spaced angles,
-    (2, samples) m; and two numbers, the largest penetration of a base, m, and the largest sum of
-    the normal forces of both bases, N.
+    (2, samples) m; two numbers, the largest penetration of a base, m, and the largest sum of the
+    normal forces of both bases, N; and the signals.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
@@ -109,7 +109,7 @@ def wear_depths(
     depths = np.asarray(depths_from_signals(element, np.asarray(rates), times, signals, samples))
     deepest = max(signals[f"{base} penetration"].max() for base in BASES)
     forces = np.sum([signals[f"{base} force"] for base in BASES], axis=0)
-    return depths, np.array([deepest, forces.max()])
+    return depths, np.array([deepest, forces.max()]), signals
 
 
 def depths_from_signals(
@@ -149,12 +149,12 @@ def _depths(
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []
-    for angles, radius, rate in zip(_wall_angles(axes, samples), radii, rates, strict=True):
+    for angles, radius, rate in zip(wall_angles(axes, samples), radii, rates, strict=True):
         # Normal force times sliding speed, W, that wears the part at each angle.
         density = jnp.zeros((len(times), samples))
         for base in BASES:
             x, y, power = (signals[f"{base} {kind}"][:, None] for kind in ("x", "y", "power"))
-            density = density + power * _shares(joint, x, y, angles, axes)
+            density = density + power * shares(joint, x, y, angles, axes)
         # The area of the surface that belongs to one angle, m^2.
         area = radius * 2.0 * np.pi / samples * joint.journal_length
         depths.append(rate / area * _integral(times, density))
@@ -169,7 +169,7 @@ def _integral(
     return (sixths * (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2])).sum(axis=0)
 
 
-def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
+def wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
     """Return the directions, rad, in the bearing's frame, of evenly spaced points of the wall,
     (samples,), and of the journal, which rotates in that frame, (T, samples)."""
     angles = np.arange(samples) * 2.0 * np.pi / samples
@@ -178,7 +178,7 @@ def _wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]
     return angles, jnp.arctan2(along_y, along_x)
 
 
-def _shares(
+def shares(
     joint: ClearanceJoint,
     x: Float[jax.Array, "T 1"],
     y: Float[jax.Array, "T 1"],
@@ -191,11 +191,15 @@ def _shares(
     all angles, all in m. `penetration` is that in the direction of the angle, the overlap less the
     clearance, and `onset` the distance of the surfaces at which the force begins. A contact may be
     so narrow that it lies between two angles. Therefore `extra` is added, by which the gap between
-    two circles is larger at one spacing of the angles, rad, from the deepest point: 0.5 * clearance
-    * spacing^2.
+    two circles is larger at one spacing of the angles, rad, from the deepest point:
+    0.5 * room * spacing^2, with the clearance and the mean deviations of the profiles as `room`.
     """
-    spacing = 2.0 * np.pi / np.shape(angles)[-1]
-    excess = 0.5 * joint.clearance * spacing**2 - joint.clearance + joint.law.onset_offset()
+    samples = np.shape(angles)[-1]
+    room, spacing = joint.clearance, 2.0 * np.pi / samples
+    for profile, sign in ((joint.bearing_profile, 1.0), (joint.journal_profile, -1.0)):
+        if profile is not None:
+            room = room + sign * jnp.mean(profile.at(np.arange(samples) * spacing).value)
+    excess = 0.5 * room * spacing**2 - joint.clearance + joint.law.onset_offset()
     profiles = joint.bearing_profile, joint.journal_profile
     overlap = JournalInBearing(x, y, *profiles, axes).overlap(angles)
     part = jnp.maximum(overlap + excess, 0.0)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import clearjoint as cj
 from clearjoint.laws import ElastoGap
@@ -117,13 +118,95 @@ def found_of_two():
     return cj.wear(scene, state, CYCLE, RATES, 300.0, largest_change=2e-6, **OPTIONS)
 
 
+SLOW = 1e-13
+"""Specific wear rate, m^2/N, of a bearing that takes 100 000 cycles to a hundred penetrations."""
+DEEP = 500e-6
+"""A hundred penetrations, m."""
+
+
 @pytest.fixture(scope="module")
 def found():
-    return cj.wear(*whirling(), CYCLE, OF_PIN, 300.0, largest_change=2e-6, **OPTIONS)
+    rates = {"pin": cj.WearRates(bearing=SLOW)}
+    return cj.wear(*whirling(DRAG), CYCLE, rates, 1e6, depth=DEEP, **OPTIONS)
 
 
-def test_a_bearing_wears_by_archards_law(found):
-    wears_as_alone(found, "pin", "bearing", rate)
+def test_a_bearing_wears_by_archards_law_to_a_hundred_penetrations(found):
+    """The depth is the same at all angles. Few runs are needed for 97 000 cycles."""
+    assert found.attrs["ending"] == "reached the depth"
+    depths, cycles = found["bearing_depth"].sel(joint="pin").values, found["cycles"].values
+    assert 90e3 < cycles[-1] < 100e3 and len(cycles) < 15
+    assert DEEP <= depths[-1].max() < 1.01 * DEEP
+    assert (np.ptp(depths, axis=1) <= 1e-4 * depths.max(axis=1)).all()
+    exact = [closed_forms(depth, wear_rate=SLOW) for depth in depths.mean(axis=1)[1:]]
+    np.testing.assert_allclose(cycles[1:], exact, rtol=2e-4)
+    assert not found["journal_depth"].any()
+
+
+def pressed(load=LOAD):
+    """A journal that rotates under a constant load, N, in a bearing that stands still."""
+    bodies, joints, states = rotor("", CLEARANCE + 0.5 * load / STIFFNESS, 0.0)
+    forces = {"load": cj.AppliedLoad("rotor", force=(load, 0.0, 0.0))}
+    return cj.Scene(bodies, joints, forces), cj.State(states)
+
+
+def groove(volume):
+    """Depth, m, of the groove that a rigid journal wears into its bearing along one direction, by
+    its volume, m^3.
+
+    The journal has moved by the depth d from the wall, so that the groove's depth is
+    (c + d) cos(u) - c at the angle u from the direction, with the clearance c.
+    """
+
+    def excess(depth):
+        eccentricity = CLEARANCE + depth
+        half = np.arccos(CLEARANCE / eccentricity)
+        area = 2.0 * (eccentricity * np.sin(half) - CLEARANCE * half)
+        return RADIUS * LENGTH * area - volume
+
+    return brentq(excess, 1e-12, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("load", [LOAD, 0.1 * LOAD])
+def test_a_constant_load_wears_a_groove_as_a_rigid_journal_does(load):
+    """The penetration, by which the journal is less deep in the groove than a rigid one, is a
+    hundredth of the depth, and the load's share of it at the ends of the groove is smaller."""
+    rates = {"pin": cj.WearRates(bearing=SLOW)}
+    depth = 50.0 * load / STIFFNESS
+    options = OPTIONS | {"samples": 96}
+    found = cj.wear(*pressed(load), CYCLE, rates, np.inf, depth=depth, **options)
+    assert found.attrs["ending"] == "reached the depth" and found.sizes["stage"] < 20
+    cycles, at_end = found["cycles"].values, found["bearing_depth"][0, -1].values
+    # By Archard's law: the rate times the load and the distance by which the journal's surface
+    # slides. The point of contact is inside of it by a quarter of the two bases' penetration.
+    volume = float(found["bearing_volume"][0, -1])
+    distance = 2.0 * np.pi * (RADIUS - CLEARANCE - 0.25 * load / STIFFNESS) * cycles[-1]
+    assert volume == pytest.approx(SLOW * load * distance, rel=1e-5)
+    exact = groove(volume)
+    assert at_end[0] == at_end.max() == pytest.approx(exact, rel=1e-3)
+    angles = found["angle"].values
+    rigid = np.maximum((CLEARANCE + exact) * np.cos(angles) - CLEARANCE, 0.0)
+    np.testing.assert_allclose(at_end, rigid, atol=load / STIFFNESS)
+    np.testing.assert_allclose(at_end[1:], at_end[:0:-1], atol=1e-4 * exact)
+
+
+@pytest.mark.slow
+def test_smaller_errors_of_stages_have_smaller_errors_at_the_end():
+    """With a centrifugal force that more than doubles as the bearing wears."""
+    scene, state = whirling(DRAG)
+    mass, load = 4.0, 0.3 * LOAD
+    x, y, z = ROTATING_LOAD
+    light = cj.AppliedLoad("rotor", force=(lambda t: 0.3 * x(t), lambda t: 0.3 * y(t), z))
+    scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, mass)
+    scene = dataclasses.replace(scene, forces={**scene.forces, "load": light})
+    rates, errors = {"pin": cj.WearRates(bearing=SLOW)}, []
+    for stage_error in (0.3, 0.003):
+        options = OPTIONS | {"stage_error": stage_error, "settle": 2}
+        found = cj.wear(scene, state, CYCLE, rates, np.inf, depth=DEEP, **options)
+        mean = float(found["bearing_depth"][0, -1].mean())
+        exact = closed_forms(mean, wear_rate=SLOW, mass=mass, load=load)
+        errors.append(abs(float(found["cycles"][-1]) / exact - 1.0))
+    assert errors[0] < 0.1 and errors[1] < min(5e-4, 0.2 * errors[0])
 
 
 @pytest.mark.slow
@@ -167,30 +250,40 @@ def test_forces_and_volumes_are_in_the_result(found):
     of_pin = found.sel(joint="pin")
     depths = of_pin["bearing_depth"].mean("angle").values
     forces = [2.0 * STIFFNESS * penetration(depth) for depth in depths]
-    np.testing.assert_allclose(of_pin["force"][:-1], forces[:-1], rtol=5e-3)
-    assert np.isnan(of_pin["force"][-1])
+    np.testing.assert_allclose(of_pin["force"], forces, rtol=5e-3)
     area = 2.0 * np.pi * RADIUS * LENGTH
     np.testing.assert_allclose(of_pin["bearing_volume"], depths * area, rtol=1e-12)
 
 
 def test_life_is_interpolated(found):
-    life = cj.cycles_to_depth(found, 5e-6, "pin")
-    assert rate(0.0) * life == pytest.approx(5e-6, rel=0.05)
+    for depth in np.array([0.01, 0.1, 0.3, 0.7, 0.95]) * DEEP:
+        life = cj.cycles_to_depth(found, depth, "pin")
+        assert life == pytest.approx(closed_forms(depth, wear_rate=SLOW), rel=1e-3)
     assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
 
 
-def test_a_depth_may_end_the_computation(found):
-    options = OPTIONS | {"largest_change": 2e-6}
-    scene, state = whirling()
-    short = cj.wear(scene, state, CYCLE, OF_PIN, np.inf, depth=5e-6, **options)
+def test_a_depth_may_end_the_computation_without_a_number_of_cycles(found):
+    scene, state = whirling(DRAG)
+    rates = {"pin": cj.WearRates(bearing=SLOW)}
+    short = cj.wear(scene, state, CYCLE, rates, np.inf, depth=5e-6, **OPTIONS)
     assert short.attrs["ending"] == "reached the depth"
     count = short.sizes["stage"]
-    # The stages are those of the computation to a number of cycles, up to the depth.
-    np.testing.assert_array_equal(short["cycles"], found["cycles"][:count])
-    deepest = np.maximum(found["bearing_depth"], found["journal_depth"]).max(["joint", "angle"])
-    assert deepest[count - 2] < 5e-6 <= deepest[count - 1]
+    # The stages are those of the computation to a larger depth, up to the depth.
+    np.testing.assert_array_equal(short["cycles"][:-1], found["cycles"][: count - 1])
+    deepest = np.maximum(short["bearing_depth"], short["journal_depth"]).max(["joint", "angle"])
+    assert deepest[count - 2] < 5e-6 <= deepest[count - 1] < 5.1e-6
     with pytest.raises(ValueError, match="`cycles` must be finite.*`depth`"):
-        cj.wear(scene, state, CYCLE, OF_PIN, np.inf, **OPTIONS)
+        cj.wear(scene, state, CYCLE, rates, np.inf, **OPTIONS)
+
+
+def test_contacts_that_stay_open_reach_no_depth():
+    scene, _ = whirling()
+    scene = dataclasses.replace(scene, forces={})
+    state = cj.State(rotor("", 0.0, 0.0)[2])
+    with pytest.raises(ValueError, match=r"`cycles` must be finite \(no part wears"):
+        cj.wear(scene, state, CYCLE, OF_PIN, np.inf, depth=1e-6, **OPTIONS)
+    found = cj.wear(scene, state, CYCLE, OF_PIN, 1e6, **OPTIONS)
+    assert found["cycles"].values.tolist() == [0.0, 1e6] and not found["bearing_depth"].any()
 
 
 def rough():
@@ -215,8 +308,8 @@ def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     deepest = found["penetration"].values[0, :-1]
     assert np.all(deepest < 0.0)
     changes = np.diff(found["bearing_depth"][0].max("angle"))
-    limits = 0.2 * (deepest + float(scene.joints["pin"].law.onset_offset()))
-    np.testing.assert_allclose(changes, limits * [0.1, 1.0], rtol=0.02)
+    limit = 0.2 * (deepest[0] + float(scene.joints["pin"].law.onset_offset()))
+    np.testing.assert_allclose(changes, limit * np.array([1.0, 2.0]), rtol=0.1)
 
 
 PARAMETERS = {
@@ -237,13 +330,15 @@ def differentiated(parameters, goals, settings=None, scene=whirling, **options):
     return cj.wear(*arguments, parameters=parameters, **OPTIONS | options)
 
 
-def closed_forms(depth, clearance=CLEARANCE, stiffness=STIFFNESS, mass=MASS, wear_rate=RATE):
+def closed_forms(
+    depth, clearance=CLEARANCE, stiffness=STIFFNESS, mass=MASS, wear_rate=RATE, load=LOAD
+):
     """Number of cycles to a depth, m, by the differential equation of Archard's law."""
 
     def cycles_per_metre(h, _):
         # The drag makes the journal lag behind the load, whose component along the normal remains.
-        lag = np.arcsin(DRAG * SPEED * (clearance + h) / LOAD)
-        force = LOAD * np.cos(lag) + mass * SPEED**2 * (clearance + h)
+        lag = np.arcsin(DRAG * SPEED * (clearance + h) / load)
+        force = load * np.cos(lag) + mass * SPEED**2 * (clearance + h)
         d = force / (2.0 * stiffness - mass * SPEED**2)
         speed = SPEED * (RADIUS + h + 0.5 * d)
         area = 2.0 * np.pi * RADIUS * LENGTH
@@ -307,7 +402,7 @@ def test_derivatives_of_two_lives_are_those_of_the_closed_forms():
 @pytest.mark.slow
 def test_derivatives_of_life_are_those_of_differences():
     settings = cj.Settings(rtol=1e-10, landing_tolerance=1e-13, derivative_tolerance=1.0)
-    found = differentiated(PARAMETERS, GOALS, settings)
+    found = differentiated(PARAMETERS, GOALS, settings, stage_error=1e-4)
     require_closed_form(found, 8e-6)
     # The mean depth, since the contact is narrower than the distance of the angles.
     derivatives = cj.life_derivatives(found.mean("angle", keepdims=True), 8e-6, "pin")
@@ -318,10 +413,12 @@ def test_derivatives_of_life_are_those_of_differences():
         for change in (1e-3, -1e-3):
             path = number.variation.path
             other = cj.set_value(scene, path, float(path(scene)) * np.exp(change))
-            run = cj.wear(other, state, CYCLE, rates, GOALS, settings, **OPTIONS)
+            options = OPTIONS | {"stage_error": 1e-4}
+            run = cj.wear(other, state, CYCLE, rates, GOALS, settings, **options)
             lives.append(cj.cycles_to_depth(run.mean("angle", keepdims=True), 8e-6, "pin"))
         difference = (lives[0] - lives[1]) / 2e-3
-        assert derivatives[name] == pytest.approx(difference, rel=1e-4), name
+        # The life is 160 cycles. By the stiffness, its derivative is 0.06 cycles only.
+        assert derivatives[name] == pytest.approx(difference, rel=1e-4, abs=1e-4), name
 
 
 def test_a_store_is_continued(tmp_path):

@@ -18,6 +18,16 @@ def test_stages_of_two_lengths_agree(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_groove_approaches_that_of_a_rigid_journal(tmp_path):
+    lines = main(["groove", "--quick", "--output", str(tmp_path)])
+    pairs = [re.search(r"([\d.]+) µm, a rigid journal ([\d.]+) µm", line) for line in lines]
+    depths = np.array([[float(number) for number in found.groups()] for found in pairs if found])
+    differences = 1.0 - depths[:, 0] / depths[:, 1]
+    assert len(depths) > 4 and (np.diff(differences) < 0.0).all() and 0.0 < differences[-1] < 0.04
+    assert abs(float(re.search(r"relative error (\S+)$", lines[-1])[1])) < 1e-6
+
+
+@pytest.mark.slow
 def test_derivatives_of_the_life_are_those_of_differences(tmp_path):
     lines = main(["life", "--quick", "--output", str(tmp_path)])
     pairs = [re.search(r"(\S+) cycles, by differences (\S+)", line) for line in lines]

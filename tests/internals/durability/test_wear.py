@@ -31,13 +31,6 @@ from tests.durability.test_wear import (
 )
 
 
-def test_contacts_that_stay_open_reach_no_depth(monkeypatch):
-    monkeypatch.setattr(wear_module, "wear_depths", lambda *_: (np.zeros((1, 16)), 0.0))
-    scene, state = whirling()
-    with pytest.raises(ValueError, match=r"`cycles` must be finite \(no part wears"):
-        cj.wear(scene, state, CYCLE, OF_PIN, np.inf, depth=1e-6, **OPTIONS)
-
-
 def test_derivatives_of_depths_are_those_of_differences():
     """By the signals of a run and by the numbers of the joint."""
     angles = np.linspace(0.0, 0.3, 41)
@@ -94,7 +87,7 @@ def test_the_worn_volume_is_that_of_the_reduction():
     save = cj.Saving(steps=True)
     solution = cj.simulate(scene, state, CYCLE, save=save, outputs=outputs, progress=False)
     times = quadrature_times(solution, 0.0, CYCLE, CYCLE)
-    depths, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), times, 24)
+    depths, _, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), times, 24)
     volumes = depths.sum(axis=1) * 2.0 * np.pi / 24 * LENGTH * [RADIUS, RADIUS - CLEARANCE]
     np.testing.assert_allclose(volumes, solution.outputs["wear"] * np.array([1, 2]), rtol=1e-6)
     # The contact stays at one point of the journal.
@@ -108,12 +101,12 @@ def test_a_store_of_an_earlier_version_is_not_continued(tmp_path):
     scene, state = whirling()
     whole = cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, **OPTIONS)
     store = wear_module._Store(tmp_path / "wear", "same")
-    store.write(whole.drop_vars("force"))
+    store.write(whole.drop_vars("force"), {})
     first = wear_module._Stages.first(scene, state, ["pin"], [], whole.sizes["angle"])
     with pytest.raises(
         ValueError, match="a store of this version.*without force.: pass another folder"
     ):
-        store.read(first)
+        store.read(first, None, scene)
 
 
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
@@ -121,7 +114,7 @@ def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monke
 
     def write(stages):
         depths = ("joint", "stage", "angle"), np.full((1, stages, 8), 1e-6 * stages)
-        store.write(xr.Dataset({"bearing_depth": depths}))
+        store.write(xr.Dataset({"bearing_depth": depths}), {})
 
     def replaced(*arguments, **options):
         found = opened(*arguments, **options)
@@ -138,22 +131,39 @@ def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monke
     assert len(reads) == 2
 
 
-def test_the_last_stage_ends_at_the_goal_without_rounding():
+def test_the_last_stage_ends_at_the_goal_without_rounding(monkeypatch):
     goal, begun = 961.1, 177.8
     assert begun + (goal - begun) < goal
-    depths, of_run = np.zeros((1, 0, 2, 8)), np.zeros((2, 1, 0, 2, 8))
-    stages = wear_module._Stages(
-        [], [], np.zeros((0, 2)), [0.0, begun], [depths] * 2, [depths], [np.zeros((0, 2))], None
-    )
-    found = SimpleNamespace(failure="", halves=of_run, extremes=np.zeros((0, 2)), state=None)
-    run = SimpleNamespace(
-        measure=lambda scene, state: found,
-        difference=lambda found: 0.0,
-        tolerance=0.1,
-        cycles=np.array(goal),
-        largest_change=None,
-        stages=9,
-        depth=None,
-    )
-    stages.add(run, whirling()[0])
-    assert stages.cycles == [0.0, begun, goal] and stages.has_ended(run)
+    depths = np.zeros((1, 0, 2, 8))
+    none = np.zeros((0, 2))
+    stages = wear_module._Stages([], [], none, [0.0, begun], [depths] * 2, [depths], [none], None)
+    run = SimpleNamespace(cycles=np.array(goal), largest_change=None)
+    monkeypatch.setattr(stages, "_grown", lambda run, scene, length: (depths, length))
+    stages._extrapolate(run, None, np.inf)
+    assert stages.cycles == [0.0, begun, goal]
+
+
+def test_runs_that_fail_shorten_the_stages_until_the_depths_hardly_change(monkeypatch):
+    """All runs with more than 3 um of wear fail."""
+    measure, lengths = wear_module.CycleRun.measure, []
+
+    def failing(run, scene, state, depths):
+        measured = measure(run, scene, state, depths)
+        lengths.append(depths.max())
+        return measured._replace(failure="broken") if depths.max() > 3e-6 else measured
+
+    monkeypatch.setattr(wear_module.CycleRun, "measure", failing)
+    found = cj.wear(*whirling(), CYCLE, OF_PIN, 1000.0, **OPTIONS)
+    assert found.attrs["failure"] == found.attrs["ending"] == "the run of a stage failed: broken"
+    deepest = found["bearing_depth"][0].max("angle").values
+    assert 2.9e-6 < deepest[-2] <= 3e-6 < deepest[-1] < 3.1e-6
+    assert np.isnan(found["force"][0, -1]) and np.isfinite(found["force"][0, :-1]).all()
+    with pytest.raises(ValueError, match="broken"):
+        monkeypatch.setattr(
+            wear_module.CycleRun,
+            "measure",
+            lambda run, scene, state, depths: measure(run, scene, state, depths)._replace(
+                failure="broken"
+            ),
+        )
+        cj.wear(*whirling(), CYCLE, OF_PIN, 1000.0, **OPTIONS)
