@@ -59,6 +59,7 @@ from .._model.joints.ideal import FixedJoint, RevoluteJoint, SphericalJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.joints.motion_subspaces import Ball, Hinge, Slider, Weld
 from .._model.scene import Scene
+from .._simulation.run.run_checks import check_precision
 from .._simulation.run.wall_impact import free_impact
 from .documents import FileLocation, listed
 from .drive_train import motor_name
@@ -70,7 +71,8 @@ SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
 """`solimp` of flanks, with the smallest impedance that MuJoCo accepts, and of other constraints and
 of dry friction, which would creep."""
 QUICK = "0.001 1"
-"""`solref` of equality constraints. MuJoCo takes at least two time steps as the first number, s."""
+"""`solref` of equality constraints and of dry friction. MuJoCo takes at least two time steps as the
+first number, s."""
 LARGEST_PENETRATION = 0.1
 """Penetration up to which a linear law replaces that of flanks, over the play."""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
@@ -202,8 +204,8 @@ class MjcfWriter:
                 parts = (position,), (speed,)
             elif isinstance(self._branches[body], FreeBranch):
                 parts = (
-                    (*variable.position, *variable.orientation),
-                    (*variable.velocity, *variable.spin),
+                    (variable.position, variable.orientation),
+                    (variable.velocity, variable.spin),
                 )
             elif body in self.joints:
                 turn = composed(conjugate(self._start[body].position), variable.position)
@@ -211,7 +213,7 @@ class MjcfWriter:
             else:
                 continue
             numbers[self.joints[body]] = tuple(
-                np.stack(np.broadcast_arrays(*part), axis=-1) for part in parts
+                np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
             )
         return numbers
 
@@ -412,6 +414,7 @@ class MjcfWriter:
                 element.set(key, _text(value + float(element.get(key, 0.0))))
         if friction:
             element.set("solimpfriction", STIFF)
+            element.set("solreffriction", QUICK)
         return True
 
     def torsional_spring(self, name: str, force: TorsionalSpring) -> bool:
@@ -425,18 +428,24 @@ class MjcfWriter:
     def bushing(self, name: str, force: Bushing) -> bool:
         """Write the spring and damper of a slider, whose motion strains a bushing along one
         axis."""
+        # One of the two bodies is the last on the way from the other.
         carried = (self._coordinates.get(body) for body in force.pair())
-        sliders = [c for c in carried if c is not None and c.kind == SLIDE]
-        axis = sliders[0].axis if sliders else np.zeros(3)
-        target = self._target(name, SLIDE, force.pair(), axis)
-        if target is None:
+        axes = [c.axis for c in carried if c is not None]
+        targets = [(axis, self._target(name, SLIDE, force.pair(), axis)) for axis in axes]
+        targets = [(axis, target) for axis, target in targets if target is not None]
+        if not targets:
             return False
+        axis, target = targets[0]
         first, second = (self._motions[body] for body in force.pair())
-        frame = rotation_matrix(composed(self._turns[force.first], force.orientation_first))
-        along = (axis @ np.asarray(pack(frame), dtype=float)) ** 2
-        stiffness, damping = (float(along @ pack(k)) for k in (force.stiffness, force.damping))
+        axes = rotation_matrix(composed(self._turns[force.first], force.orientation_first))
+        frame = np.asarray(pack(axes), dtype=float)
+        along = axis @ frame
+        stiffness, damping = (float(along**2 @ pack(k)) for k in (force.stiffness, force.damping))
         apart = pack(second.point(force.point_second) - first.point(force.point_first))
-        return self._resist(target, stiffness, damping, 0.0, float(apart @ axis))
+        # The points may also be apart across the axis, which pulls along it.
+        pull = along * pack(force.stiffness) @ (apart @ frame)
+        stretch = float(pull) / stiffness if stiffness else 0.0
+        return self._resist(target, stiffness, damping, 0.0, stretch)
 
     def friction(self, name: str, joint: JointFriction) -> bool:
         if joint.axis is None:
@@ -670,8 +679,8 @@ def _damping_ratio(restitution: float) -> float:
 
     def excess(logarithm: float) -> float:
         ratio = np.exp(logarithm)
-        root = np.emath.sqrt(1.0 - ratio**2)
-        duration = (np.emath.arccos(ratio) / root).real if root else 1.0
+        root = abs(np.emath.sqrt(1.0 - ratio**2))
+        duration = abs(np.emath.arccos(ratio)) / root if root else 1.0
         return float(-2.0 * ratio * duration - np.log(max(restitution, LEAST_RESTITUTION)))
 
     return math.exp(brentq(excess, -30.0, 10.0))
@@ -699,6 +708,7 @@ def mjcf_of(
     integrator: str = "implicitfast",
 ) -> tuple[MjcfWriter, str]:
     """Return the text of a file, and its writer; see `save_mjcf`."""
+    check_precision(allow_float32=False)
     robot = scene if isinstance(scene, Robot) else None
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
     require_type("scene", scene, Scene | Robot, expected, remedy)  # pyright: ignore
@@ -707,7 +717,8 @@ def mjcf_of(
     require(pose is not None, "state", state, "given for a scene", remedy)
     integrators = "Euler", "RK4", "implicit", "implicitfast"
     remedy = "give the name of one of MuJoCo's integrators"
-    require(integrator in integrators, "integrator", integrator, listed(integrators), remedy)
+    expected = f"one of {listed(integrators)}"
+    require(integrator in integrators, "integrator", integrator, expected, remedy)
     if timestep is not None:
         require_positive("timestep", timestep, "give it in s")
     start = pose if state is None else state
