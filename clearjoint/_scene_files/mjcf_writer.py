@@ -91,7 +91,7 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 """Control of an actuator as a function of the time, s."""
 
 
-class Coordinate(NamedTuple):
+class FileJoint(NamedTuple):
     """A hinge or slider of the file.
 
     `axis`: in the pose of the file, (3,) in global axes. `position`: rad or m, in this pose.
@@ -105,7 +105,7 @@ class Coordinate(NamedTuple):
     sign: float
 
 
-class Target(NamedTuple):
+class JointOrTendon(NamedTuple):
     """A joint or fixed tendon of the file, on which an element of the scene acts.
 
     `sign`: of its position relative to that of the element. `position`: in the pose of the file,
@@ -152,9 +152,9 @@ class MjcfWriter:
         gravity = (0.0, 0.0, 0.0) if scene.gravity is None else scene.gravity
         self.option = SubElement(self.root, "option", gravity=_text(gravity))
         self._bodies = {GROUND: SubElement(self.root, "worldbody")}
-        self._coordinates: dict[str, Coordinate] = {}
+        self._coordinates: dict[str, FileJoint] = {}
         self._flanks: list[Flank] = []
-        self._tendons: dict[tuple[tuple[str, float], ...], Target] = {}
+        self._tendons: dict[tuple[tuple[str, float], ...], JointOrTendon] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
         self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: UPRIGHT}
@@ -162,7 +162,9 @@ class MjcfWriter:
         for body in self._branches:
             self._add_body(body)
         in_tree = {b.joint for b in self._branches.values() if isinstance(b, JointedBranch)}
-        for name, element in (*self._scene.joints.items(), *self._scene.forces.items()):
+        # In the order of the scene: JAX has sorted the dictionaries of the other.
+        for name in (*scene.joints, *scene.forces):
+            element = (self._scene.joints | self._scene.forces)[name]
             write = WRITERS.get(type(element))
             if name in in_tree or (write is not None and write(self, name, element)):
                 continue
@@ -286,12 +288,12 @@ class MjcfWriter:
         if armature is not None:
             written.set("armature", _text(armature))
         axis = _global(self._motions[body], subspace.axis * sign)
-        self._coordinates[body] = Coordinate(kind, written, axis, position, sign)
+        self._coordinates[body] = FileJoint(kind, written, axis, position, sign)
         return armature
 
     def _target(
         self, name: str, kind: str, pair: tuple[str, str], axis: np.ndarray
-    ) -> Target | None:
+    ) -> JointOrTendon | None:
         """Return the joint or tendon whose position is that of the second body of a pair relative
         to the first, about or along a global axis; ``None`` unless all joints between them have
         this axis. `name`: of a new tendon."""
@@ -311,27 +313,30 @@ class MjcfWriter:
             signs[body] = side * np.sign(cosine)
         if not signs:
             return None
-        (body, first), *others = sorted(signs.items())
+        (body, first), *others = parts = [(b, signs[b]) for b in self._branches if b in signs]
         if not others:
-            return Target(self._coordinates[body].element, first, self._coordinates[body].position)
-        key = tuple((body, first * sign) for body, sign in sorted(signs.items()))
+            joint = self._coordinates[body]
+            return JointOrTendon(joint.element, first, joint.position)
+        key = tuple((body, first * sign) for body, sign in parts)
         if key not in self._tendons:
             tendon = SubElement(self._section("tendon"), "fixed", name=name)
             for body, sign in key:
                 SubElement(tendon, "joint", joint=self.joints[body], coef=_text(sign))
             position = sum(sign * self._coordinates[body].position for body, sign in key)
-            self._tendons[key] = Target(tendon, 1.0, position)
+            self._tendons[key] = JointOrTendon(tendon, 1.0, position)
         return self._tendons[key]._replace(sign=first)
 
     def _section(self, name: str) -> Element:
         section = self.root.find(name)
         return SubElement(self.root, name) if section is None else section
 
-    def _pair_target(self, name: str, kind: str, element: PyTree, axis: Vector) -> Target | None:
+    def _pair_target(
+        self, name: str, kind: str, element: PyTree, axis: Vector
+    ) -> JointOrTendon | None:
         first, second = element.pair()
         return self._target(name, kind, (first, second), _global(self._motions[first], axis))
 
-    def _limit(self, target: Target, offset: float, play: float, flank: Flank) -> bool:
+    def _limit(self, target: JointOrTendon, offset: float, play: float, flank: Flank) -> bool:
         """Limit a target to a play, from whose middle it is displaced by `offset` in the pose."""
         middle = target.position - target.sign * offset
         lower, upper = middle - 0.5 * play, middle + 0.5 * play
@@ -393,7 +398,7 @@ class MjcfWriter:
 
     def _resist(
         self,
-        target: Target,
+        target: JointOrTendon,
         stiffness: float = 0.0,
         damping: float = 0.0,
         friction: float = 0.0,
@@ -520,7 +525,9 @@ class MjcfWriter:
 
         return self._actuate(name, force, gain, damping, control, force.torque_limit)
 
-    def _equate(self, name: str, follower: Target, leader: Target | None, polynomial) -> bool:  # noqa: ANN001
+    def _equate(
+        self, name: str, follower: JointOrTendon, leader: JointOrTendon | None, polynomial
+    ) -> bool:  # noqa: ANN001
         """Write an equation between displacements from the pose."""
         targets = [follower] if leader is None else [follower, leader]
         tags = {target.element.tag for target in targets}
@@ -546,7 +553,7 @@ class MjcfWriter:
             shifted -= shifted.coef[0] - wrapped(shifted.coef[0], TURN)
         return self._equate(name, follower, leader, follower.sign * shifted)
 
-    def _of_joint(self, name: str, joint: HingeOrSlider) -> Target | None:
+    def _of_joint(self, name: str, joint: HingeOrSlider) -> JointOrTendon | None:
         if isinstance(joint, RevoluteJoint):
             return self._pair_target(name, HINGE, joint, joint.axis_first)
         return self._pair_target(name, SLIDE, joint, joint.axis)
@@ -700,6 +707,16 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
         return Scene(scene.bodies, joints, scene.forces, scene.gravity), replaced
 
 
+def _places(scene: Scene) -> list[Place]:
+    """Return the trees of a scene, each parent before its children, siblings in the order of the
+    scene: JAX sorts dictionaries by their keys."""
+    places = topology(unpack(scene)).places
+    depths = {GROUND: 0}
+    for body, place in places.items():
+        depths[body] = depths[place.parent] + 1
+    return [places[body] for body in sorted(scene.bodies, key=depths.__getitem__)]
+
+
 def mjcf_of(
     scene: Scene | Robot,
     state: State | None,
@@ -725,8 +742,8 @@ def mjcf_of(
     whole = scene.scene if isinstance(scene, Robot) else scene
     check_names(whole, start)
     ideal, replaced = _with_ideal_joints(whole)
-    trees = topology(unpack(ideal)).trees if robot is None else [robot.places()]
-    writer = MjcfWriter(ideal, chain.from_iterable(trees), pose)
+    places = _places(ideal) if robot is None else robot.places()
+    writer = MjcfWriter(ideal, places, pose)
     if robot is None and not replaced:
         writer.require_in_place(pose)
     if replaced:

@@ -473,5 +473,5 @@ def test_the_difference_falls_with_mujocos_step(chain):
         assert largest[2] < 0.3 * largest[0], name
         assert largest[2] < 1e-5, name
     head, *rows = str(found).splitlines()
-    assert head.split() == "largest difference shoulder elbow elbow motor".split()
+    assert head.split() == ["largest", "difference", "shoulder", "elbow", "elbow", "motor"]
     assert [row.partition(" ms")[0] for row in rows] == [f"step of {x}" for x in (0.1, 0.01, 0.001)]
