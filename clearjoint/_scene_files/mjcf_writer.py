@@ -20,7 +20,6 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -41,20 +40,20 @@ from .._dynamics.joint_coordinates.trees import (
     topology,
 )
 from .._fields.cautions import NotCarriedOverWarning, caution, quiet
-from .._fields.checks import require, require_positive, require_type
+from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
 from .._math.smoothing import wrapped
 from .._math.vectors import Vector, pack, unpack
-from .._model.bodies import GROUND, GROUND_MOTION, Body, State
+from .._model.bodies import GROUND, GROUND_MOTION, State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.clearance_joints.between_walls import PinInSlot
-from .._model.contact.dashpots import AbstractDashpotLaw
+from .._model.contact.dashpots import AbstractDashpotLaw, clamped_restitution
 from .._model.contact.laws import AbstractContactLaw, Gap
 from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
 from .._model.drives.functions_of_time import Polynomial, as_function_of_time, value_at
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
 from .._model.joints.base import AbstractContactJoint
-from .._model.joints.couplings import HingeOrSlider, JointCoupling
+from .._model.joints.couplings import JointCoupling
 from .._model.joints.ideal import FixedJoint, RevoluteJoint, SphericalJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.joints.motion_subspaces import Ball, Hinge, Slider, Weld
@@ -64,7 +63,7 @@ from .._simulation.run.wall_impact import free_impact
 from .documents import FileLocation, listed
 from .drive_train import motor_name
 from .files import FilePath
-from .mjcf import mujoco_package
+from .mjcf import Model, mujoco_package
 from .robot import Robot
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
@@ -79,105 +78,103 @@ STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
 """Default time steps in a period of the stiffest flank, and the longest one, s."""
 PARALLEL, IN_PLACE = 1e-9, 1e-6
 """Largest deviation of the cosine of parallel axes from one, and of bodies from their joints, m."""
-LEAST_RESTITUTION = 1e-4
-"""Smallest restitution of a limit, whose damping ratio is about 10."""
+HARD = {"solref": QUICK, "solimp": STIFF}
+CRITICAL = 1.0 - 1e-9
+"""Largest damping ratio of a limit, with the restitution 0.14."""
+LEAST_INERTIA = 2e-15
+"""Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
 LARGEST_DEGREE = 4
 """Largest degree of the polynomials by which joints of MJCF files follow others."""
 LEVER = 0.1
 """Distance, m, of the points that hold a hinge that closes a loop."""
 TURN = 2.0 * math.pi
-HINGE, SLIDE = "hinge", "slide"
+FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
 """Control of an actuator as a function of the time, s."""
 
 
 class FileJoint(NamedTuple):
-    """A hinge or slider of the file.
+    """A joint of the file.
 
-    `axis`: in the pose of the file, (3,) in global axes. `position`: rad or m, in this pose.
-    `sign`: of the file's position relative to that of the carried body on its parent.
+    `axis`: in the pose of the file, (3,) in global axes. `position`: in this pose, rad or m, or
+    Euler parameters of a ball. `sign`: of the file's position relative to that of the carried body
+    on its parent.
     """
 
     kind: str
     element: Element
     axis: np.ndarray
-    position: float
-    sign: float
+    position: PyTree = None
+    sign: float = 1.0
 
 
 class JointOrTendon(NamedTuple):
-    """A joint or fixed tendon of the file, on which an element of the scene acts.
+    """What an element of the scene acts on: a hinge or slider of the file, or a fixed tendon.
 
     `sign`: of its position relative to that of the element. `position`: in the pose of the file,
-    rad or m.
+    rad or m. `axis`: of the element, (3,) in global axes.
     """
 
     element: Element
     sign: float
     position: float
+    axis: np.ndarray
 
 
-class Flank(NamedTuple):
-    """A pair of flanks: joint or tendon, stiffness, N m/rad or N/m, and, as a function of the
-    inertia, kg m^2 or kg, the damping, N m s/rad or N s/m."""
-
-    element: Element
-    stiffness: float
-    damping: Callable[[float], float]
-
-
-def _text(*numbers: PyTree) -> str:
-    parts = chain.from_iterable(np.ravel(np.asarray(pack(part), dtype=float)) for part in numbers)
-    return " ".join(repr(float(part) + 0.0) for part in parts)  # no negative zeros
+def _child(parent: Element, tag: str, **attributes: PyTree) -> Element:
+    """Add an element; numbers become text, and attributes that are ``None`` are left out."""
+    texts = {
+        k: v if isinstance(v, str) else _text(v) for k, v in attributes.items() if v is not None
+    }
+    return SubElement(parent, tag, texts)
 
 
-def _global(motion, axis: Vector) -> np.ndarray:  # noqa: ANN001
-    return np.asarray(pack(motion.direction(unit(axis))), dtype=float)
+def _text(numbers: PyTree) -> str:
+    parts = np.concatenate([np.ravel(np.asarray(x, float)) for x in jax.tree.leaves(pack(numbers))])
+    return " ".join(repr(part + 0.0) for part in parts.tolist())  # no negative zeros
+
+
+def _array(vector: PyTree) -> np.ndarray:
+    return np.asarray(pack(vector), dtype=float)
 
 
 class MjcfWriter:
     """The file of a scene, whose bodies are in a `pose`.
 
-    - `omitted`: names of elements of the scene that have no counterpart, by title.
+    - `joints`: the file's joints by the body that they carry.
     - `controls`: of the actuators that are forces of the scene, by name.
-    - `joints`: names of the file's joints by that of the body that they carry.
+    - `omitted`: names of elements of the scene that have no counterpart, by title.
     """
 
     def __init__(self, scene: Scene, places: Iterable[Place], pose: State):
-        self.omitted: dict[str, list[str]] = defaultdict(list)
+        self.joints: dict[str, FileJoint] = {}
         self.controls: dict[str, Control] = {}
-        self.joints: dict[str, str] = {}
+        self.omitted: dict[str, list[str]] = defaultdict(list)
         self.root = Element("mujoco", model="clearjoint")
-        SubElement(self.root, "compiler", angle="radian", inertiafromgeom="false")
-        gravity = (0.0, 0.0, 0.0) if scene.gravity is None else scene.gravity
-        self.option = SubElement(self.root, "option", gravity=_text(gravity))
-        self._bodies = {GROUND: SubElement(self.root, "worldbody")}
-        self._coordinates: dict[str, FileJoint] = {}
-        self._flanks: list[Flank] = []
+        _child(self.root, "compiler", angle="radian", inertiafromgeom="false")
+        gravity = np.zeros(3) if scene.gravity is None else scene.gravity
+        self._option = _child(self.root, "option", gravity=gravity)
+        self._bodies = {GROUND: _child(self.root, "worldbody")}
+        self._flanks: dict[Element, tuple[float, Callable[[float], float]]] = {}
         self._tendons: dict[tuple[tuple[str, float], ...], JointOrTendon] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
         self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: UPRIGHT}
-        self._start = self._variables(pose)
-        for body in self._branches:
-            self._add_body(body)
+        for body, variable in self._variables(pose).items():
+            self._add_body(body, variable)
         in_tree = {b.joint for b in self._branches.values() if isinstance(b, JointedBranch)}
         # In the order of the scene: JAX has sorted the dictionaries of the other.
+        elements = self._scene.joints | self._scene.forces
         for name in (*scene.joints, *scene.forces):
-            element = (self._scene.joints | self._scene.forces)[name]
-            write = WRITERS.get(type(element))
-            if name in in_tree or (write is not None and write(self, name, element)):
-                continue
-            self.omitted[type(element).__name__].append(name)
+            if name not in in_tree and not self._add(name, elements[name]):
+                self.omitted[type(elements[name]).__name__].append(name)
 
     def _branch(self, place: Place) -> TreeBranch:
-        body, parent, name = place
-        if name is None:
-            return FreeBranch(body, None)
-        subspace = self._scene.joints[name].motion_subspace(parent)
-        if isinstance(subspace, Hinge | Slider | Ball | Weld):
-            return JointedBranch(body, parent, name, subspace)
-        return FreeBranch(body, None)
+        if place.joint is not None:
+            subspace = self._scene.joints[place.joint].motion_subspace(place.parent)
+            if isinstance(subspace, Hinge | Slider | Ball | Weld):
+                return JointedBranch(place.body, place.parent, place.joint, subspace)
+        return FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
         """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
@@ -194,173 +191,164 @@ class MjcfWriter:
         states of the scene."""
         numbers = {}
         for body, variable in self._variables(state).items():
-            coordinate = self._coordinates.get(body)
-            if coordinate is not None:
-                (position,) = jax.tree.leaves(variable.position)
-                position, speed = (coordinate.sign * x for x in (position, *variable.speeds))
-                if coordinate.kind == HINGE:
-                    limits = coordinate.element.get("range")
-                    near = np.mean([*map(float, limits.split())]) if limits else coordinate.position
-                    position = position - TURN * np.round((position - near) / TURN)
-                    position = np.unwrap(position) if np.ndim(position) else position
-                parts = (position,), (speed,)
-            elif isinstance(self._branches[body], FreeBranch):
+            if body not in self.joints:
+                continue
+            joint = self.joints[body]
+            if joint.kind == FREE:
                 parts = (
                     (variable.position, variable.orientation),
                     (variable.velocity, variable.spin),
                 )
-            elif body in self.joints:
-                turn = composed(conjugate(self._start[body].position), variable.position)
-                parts = turn, variable.speeds
+            elif joint.kind == BALL:
+                parts = composed(conjugate(joint.position), variable.position), variable.speeds
             else:
-                continue
-            numbers[self.joints[body]] = tuple(
+                position, speed = (joint.sign * x for x in (variable.position, *variable.speeds))
+                if joint.kind == HINGE:
+                    middle = np.mean(_range(joint.element) or joint.position)
+                    position = position - TURN * np.round((position - middle) / TURN)
+                    position = np.unwrap(position) if np.ndim(position) else position
+                parts = position, speed
+            numbers[joint.element.attrib["name"]] = tuple(
                 np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
             )
         return numbers
 
     def require_in_place(self, state: State) -> None:
         """Raise a `ValueError` unless bodies are where the joints of the tree allow them."""
-        for name, motion in self._motions.items():
-            if name != GROUND:
-                off = np.asarray(state.bodies[name].position) - pack(motion.position)
-                joint = f"on the joint of {name!r}, within {IN_PLACE} m"
-                remedy = "correct the state with `assemble`"
-                require(np.abs(off).max() < IN_PLACE, "state", off, joint, remedy)
+        for name in self._branches:
+            off = np.asarray(state.bodies[name].position) - _array(self._motions[name].position)
+            joint = f"on the joint of {name!r}, within {IN_PLACE} m"
+            remedy = "correct the state with `assemble`"
+            require(np.abs(off).max() < IN_PLACE, "state", off, joint, remedy)
 
-    def _add_body(self, name: str) -> None:
-        branch, variable = self._branches[name], self._start[name]
+    def _add_body(self, name: str, variable: PyTree) -> None:
+        branch, body = self._branches[name], self._scene.bodies[name]
         parent, parents_turn = self._motions[branch.parent], self._turns[branch.parent]
         motion = branch.motion(parent, variable)
         turn = branch.orientation(parents_turn, variable)
         self._motions[name], self._turns[name] = motion, turn
         place = parent.components(motion.position - parent.position)
-        element = SubElement(
-            self._bodies[branch.parent],
-            "body",
-            name=name,
-            pos=_text(place),
-            quat=_text(composed(conjugate(parents_turn), turn)),
-        )
-        self._bodies[name] = element
-        body: Body = self._scene.bodies[name]
-        inertia, armature = np.asarray(pack(body.inertia), dtype=float), None
+        relative = composed(conjugate(parents_turn), turn)
+        element = _child(self._bodies[branch.parent], "body", name=name, pos=place, quat=relative)
+        self._bodies[name], least = element, 0.0
         if isinstance(branch, FreeBranch):
-            self.joints[name] = f"{name} free"
-            SubElement(element, "freejoint", name=self.joints[name])
+            free = _child(element, "freejoint", name=f"{name} free")
+            self.joints[name] = FileJoint(FREE, free, np.zeros(3))
         elif not isinstance(branch.motion_subspace, Weld):
-            armature = self._add_joint(name, element, branch)
-        # MuJoCo refuses the negligible mass and inertia of the rotor of a drive train.
-        least = 0.0 if armature is None else 2e-15
-        moments = {"diaginertia": np.maximum(inertia, least)}
+            self.joints[name] = joint = self._joint(element, branch, variable.position)
+            # MuJoCo refuses the negligible mass and inertia of the rotor of a drive train.
+            least = 0.0 if joint.element.get("armature") is None else LEAST_INERTIA
+        inertia = _array(body.inertia)
         if inertia.ndim == 2:
-            xx, yy, zz = np.diag(inertia)
-            moments = {"fullinertia": (xx, yy, zz, inertia[0, 1], inertia[0, 2], inertia[1, 2])}
-        SubElement(
-            element,
-            "inertial",
-            pos="0 0 0",
-            mass=_text(max(float(body.mass), least)),
-            **{key: _text(numbers) for key, numbers in moments.items()},
-        )
+            moments = {"fullinertia": (np.diag(inertia), inertia[0, 1:], inertia[1, 2])}
+        else:
+            moments = {"diaginertia": np.maximum(inertia, least)}
+        _child(element, "inertial", pos="0 0 0", mass=np.maximum(body.mass, least), **moments)
 
-    def _add_joint(self, body: str, element: Element, branch: JointedBranch) -> PyTree:
-        """Add a hinge, slider or ball, and return its armature."""
+    def _joint(self, element: Element, branch: JointedBranch, position: PyTree) -> FileJoint:
         subspace, joint = branch.motion_subspace, self._scene.joints[branch.joint]
-        self.joints[body] = branch.joint
-        options = {"name": branch.joint, "pos": _text(subspace.point_child)}
+        common = {"name": branch.joint, "pos": subspace.point_child}
         if isinstance(subspace, Ball):
-            SubElement(element, "joint", type="ball", **options)
-            return None
+            return FileJoint(
+                BALL, _child(element, "joint", type=BALL, **common), np.zeros(3), position
+            )
         assert isinstance(subspace, Hinge | Slider)
         kind = HINGE if isinstance(subspace, Hinge) else SLIDE
-        sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
-        position = sign * float(self._start[body].position)
-        written = SubElement(
-            element,
-            "joint",
-            type=kind,
-            axis=_text(subspace.axis * sign),
-            ref=_text(position),
-            **options,
-        )
+        sign = 1.0 if joint.pair()[0] == branch.parent else -1.0
+        axis, position = subspace.axis * sign, sign * float(position)
         armature = getattr(joint, "armature", None)
-        if armature is not None:
-            written.set("armature", _text(armature))
-        axis = _global(self._motions[body], subspace.axis * sign)
-        self._coordinates[body] = FileJoint(kind, written, axis, position, sign)
-        return armature
-
-    def _target(
-        self, name: str, kind: str, pair: tuple[str, str], axis: np.ndarray
-    ) -> JointOrTendon | None:
-        """Return the joint or tendon whose position is that of the second body of a pair relative
-        to the first, about or along a global axis; ``None`` unless all joints between them have
-        this axis. `name`: of a new tendon."""
-        sides: dict[str, float] = defaultdict(float)
-        for body, side in zip(pair, (-1.0, 1.0), strict=True):
-            while body != GROUND:
-                sides[body] += side
-                body = self._branches[body].parent
-        signs = {}
-        for body, side in sides.items():
-            coordinate = self._coordinates.get(body)
-            if not side or (coordinate is None and self.joints.get(body) is None):
-                continue  # common to both bodies, or fixed to its parent
-            cosine = 0.0 if coordinate is None else float(coordinate.axis @ axis)
-            if coordinate is None or coordinate.kind != kind or abs(cosine) < 1.0 - PARALLEL:
-                return None
-            signs[body] = side * np.sign(cosine)
-        if not signs:
-            return None
-        (body, first), *others = parts = [(b, signs[b]) for b in self._branches if b in signs]
-        if not others:
-            joint = self._coordinates[body]
-            return JointOrTendon(joint.element, first, joint.position)
-        key = tuple((body, first * sign) for body, sign in parts)
-        if key not in self._tendons:
-            tendon = SubElement(self._section("tendon"), "fixed", name=name)
-            for body, sign in key:
-                SubElement(tendon, "joint", joint=self.joints[body], coef=_text(sign))
-            position = sum(sign * self._coordinates[body].position for body, sign in key)
-            self._tendons[key] = JointOrTendon(tendon, 1.0, position)
-        return self._tendons[key]._replace(sign=first)
+        common |= {"axis": axis, "ref": position, "armature": armature}
+        along = _array(self._motions[branch.body].direction(axis))
+        return FileJoint(kind, _child(element, "joint", type=kind, **common), along, position, sign)
 
     def _section(self, name: str) -> Element:
         section = self.root.find(name)
-        return SubElement(self.root, name) if section is None else section
+        return _child(self.root, name) if section is None else section
 
-    def _pair_target(
-        self, name: str, kind: str, element: PyTree, axis: Vector
+    def _add(self, name: str, element: PyTree) -> bool:
+        """Add an element that is no joint of the tree; return whether it has a counterpart."""
+        kind = type(element)
+        if kind in ALONG:
+            direction, axis, write = ALONG[kind]
+            on = self._between(name, direction, element, getattr(element, axis or "", None))
+            return on is not None and write(self, name, element, on)
+        return kind in OTHERS and OTHERS[kind](self, name, element)
+
+    def _between(
+        self, name: str, kind: str, element: PyTree, axis: Vector | None
     ) -> JointOrTendon | None:
+        """Return the joint or tendon whose position is that of the second body of an element
+        relative to the first, about or along an axis of the first; ``None`` unless all joints
+        between them have this axis. The default is that of the first joint. `name`: of a new
+        tendon."""
         first, second = element.pair()
-        return self._target(name, kind, (first, second), _global(self._motions[first], axis))
+        sides: dict[str, float] = defaultdict(float)
+        for body, side in ((first, -1.0), (second, 1.0)):
+            while body != GROUND:
+                sides[body] += side
+                body = self._branches[body].parent
+        # Left out are bodies that carry both, and those that are fixed to their parents.
+        passed = [b for b in self._branches if sides.get(b) and b in self.joints]
+        if not passed or any(self.joints[body].kind != kind for body in passed):
+            return None
+        common = self.joints[passed[0]].axis
+        if axis is not None:
+            common = _array(self._motions[first].direction(unit(axis)))
+        cosines = [float(self.joints[body].axis @ common) for body in passed]
+        if min(map(abs, cosines)) < 1.0 - PARALLEL:
+            return None
+        signs = [sides[b] * float(np.sign(c)) for b, c in zip(passed, cosines, strict=True)]
+        if len(passed) == 1:
+            joint = self.joints[passed[0]]
+            return JointOrTendon(joint.element, signs[0], joint.position, common)
+        key = tuple((body, signs[0] * sign) for body, sign in zip(passed, signs, strict=True))
+        if key not in self._tendons:
+            tendon = _child(self._section("tendon"), "fixed", name=name)
+            for body, sign in key:
+                end = self.joints[body].element.attrib["name"]
+                _child(tendon, "joint", joint=end, coef=sign)
+            position = sum(sign * self.joints[body].position for body, sign in key)
+            self._tendons[key] = JointOrTendon(tendon, 1.0, position, common)
+        return self._tendons[key]._replace(sign=signs[0], axis=common)
 
-    def _limit(self, target: JointOrTendon, offset: float, play: float, flank: Flank) -> bool:
-        """Limit a target to a play, from whose middle it is displaced by `offset` in the pose."""
-        middle = target.position - target.sign * offset
-        lower, upper = middle - 0.5 * play, middle + 0.5 * play
-        written = target.element.get("range")
-        if written is not None:
-            # Of two, such as a play and the stops of the joint, the narrower one acts.
-            other_lower, other_upper = map(float, written.split())
-            if other_upper - other_lower < play:
-                return True
-            self._flanks = [f for f in self._flanks if f.element is not target.element]
-        target.element.set("range", _text(lower, upper))
-        self._flanks.append(flank)
-        return True
+    def backlash(self, name: str, joint: Backlash, on: JointOrTendon) -> bool:
+        offset = joint.centred_rows(self._motions)["angle"].value
+        return self._limit(
+            name, on, joint.law, float(offset), float(joint.play), float(joint.radius)
+        )
 
-    def _linear(
-        self, name: str, law: AbstractContactLaw, play: float, lever: float
-    ) -> tuple[float, Callable[[float], float]]:
-        """Return stiffness and damping of a law, N/m and N s/m times the square of the lever, m."""
+    def ends_of_slot(self, name: str, joint: PinInSlot, on: JointOrTendon) -> bool:
+        """Limit a slider as the ends of a slot along it do, whose walls are never touched."""
+        if joint.travel is None:
+            return False
+        slot, pin = (self._motions[body] for body in joint.pair())
+        apart = pin.point(joint.pin_point) - slot.point(joint.slot_point)
+        offset = apart.dot(slot.direction(unit(joint.slot_axis)))
+        return self._limit(name, on, joint.law, float(offset), float(joint.travel), 1.0)
+
+    def _limit(
+        self,
+        name: str,
+        on: JointOrTendon,
+        law: AbstractContactLaw,
+        offset: float,
+        play: float,
+        lever: float,
+    ) -> bool:
+        """Add flanks with a play, rad or m, from whose middle the pose is displaced by `offset`.
+        The law's penetration is the displacement times the lever, m."""
+        before = _range(on.element)
+        # Of two, such as a play and the stops of the joint, the narrower one acts.
+        if before and before[1] - before[0] < play:
+            return True
+        middle = on.position - on.sign * offset
+        on.element.set("range", _text((middle - 0.5 * play, middle + 0.5 * play)))
         depth = LARGEST_PENETRATION * play * lever
         stiffness, half = (
             2.0 * float(law.stored_energy(Gap(x, 0.0))) / x**2 for x in (depth, 0.5 * depth)
         )
         if abs(stiffness - half) > 1e-9 * stiffness:
-            self.omitted["nonlinear stiffness of flanks"].append(name)
+            self.omitted["nonlinear stiffness"].append(name)
 
         def damping(inertia: float) -> float:
             mass = inertia / lever**2
@@ -369,153 +357,81 @@ class MjcfWriter:
             if hasattr(law, "delivered_restitution"):
                 restitution = float(law.delivered_restitution())  # pyright: ignore
             else:
-                speed = depth * math.sqrt(stiffness / mass)
-                restitution = free_impact(law, mass, speed).restitution
-            ratio = _damping_ratio(restitution)
-            return 2.0 * ratio * math.sqrt(stiffness * mass) * lever**2
+                restitution = free_impact(
+                    law, mass, depth * math.sqrt(stiffness / mass)
+                ).restitution
+            return 2.0 * _damping_ratio(restitution) * math.sqrt(stiffness * mass) * lever**2
 
-        return stiffness * lever**2, damping
-
-    def backlash(self, name: str, joint: Backlash) -> bool:
-        target = self._pair_target(name, HINGE, joint, joint.axis_first)
-        if target is None:
-            return False
-        play, lever = float(joint.play), float(joint.radius)
-        offset = float(joint.centred_rows(self._motions)["angle"].value)
-        flank = Flank(target.element, *self._linear(name, joint.law, play, lever))
-        return self._limit(target, offset, play, flank)
-
-    def pin_in_slot(self, name: str, joint: PinInSlot) -> bool:
-        """Write the ends of a slot along a slider, as of the stops of a robot."""
-        target = self._pair_target(name, SLIDE, joint, joint.slot_axis)
-        if joint.travel is None or target is None:
-            return False
-        travel, (slot, pin) = float(joint.travel), (self._motions[body] for body in joint.pair())
-        apart = pin.point(joint.pin_point) - slot.point(joint.slot_point)
-        offset = float(apart.dot(slot.direction(unit(joint.slot_axis))))
-        flank = Flank(target.element, *self._linear(name, joint.law, travel, 1.0))
-        return self._limit(target, offset, travel, flank)
-
-    def _resist(
-        self,
-        target: JointOrTendon,
-        stiffness: float = 0.0,
-        damping: float = 0.0,
-        friction: float = 0.0,
-        stretch: float = 0.0,
-    ) -> bool:
-        """Add a spring, stretched by `stretch` in the pose, a damper and dry friction."""
-        element = target.element
-        rest = "springref" if element.tag == "joint" else "springlength"
-        if stiffness:
-            before = float(element.get("stiffness", 0.0))
-            relaxed = target.position - target.sign * stretch
-            moment = before * float(element.get(rest, "0").split()[0]) + stiffness * relaxed
-            mean = moment / (before + stiffness)
-            element.set(rest, _text(*[mean] * (1 if element.tag == "joint" else 2)))
-        parts = {"stiffness": stiffness, "damping": damping, "frictionloss": friction}
-        for key, value in parts.items():
-            if value:
-                element.set(key, _text(value + float(element.get(key, 0.0))))
-        if friction:
-            element.set("solimpfriction", STIFF)
-            element.set("solreffriction", QUICK)
+        self._flanks[on.element] = stiffness * lever**2, damping
         return True
 
-    def torsional_spring(self, name: str, force: TorsionalSpring) -> bool:
-        target = self._pair_target(name, HINGE, force, force.axis)
-        if target is None:
-            return False
-        angle = force.relative_angle(self._motions).value
-        stretch = float(wrapped(angle - force.rest_angle, TURN))
-        return self._resist(target, float(force.stiffness), float(force.damping), 0.0, stretch)
+    def spring(self, name: str, force: TorsionalSpring, on: JointOrTendon) -> bool:
+        twist = wrapped(force.relative_angle(self._motions).value - force.rest_angle, TURN)
+        return self._resist(on, float(force.stiffness), float(twist), damping=float(force.damping))
 
-    def bushing(self, name: str, force: Bushing) -> bool:
-        """Write the spring and damper of a slider, whose motion strains a bushing along one
-        axis."""
-        # One of the two bodies is the last on the way from the other.
-        carried = (self._coordinates.get(body) for body in force.pair())
-        axes = [c.axis for c in carried if c is not None]
-        targets = [(axis, self._target(name, SLIDE, force.pair(), axis)) for axis in axes]
-        targets = [(axis, target) for axis, target in targets if target is not None]
-        if not targets:
-            return False
-        axis, target = targets[0]
+    def bushing(self, name: str, force: Bushing, on: JointOrTendon) -> bool:
+        """Add the spring and damper of a slider, whose motion strains a bushing along its axis."""
         first, second = (self._motions[body] for body in force.pair())
-        axes = rotation_matrix(composed(self._turns[force.first], force.orientation_first))
-        frame = np.asarray(pack(axes), dtype=float)
-        along = axis @ frame
-        stiffness, damping = (float(along**2 @ pack(k)) for k in (force.stiffness, force.damping))
-        apart = pack(second.point(force.point_second) - first.point(force.point_first))
+        axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
+        along, each = on.axis @ axes, _array(force.stiffness)
+        stiffness = float(along**2 @ each)
+        damping = float(along**2 @ _array(force.damping))
+        apart = _array(second.point(force.point_second) - first.point(force.point_first))
         # The points may also be apart across the axis, which pulls along it.
-        pull = along * pack(force.stiffness) @ (apart @ frame)
-        stretch = float(pull) / stiffness if stiffness else 0.0
-        return self._resist(target, stiffness, damping, 0.0, stretch)
+        stretch = float(along * each @ (apart @ axes)) / stiffness if stiffness else 0.0
+        return self._resist(on, stiffness, stretch, damping=damping)
 
     def friction(self, name: str, joint: JointFriction) -> bool:
-        if joint.axis is None:
-            return False
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
-        target = self._pair_target(name, kind, joint, joint.axis)
-        if target is None:
+        on = None if joint.axis is None else self._between(name, kind, joint, joint.axis)
+        if on is None:
             return False
         law, load = joint.friction, float(joint.load)
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
-        if float(getattr(law, "breakaway", 0.0)) > float(getattr(law, "kinetic", math.inf)):
+        if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)
-        viscosity = 0.0 if joint.viscosity is None else float(joint.viscosity)
-        viscosity += load * float(getattr(law, "viscosity", 0.0))
-        return self._resist(target, 0.0, viscosity * lever**2, sliding * lever)
+        viscosity = load * float(getattr(law, "viscosity", 0.0))
+        viscosity += 0.0 if joint.viscosity is None else float(joint.viscosity)
+        on.element.attrib |= {"solimpfriction": STIFF, "solreffriction": QUICK}
+        return self._resist(on, frictionloss=sliding * lever, damping=viscosity * lever**2)
+
+    def _resist(
+        self, on: JointOrTendon, stiffness: float = 0.0, stretch: float = 0.0, **others: float
+    ) -> bool:
+        """Add a spring, which is stretched by `stretch` in the pose, and other attributes."""
+        rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
+        before = float(on.element.get("stiffness", 0.0))
+        if stiffness:
+            moment = stiffness * (on.position - on.sign * stretch)
+            moment += before * float(on.element.get(rest, "0").split()[0])
+            on.element.set(rest, _text(np.full(count, moment / (before + stiffness))))
+        for key, value in {"stiffness": stiffness, **others}.items():
+            if value:
+                on.element.set(key, _text(float(on.element.get(key, 0.0)) + value))
+        return True
 
     def spring_damper(self, name: str, force: SpringDamper) -> bool:
-        options = {"springlength": _text(force.free_length, force.free_length)}
-        tendon = SubElement(self._section("tendon"), "spatial", name=name, **options)
-        tendon.set("stiffness", _text(force.stiffness))
-        tendon.set("damping", _text(force.damping))
-        for body, end, point in (
-            (force.first, "first", force.point_first),
-            (force.second, "second", force.point_second),
-        ):
-            SubElement(tendon, "site", site=self._site(body, f"{name} {end}", point))
+        length = force.free_length, force.free_length
+        numbers = {"stiffness": force.stiffness, "damping": force.damping, "springlength": length}
+        tendon = _child(self._section("tendon"), "spatial", name=name, **numbers)
+        for site in self._sites(name, force, force.point_first, force.point_second):
+            _child(tendon, "site", site=site)
         return True
 
-    def _site(self, body: str, name: str, point: PyTree, turn: PyTree = UPRIGHT) -> str:
-        place = {"pos": _text(point), "quat": _text(turn)}
-        SubElement(self._bodies[body], "site", name=name, **place)
-        return name
+    def _sites(
+        self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = UPRIGHT
+    ) -> list[str]:
+        """Add two points of a pair of bodies, the first with an orientation; return their names."""
+        ends = ((pair.first, "first", first, turn), (pair.second, "second", second, UPRIGHT))
+        for body, end, point, orientation in ends:
+            _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
+        return [f"{name} {end}" for _, end, *_ in ends]
 
-    def _actuate(
-        self,
-        name: str,
-        force: DriveTorque | Motor,
-        gain: float,
-        damping: float,
-        control: Control,
-        limit: PyTree = None,
-    ) -> bool:
-        """Write a torque gain (control - angle) - damping speed, or the control if `gain` is 0."""
-        target = self._pair_target(name, HINGE, force, force.axis)
-        if target is None:
-            return False
-        is_joint = target.element.tag == "joint"
-        zero = float(force.relative_angle(self._motions).value) - target.sign * target.position
-        options = {"joint" if is_joint else "tendon": target.element.attrib["name"]}
-        # The gear is the sign, so that the actuator's length is the angle less `zero`.
-        bias = -gain * zero, -gain, -damping
-        options |= {"gear": _text(target.sign, *[0.0] * 5), "gainprm": _text(gain or 1.0)}
-        if gain or damping:
-            options |= {"biastype": "affine", "biasprm": _text(bias)}
-        if limit is not None:
-            options["forcerange"] = _text(-limit, limit)
-        SubElement(self._section("actuator"), "general", name=name, **options)
-        self.controls[name] = control
-        return True
+    def torque(self, name: str, force: DriveTorque, on: JointOrTendon) -> bool:
+        return self._actuate(name, on, lambda t: jnp.asarray(value_at(force.torque, t)))
 
-    def drive_torque(self, name: str, force: DriveTorque) -> bool:
-        return self._actuate(name, force, 0.0, 0.0, partial(value_at, force.torque))
-
-    def motor(self, name: str, force: Motor) -> bool:
-        """Write a position servo, whose control is the target plus a lead for its rate."""
+    def motor(self, name: str, force: Motor, on: JointOrTendon) -> bool:
+        """Add a position servo, whose control is the target plus a lead for the target's rate."""
         gain, damping = float(force.proportional), float(force.derivative)
         function = partial(value_at, as_function_of_time(force.target))
 
@@ -523,94 +439,97 @@ class MjcfWriter:
             value, rate = jax.jvp(function, (t,), (jnp.ones_like(t),))
             return value + damping / gain * rate if gain else damping * rate
 
-        return self._actuate(name, force, gain, damping, control, force.torque_limit)
+        # The length of the actuator is the angle less `zero`.
+        zero = float(force.relative_angle(self._motions).value) - on.sign * on.position
+        limit = force.torque_limit
+        numbers = {"gainprm": gain or 1.0, "biasprm": (-gain * zero, -gain, -damping)}
+        numbers["forcerange"] = None if limit is None else (-limit, limit)
+        return self._actuate(name, on, control, biastype="affine", **numbers)
 
-    def _equate(
-        self, name: str, follower: JointOrTendon, leader: JointOrTendon | None, polynomial
-    ) -> bool:  # noqa: ANN001
-        """Write an equation between displacements from the pose."""
-        targets = [follower] if leader is None else [follower, leader]
-        tags = {target.element.tag for target in targets}
-        coefficients = polynomial.trim().coef
+    def _actuate(self, name: str, on: JointOrTendon, control: Control, **options: PyTree) -> bool:
+        end = {"joint" if on.element.tag == "joint" else "tendon": on.element.attrib["name"]}
+        gear = (on.sign, *[0.0] * 5)
+        _child(self._section("actuator"), "general", name=name, gear=gear, **end, **options)
+        self.controls[name] = control
+        return True
+
+    def prescribed(self, name: str, drive: PyTree, on: JointOrTendon) -> bool:
+        """Add a constant `PrescribedAngle` or `PrescribedTranslation`."""
+        function = as_function_of_time(drive.function)
+        if not isinstance(function, Polynomial) or len(function.coefficients) > 1:
+            return False
+        (row,) = drive.rows(self._motions, 0.0).values()
+        return self._equate(name, [on], np.array([-on.sign * float(row.value)]))
+
+    def coupling(self, name: str, joint: JointCoupling) -> bool:
+        ends, function = [], as_function_of_time(joint.function)
+        for end in (joint.follower, joint.leader):
+            is_hinge = isinstance(end, RevoluteJoint)
+            kind, axis = (HINGE, end.axis_first) if is_hinge else (SLIDE, end.axis)
+            on = self._between(name, kind, end, axis)
+            if on is None or not isinstance(function, Polynomial):
+                return False
+            ends.append((on, float(end.position(self._motions).value)))
+        (follower, y), (leader, x) = ends
+        polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
+        shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
+        if isinstance(joint.follower, RevoluteJoint):
+            shifted[0] = wrapped(shifted[0], TURN)
+        return self._equate(name, [follower, leader], follower.sign * shifted)
+
+    def _equate(self, name: str, ends: list[JointOrTendon], coefficients: np.ndarray) -> bool:
+        """Make the displacement of the first end from the pose a polynomial of the second's."""
+        tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
             return False
         tag = "joint" if tags == {"joint"} else "tendon"
-        ends = {f"{tag}{k + 1}": t.element.attrib["name"] for k, t in enumerate(targets)}
+        names = {f"{tag}{k}": end.element.attrib["name"] for k, end in enumerate(ends, 1)}
         padded = np.pad(coefficients, (0, LARGEST_DEGREE + 1 - len(coefficients)))
-        options = {"polycoef": _text(padded), "solref": QUICK, "solimp": STIFF}
-        SubElement(self._section("equality"), tag, name=name, **ends, **options)
+        _child(self._section("equality"), tag, name=name, **names, polycoef=padded, **HARD)
         return True
 
-    def coupling(self, name: str, joint: JointCoupling) -> bool:
-        follower, leader = (self._of_joint(name, end) for end in (joint.follower, joint.leader))
-        function = as_function_of_time(joint.function)
-        if follower is None or leader is None or not isinstance(function, Polynomial):
-            return False
-        polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
-        y, x = (float(end.position(self._motions).value) for end in (joint.follower, joint.leader))
-        shifted = polynomial(np.polynomial.Polynomial([x, leader.sign])) - y
-        if isinstance(joint.follower, RevoluteJoint):
-            shifted -= shifted.coef[0] - wrapped(shifted.coef[0], TURN)
-        return self._equate(name, follower, leader, follower.sign * shifted)
-
-    def _of_joint(self, name: str, joint: HingeOrSlider) -> JointOrTendon | None:
-        if isinstance(joint, RevoluteJoint):
-            return self._pair_target(name, HINGE, joint, joint.axis_first)
-        return self._pair_target(name, SLIDE, joint, joint.axis)
-
-    def prescribed(self, name: str, drive: PrescribedAngle | PrescribedTranslation) -> bool:
-        function = as_function_of_time(drive.function)
-        kind = HINGE if isinstance(drive, PrescribedAngle) else SLIDE
-        target = self._pair_target(name, kind, drive, drive.axis)
-        is_constant = isinstance(function, Polynomial) and len(function.coefficients) == 1
-        if target is None or not is_constant:
-            return False
-        (row,) = drive.rows(self._motions, 0.0).values()
-        back = np.polynomial.Polynomial([-target.sign * float(row.value)])
-        return self._equate(name, target, None, back)
-
-    def closing(self, name: str, joint: SphericalJoint | FixedJoint | RevoluteJoint) -> bool:
-        """Write a joint that closes a loop; a hinge as two points on its axis."""
+    def closing(self, name: str, joint: PyTree) -> bool:
+        """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
         turn = joint.orientation if isinstance(joint, FixedJoint) else UPRIGHT
+        tag = "weld" if isinstance(joint, FixedJoint) else "connect"
         points = {name: (joint.point_first, joint.point_second)}
         if isinstance(joint, RevoluteJoint):
-            ends = zip(points[name], (joint.axis_first, joint.axis_second), strict=True)
-            points[f"{name} axis"] = tuple(point + unit(axis) * LEVER for point, axis in ends)
-        tag = "weld" if isinstance(joint, FixedJoint) else "connect"
+            axes = zip(points[name], (joint.axis_first, joint.axis_second), strict=True)
+            points[f"{name} axis"] = tuple(point + unit(axis) * LEVER for point, axis in axes)
         for label, (first, second) in points.items():
-            site1 = self._site(joint.first, f"{label} first", first, turn)
-            site2 = self._site(joint.second, f"{label} second", second)
-            options = {"site1": site1, "site2": site2, "solref": QUICK, "solimp": STIFF}
-            SubElement(self._section("equality"), tag, name=label, **options)
+            site1, site2 = self._sites(label, joint, first, second, turn)
+            ends = {"site1": site1, "site2": site2}
+            _child(self._section("equality"), tag, name=label, **ends, **HARD)
         return True
 
     def add_robot(self, robot: Robot) -> None:
         """Add limits and actuators of a robot's file."""
-        names = {name: body for body, name in self.joints.items()}
+        joints = {joint.element.attrib["name"]: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
-            coordinate = self._coordinates.get(names.get(name, ""))
-            if coordinate is None:
+            if name not in joints:
                 self.omitted["limits"].append(name)
                 continue
-            bounded = math.isfinite(limits.lower) and math.isfinite(limits.upper)
-            if bounded and coordinate.element.get("range") is None:
-                coordinate.element.set("range", _text(limits.lower, limits.upper))
-            if math.isfinite(limits.effort):
-                coordinate.element.set("actuatorfrcrange", _text(-limits.effort, limits.effort))
+            ranges = {"actuatorfrcrange": (-limits.effort, limits.effort)}
+            if _range(joints[name]) is None:
+                ranges["range"] = limits.lower, limits.upper
+            joints[name].attrib |= {key: _text(pair) for key, pair in _finite(ranges).items()}
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
-            joint = actuator.joint
-            joint = motor_name(joint) if motor_name(joint) in names else joint
-            options = {"joint": joint, "gear": _text(actuator.gear, *[0.0] * 5)}
-            options |= {"gainprm": _text(actuator.gain), "biastype": "affine"}
-            options |= {"biasprm": _text(actuator.bias)}
-            for key, limits in (("ctrlrange", actuator.control), ("forcerange", actuator.force)):
-                if np.isfinite(limits).all():
-                    options[key] = _text(limits)
-            SubElement(self._section("actuator"), "general", name=name, **options)
+            motor = motor_name(actuator.joint)
+            numbers = {"gear": (actuator.gear, *[0.0] * 5), "gainprm": actuator.gain}
+            numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
+            _child(
+                self._section("actuator"),
+                "general",
+                name=name,
+                joint=motor if motor in joints else actuator.joint,
+                biastype="affine",
+                biasprm=actuator.bias,
+                **numbers,
+            )
 
-    def start(self, model: PyTree, state: State) -> tuple[np.ndarray, np.ndarray]:
+    def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return `qpos` and `qvel` of MuJoCo's model of a file, for a state of the scene."""
         positions, speeds = model.qpos0.copy(), np.zeros(model.nv)
         for name, (position, speed) in self.motion(state).items():
@@ -622,75 +541,80 @@ class MjcfWriter:
     def finish(
         self, location: FileLocation, start: State, timestep: float | None, integrator: str
     ) -> str:
-        """Return the file's text, with flanks that have the stiffness and damping of the scene's,
-        and a keyframe."""
+        """Return the file's text, with stiffness and damping of the flanks, and a keyframe."""
         mujoco = mujoco_package(location)
-        self.option.set("integrator", integrator)
         try:
             model = mujoco.MjModel.from_xml_string(tostring(self.root, encoding="unicode"))
         except ValueError as error:
             reason = " ".join(str(error).split())
             location.refuse(reason, "a scene that MuJoCo compiles", "change the scene")
         fastest = TURN / STEPS_A_PERIOD / LONGEST_STEP
-        for element, stiffness, damping in self._flanks:
+        for element, (stiffness, damping) in self._flanks.items():
             name = element.attrib["name"]
             if element.tag == "joint":
                 weight = float(model.dof_invweight0[model.joint(name).dofadr[0]])
             else:
                 weight = float(model.tendon_invweight0[model.tendon(name).id])
-            rates = stiffness * weight, damping(1.0 / weight) * weight
-            fastest = max(fastest, math.sqrt(rates[0]))
-            element.set("solreflimit", _text(*(-rate for rate in rates)))
-            element.set("solimplimit", SOFT)
+            numbers = -stiffness * weight, -damping(1.0 / weight) * weight
+            element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
+            fastest = max(fastest, math.sqrt(stiffness * weight))
         step = TURN / STEPS_A_PERIOD / fastest if timestep is None else timestep
-        self.option.set("timestep", _text(step))
-        key = SubElement(self._section("keyframe"), "key", name="start")
-        for attribute, numbers in zip(("qpos", "qvel"), self.start(model, start), strict=True):
-            key.set(attribute, _text(numbers))
-        if model.nu:
-            controls = np.zeros(model.nu)
-            for name, control in self.controls.items():
-                controls[model.actuator(name).id] = control(jnp.asarray(0.0))
-            key.set("ctrl", _text(controls))
+        self._option.attrib |= {"integrator": integrator, "timestep": _text(step)}
+        positions, speeds = self.start(model, start)
+        controls = np.zeros(model.nu)
+        for name, control in self.controls.items():
+            controls[model.actuator(name).id] = control(jnp.asarray(0.0))
+        numbers = {"qpos": positions, "qvel": speeds, "ctrl": controls if model.nu else None}
+        _child(self._section("keyframe"), "key", name="start", **numbers)
         indent(self.root)
         return tostring(self.root, encoding="unicode") + "\n"
 
 
-WRITERS: Mapping[type, Callable[[MjcfWriter, str, PyTree], bool]] = {
-    Backlash: MjcfWriter.backlash,
-    PinInSlot: MjcfWriter.pin_in_slot,
+ALONG: Mapping[type, tuple[str, str | None, Callable[..., bool]]] = {
+    Backlash: (HINGE, "axis_first", MjcfWriter.backlash),
+    PinInSlot: (SLIDE, "slot_axis", MjcfWriter.ends_of_slot),
+    TorsionalSpring: (HINGE, "axis", MjcfWriter.spring),
+    Bushing: (SLIDE, None, MjcfWriter.bushing),
+    DriveTorque: (HINGE, "axis", MjcfWriter.torque),
+    Motor: (HINGE, "axis", MjcfWriter.motor),
+    PrescribedAngle: (HINGE, "axis", MjcfWriter.prescribed),
+    PrescribedTranslation: (SLIDE, "axis", MjcfWriter.prescribed),
+}
+"""Classes of elements about or along an axis of their first body: kind of the file's joints on
+which they act, name of the axis, and what adds them to the file."""
+OTHERS: Mapping[type, Callable[..., bool]] = {
     JointFriction: MjcfWriter.friction,
-    TorsionalSpring: MjcfWriter.torsional_spring,
-    Bushing: MjcfWriter.bushing,
     SpringDamper: MjcfWriter.spring_damper,
-    DriveTorque: MjcfWriter.drive_torque,
-    Motor: MjcfWriter.motor,
     JointCoupling: MjcfWriter.coupling,
-    PrescribedAngle: MjcfWriter.prescribed,
-    PrescribedTranslation: MjcfWriter.prescribed,
     SphericalJoint: MjcfWriter.closing,
     FixedJoint: MjcfWriter.closing,
     RevoluteJoint: MjcfWriter.closing,
 }
-"""What writes an element of the scene that is no joint of the tree, by its class; it returns
-whether the element has a counterpart."""
+
+
+def _range(element: Element) -> tuple[float, float] | None:
+    """Return the limits of a joint or tendon of the file."""
+    limits = element.get("range")
+    if limits is None:
+        return None
+    lower, upper = map(float, limits.split())
+    return lower, upper
+
+
+def _finite(ranges: Mapping[str, tuple[float, float]]) -> dict[str, PyTree]:
+    return {key: pair for key, pair in ranges.items() if np.isfinite(pair).all()}
 
 
 def _damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a spring and dashpot that can't pull and delivers a restitution:
-    the inverse of `clamped_restitution`, also above critical damping."""
+    """Return the damping ratio of a spring and dashpot with a restitution, at most critical."""
     from scipy.optimize import brentq
 
-    if restitution >= 1.0:
-        return 0.0
+    def excess(ratio: float) -> float:
+        return float(clamped_restitution(ratio)) - restitution
 
-    def excess(logarithm: float) -> float:
-        ratio = np.exp(logarithm)
-        root = abs(np.emath.sqrt(1.0 - ratio**2))
-        duration = abs(np.emath.arccos(ratio)) / root if root else 1.0
-        return float(-2.0 * ratio * duration - np.log(max(restitution, LEAST_RESTITUTION)))
-
-    return math.exp(brentq(excess, -30.0, 10.0))
+    if excess(CRITICAL) >= 0.0:
+        return 1.0
+    return 0.0 if restitution >= 1.0 else float(brentq(excess, 0.0, CRITICAL))  # pyright: ignore
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
@@ -726,12 +650,14 @@ def mjcf_of(
 ) -> tuple[MjcfWriter, str]:
     """Return the text of a file, and its writer; see `save_mjcf`."""
     check_precision(allow_float32=False)
-    robot = scene if isinstance(scene, Robot) else None
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
-    require_type("scene", scene, Scene | Robot, expected, remedy)  # pyright: ignore
+    require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)
+    robot = scene if isinstance(scene, Robot) else None
+    whole = scene.scene if isinstance(scene, Robot) else scene
     pose = state if robot is None else robot.state()
     remedy = "pass that in which the bodies of the file are"
     require(pose is not None, "state", state, "given for a scene", remedy)
+    assert pose is not None
     integrators = "Euler", "RK4", "implicit", "implicitfast"
     remedy = "give the name of one of MuJoCo's integrators"
     expected = f"one of {listed(integrators)}"
@@ -739,7 +665,6 @@ def mjcf_of(
     if timestep is not None:
         require_positive("timestep", timestep, "give it in s")
     start = pose if state is None else state
-    whole = scene.scene if isinstance(scene, Robot) else scene
     check_names(whole, start)
     ideal, replaced = _with_ideal_joints(whole)
     places = _places(ideal) if robot is None else robot.places()
