@@ -462,6 +462,8 @@ def urdf(n: Names) -> Any:
     with open("robot.urdf", "w") as file:
         file.write(f'<robot name="robot">{"".join(parts)}</robot>')
     robot = cj.load_robot("robot.urdf")
+    robot = robot.with_drive(n["second"], cj.Drive(1e-3, 5.0, "1 deg", 20.0, loss=0.1))
+    robot = robot.with_elements({n["torque"]: cj.DriveTorque(*robot.motor_side(n["second"]), 1.0)})
     positions = {n["first"]: 0.3, n["second"]: -0.2}
     state = robot.state(positions, positions)
     return (
