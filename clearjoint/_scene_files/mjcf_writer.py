@@ -390,6 +390,8 @@ class MjcfWriter:
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)
+        if joint.pressed_by is not None:
+            self.omitted["friction by the force of another element"].append(name)
         viscosity = load * float(getattr(law, "viscosity", 0.0))
         viscosity += 0.0 if joint.viscosity is None else float(joint.viscosity)
         on.element.attrib |= {"solimpfriction": STIFF, "solreffriction": QUICK}

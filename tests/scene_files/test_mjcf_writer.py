@@ -281,6 +281,34 @@ def test_robots_are_read_as_they_were(seed, tmp_path, written):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * scale)
 
 
+@pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_accelerates_drive_trains_alike(seed, tmp_path, written):
+    """Rotors that turn with the link, by a spring, and by pressed flanks, of hinges and sliders."""
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(6)]
+    tree = random_tree(generator, names, fixed=True)
+    (tmp_path / "first.xml").write_text(file_of(tree, generator))
+    robot = cj.load_robot(tmp_path / "first.xml")
+    q, qd = generator.uniform(-2, 2, (2, len(robot.joints)))
+    positions, speeds = (dict(zip(robot.joints, part, strict=True)) for part in (q, qd))
+    law = cj.frictions.RegularisedCoulomb(1.0, 1e-9)
+    for name in robot.joints:
+        inertia, stiffness, damping, friction, viscosity = generator.uniform(0.1, 2.0, 5)
+        options = {"armature": inertia, "friction": friction, "viscosity": viscosity, "law": law}
+        kind = generator.integers(4)
+        if kind:
+            options |= {"stiffness": 1e4 * stiffness, "damping": damping}
+            positions[f"{name} motor"] = positions[name] + generator.uniform(-6e-3, 6e-3)
+            speeds[f"{name} motor"] = generator.uniform(-2, 2)
+        if kind > 1:
+            options["play"] = 0.01
+        robot = robot.with_drive(name, cj.Drive(**options))
+    state = robot.state(positions, speeds)
+    model = written(robot, state, timestep=1e-4)
+    require_same_accelerations(model, at_keyframe(model), robot.scene, state, 1e-3)
+
+
 @pytest.mark.parametrize("seed", FEW)
 def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path, written):
     generator = np.random.default_rng(seed)
