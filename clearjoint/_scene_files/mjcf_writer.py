@@ -669,7 +669,7 @@ def mjcf_of(
     start = pose if state is None else state
     check_names(whole, start)
     ideal, replaced = _with_ideal_joints(whole)
-    places = _places(ideal) if robot is None else robot.places()
+    places = _places(ideal) if robot is None else robot._places()
     writer = MjcfWriter(ideal, places, pose)
     if robot is None and not replaced:
         writer.require_in_place(pose)
@@ -715,11 +715,11 @@ def save_mjcf(
     limit, of the hinge between the two bodies, or of a fixed tendon if, as with `Robot.with_drive`,
     rotor and link are both on the link's first body. The limit has the stiffness of the flanks and
     the damping of a `SpringDashpot`; with other laws it is linear, with the stored energy at a
-    tenth of the play and the restitution of an impact in the pose of the file. For this, it has the
-    smallest impedance that MuJoCo accepts, 1e-4. With MuJoCo's default, the limit would set an
-    acceleration, whatever the load: it would give way by millimetres in an impact, and by nothing
-    under a static load. After changes of masses, write the file again. Without play, `load_robot`
-    reads a robot from its file as it was.
+    tenth of the play and the restitution of an impact in the pose of the file. It has the smallest
+    impedance that MuJoCo accepts, 1e-4. With an impedance near one, as is MuJoCo's default, a limit
+    sets an acceleration rather than a force, so that a load hardly deflects it. The numbers of the
+    limits are for the masses in the file: after changes, write it again. Without play,
+    `load_robot` reads a robot from its file as it was.
 
     Elements without counterpart are left out: `ClearanceJoint` and `BallInSocket` become ideal
     joints, and bodies on joints of other types are free. Limits of a robot's joints, without effect

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import jax
 import numpy as np
@@ -33,7 +34,8 @@ class MujocoComparison:
     - `timesteps`: (n,) s, those of MuJoCo.
     - `times`: (N,) s, from zero, at which the runs are compared.
     - `positions`: (N,) of each hinge and slider in the run of the scene, rad or m, by name.
-    - `in_mujoco`: (n, N) of each, in MuJoCo; NaN after MuJoCo's motion diverged.
+    - `in_mujoco`: (n, N) of each, in MuJoCo. If the motion diverges there, because the step is too
+      long for a flank, they are NaN or arbitrary from then on.
     - `largest_difference`: (n,) of each over the run, rad or m; infinite after divergence.
 
     ``print(comparison)`` shows the largest differences as a table.
@@ -63,11 +65,11 @@ class MujocoComparison:
     @override
     def __str__(self) -> str:
         largest = self.largest_difference
-        rows = [
-            [f"step of {number(1e3 * step, 3)} ms", *(number(part[k]) for part in largest.values())]
-            for k, step in enumerate(self.timesteps)
-        ]
-        return "\n".join(aligned([["largest difference", *largest], *rows]))
+        rows = [["largest difference", *largest]]
+        for step, row in zip(self.timesteps, zip(*largest.values(), strict=True), strict=True):
+            shown = [number(part) if np.isfinite(part) else "diverged" for part in row]
+            rows.append([f"step of {number(1e3 * step, 3)} ms", *shown])
+        return "\n".join(aligned(rows))
 
 
 def compare_with_mujoco(
@@ -149,7 +151,7 @@ def compare_with_mujoco(
 
 
 def _run(
-    mujoco,  # noqa: ANN001
+    mujoco: ModuleType,
     model: Model,
     writer: MjcfWriter,
     state: State,

@@ -204,7 +204,7 @@ class Robot:
         axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
         return ideal.first, ideal.second, np.asarray(axis)
 
-    def places(self) -> list[Place]:
+    def _places(self) -> list[Place]:
         """Return the bodies with the parent and the joint by which the tree of the robot carries
         them, each after its parent."""
         return [Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]

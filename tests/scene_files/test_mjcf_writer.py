@@ -503,3 +503,11 @@ def test_the_difference_falls_with_mujocos_step(chain):
     head, *rows = str(found).splitlines()
     assert head.split() == ["largest", "difference", "shoulder", "elbow", "elbow", "motor"]
     assert [row.partition(" ms")[0] for row in rows] == [f"step of {x}" for x in (0.1, 0.01, 0.001)]
+
+
+def test_motions_that_diverge_are_infinitely_far():
+    off = {"elbow": np.array([[0.0, 1e-3, np.nan], [0.0, 1e-3, 2e-3]])}
+    own = {"elbow": np.zeros(3)}
+    found = cj.results.MujocoComparison((1e-2, 1e-3), np.arange(3.0), own, off)
+    assert found.largest_difference["elbow"].tolist() == [math.inf, 2e-3]
+    assert "diverged" in str(found)
