@@ -53,7 +53,7 @@ from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, Prescri
 from .._model.drives.functions_of_time import Polynomial, as_function_of_time, value_at
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
 from .._model.joints.base import AbstractContactJoint
-from .._model.joints.couplings import JointCoupling
+from .._model.joints.couplings import HingeOrSlider, JointCoupling
 from .._model.joints.ideal import FixedJoint, RevoluteJoint, SphericalJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.joints.motion_subspaces import Ball, Hinge, Slider, Weld
@@ -96,15 +96,16 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 class FileJoint(NamedTuple):
     """A joint of the file.
 
-    `axis`: in the pose of the file, (3,) in global axes. `position`: in this pose, rad or m, or
-    Euler parameters of a ball. `sign`: of the file's position relative to that of the carried body
-    on its parent.
+    `axis`: in the pose of the file, (3,) in global axes. `position`: in this pose, rad or m.
+    `start`: position of the carried body on its parent in this pose, as in joint coordinates.
+    `sign`: of the file's position relative to the latter.
     """
 
     kind: str
     element: Element
     axis: np.ndarray
-    position: PyTree = None
+    start: PyTree = None
+    position: float = 0.0
     sign: float = 1.0
 
 
@@ -200,14 +201,15 @@ class MjcfWriter:
                     (variable.velocity, variable.spin),
                 )
             elif joint.kind == BALL:
-                parts = composed(conjugate(joint.position), variable.position), variable.speeds
+                parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
-                position, speed = (joint.sign * x for x in (variable.position, *variable.speeds))
+                (speed,) = variable.speeds
+                position = joint.position + joint.sign * (variable.position - joint.start)
                 if joint.kind == HINGE:
                     middle = np.mean(_range(joint.element) or joint.position)
                     position = position - TURN * np.round((position - middle) / TURN)
                     position = np.unwrap(position) if np.ndim(position) else position
-                parts = position, speed
+                parts = position, joint.sign * speed
             numbers[joint.element.attrib["name"]] = tuple(
                 np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
             )
@@ -245,21 +247,22 @@ class MjcfWriter:
             moments = {"diaginertia": np.maximum(inertia, least)}
         _child(element, "inertial", pos="0 0 0", mass=np.maximum(body.mass, least), **moments)
 
-    def _joint(self, element: Element, branch: JointedBranch, position: PyTree) -> FileJoint:
+    def _joint(self, element: Element, branch: JointedBranch, start: PyTree) -> FileJoint:
         subspace, joint = branch.motion_subspace, self._scene.joints[branch.joint]
         common = {"name": branch.joint, "pos": subspace.point_child}
         if isinstance(subspace, Ball):
-            return FileJoint(
-                BALL, _child(element, "joint", type=BALL, **common), np.zeros(3), position
-            )
+            ball = _child(element, "joint", type=BALL, **common)
+            return FileJoint(BALL, ball, np.zeros(3), start)
         assert isinstance(subspace, Hinge | Slider)
         kind = HINGE if isinstance(subspace, Hinge) else SLIDE
-        sign = 1.0 if joint.pair()[0] == branch.parent else -1.0
-        axis, position = subspace.axis * sign, sign * float(position)
-        armature = getattr(joint, "armature", None)
+        sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
+        axis, position, armature = subspace.axis * sign, sign * float(start), None
+        if isinstance(joint, HingeOrSlider):
+            position, armature = float(joint.position(self._motions).value), joint.armature
         common |= {"axis": axis, "ref": position, "armature": armature}
         along = _array(self._motions[branch.body].direction(axis))
-        return FileJoint(kind, _child(element, "joint", type=kind, **common), along, position, sign)
+        written = _child(element, "joint", type=kind, **common)
+        return FileJoint(kind, written, along, start, position, sign)
 
     def _section(self, name: str) -> Element:
         section = self.root.find(name)

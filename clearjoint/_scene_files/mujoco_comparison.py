@@ -133,6 +133,8 @@ def compare_with_mujoco(
     save = Saving(times)
     solution = simulate(whole, state, end_time, settings, save, progress=False)
     own = {n: q[:, 0] for n, (q, _) in writer.motion(solution.states).items() if q.shape[1] == 1}
+    expected, remedy = "one with a hinge or slider", "add one; other joints are not compared"
+    require(bool(own), "scene", [*writer.joints], expected, remedy)
     for name in own:
         has_joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0
         require(has_joint, "path", str(path), f"a file with a joint {name!r}", "add the joint")

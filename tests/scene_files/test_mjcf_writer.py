@@ -17,7 +17,7 @@ from tests.scene_files.test_mjcf import file_of, random_body, random_tree
 from tests.support.many_states import system_of
 
 mujoco = pytest.importorskip("mujoco")
-FEW, MANY = range(2), range(100, 140)
+FEW, MANY = range(4), range(100, 140)
 SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
 AXIS = (0.0, 0.0, 1.0)
 
@@ -163,13 +163,16 @@ class RandomScene:
             radius=0.03,
             law=cj.laws.SpringDashpot(1e7, 1e3),
         )
+        motions = self.motions()
+        angle = float(cj.extend.unpack(free).relative_angle(motions).value)
+        return replace(free, middle=angle + self.generator.uniform(-6e-3, 6e-3))
+
+    def motions(self) -> dict[str, cj.extend.Motion]:
         still = np.zeros(3)
-        motions = {
+        return {
             name: cj.testing.moving(place, turn.as_quat(scalar_first=True), still, still)
             for name, (place, turn) in self.poses.items()
         }
-        angle = float(cj.extend.unpack(free).relative_angle(motions).value)
-        return replace(free, middle=angle + self.generator.uniform(-6e-3, 6e-3))
 
     def moving(self, scene: cj.Scene) -> cj.State:
         """The pose of the file, with random velocities that the joints allow."""
@@ -211,7 +214,7 @@ def test_mujoco_accelerates_random_scenes_alike(seed, written):
             "friction": cj.JointFriction(*pair, law, 0.7, local, 0.9, viscosity=0.3),
             "backlash": made.backlash(first, second, local, axis),
         }
-        for name in generator.permutation([*choices])[:2]:
+        for name in generator.permutation([*choices])[:4]:
             kind = forces if isinstance(choices[name], cj.extend.AbstractForce) else joints
             kind[f"{name} {k}"] = choices[name]
     for k, (a, b, axis) in enumerate(made.along(cj.PrismaticJoint)):
@@ -232,6 +235,11 @@ def test_mujoco_accelerates_random_scenes_alike(seed, written):
         # Below an acceleration over 2000/s, MuJoCo's dry friction has no definite sign.
         model = written(scene, state, timestep=1e-4)
     data = at_keyframe(model)
+    motions = made.motions()
+    for name in made.axes:
+        position = cj.extend.unpack(scene.joints[f"on {name}"]).position(motions).value
+        turns = (float(position) - data.joint(f"on {name}").qpos[0]) / (2 * math.pi)
+        assert turns == pytest.approx(round(turns), abs=1e-9)
     # An impedance of 1e-4 is the error of flanks.
     has_flanks = any(isinstance(joint, cj.Backlash) for joint in joints.values())
     require_same_accelerations(model, data, scene, state, 1e-3 if has_flanks else 1e-6)
@@ -318,9 +326,15 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path
         armature="{e}" stiffness="{f}" springref="{g}" actuatorfrcrange="-{h} {h}"/>
       <inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
       <body name="hand"><joint name="grip" type="slide" axis="1 0 0" frictionloss="{i}"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></worldbody>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+      <body name="tip"><joint name="tilt" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+      <body name="end"><joint name="held" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></body></body>
+      </worldbody>
       <equality><joint name="e" joint1="grip" joint2="elbow" polycoef="{a} {b} {c} {d} {e}"/>
-      </equality><actuator>
+      <joint name="f" joint1="tilt" joint2="elbow" polycoef="{b} {c} {d} 0 {e}"/>
+      <joint name="g" joint1="held" polycoef="{a} 0 0 0 0"/></equality><actuator>
       <position name="servo" joint="elbow" kp="{i}" kv="{j}" ctrlrange="-1 {a}"/>
       <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator></mujoco>"""
     (tmp_path / "first.xml").write_text(file.format(**numbers))
@@ -330,15 +344,53 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path
     again = cj.load_robot(tmp_path / "written.xml")
     assert again.limits == first.limits
     assert again.actuators == first.actuators
-    assert again.leaders == first.leaders == {"grip": "elbow"}
+    assert again.leaders == first.leaders == {"grip": "elbow", "tilt": "elbow"}
     for numbers in ("damping", "frictionloss", "armature"):
         both = (getattr(each, f"dof_{numbers}") for each in (original, model))
         np.testing.assert_allclose(*both, rtol=1e-12)
     for attribute in ("jnt_range", "jnt_stiffness", "qpos_spring", "jnt_actfrcrange"):
         np.testing.assert_allclose(getattr(original, attribute), getattr(model, attribute))
     q = generator.uniform(-1, 1)
-    angles = [float(robot.angles(robot.state({"elbow": q}))["grip"]) for robot in (first, again)]
-    assert angles[0] == pytest.approx(angles[1], abs=1e-12)
+    one, other = (robot.angles(robot.state({"elbow": q})) for robot in (first, again))
+    assert {*one} == {"elbow", "grip", "tilt", "held"}
+    for name, position in one.items():
+        assert float(position) == pytest.approx(float(other[name]), abs=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
+def test_stops_play_and_actuators_of_drives(tmp_path, written):
+    """Stops are at the limits of the file; of a stop and a play, the narrower one acts; an actuator
+    acts on the rotor."""
+    bodies = "".join(
+        f'<body name="on {name}"><joint name="{name}" axis="0 1 0" {options}/>'
+        '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
+        for name, options in (
+            ("elbow", 'range="-0.4 0.9"'),
+            ("grip", 'type="slide" range="-0.1 0.3"'),
+            ("twist", 'range="2 6" armature="1e-6"'),
+        )
+    )
+    servo = '<actuator><position name="servo" joint="twist" kp="3"/></actuator>'
+    compiler = '<compiler angle="radian"/>'
+    file = f"<mujoco>{compiler}<worldbody>{bodies}</worldbody>{servo}</mujoco>"
+    (tmp_path / "first.xml").write_text(file)
+    law = cj.laws.SpringDashpot(2e6, 30.0)
+    stops = {"elbow": {"torsional_stiffness": 500.0, "restitution": 0.3}, "grip": {"law": law}}
+    play = {"elbow": {"backlash": 0.01, "torsional_stiffness": 900.0, "restitution": 0.3}}
+    for added, limits, stiffness in (({}, (-0.4, 0.9), 500.0), (play, (-0.005, 0.005), 900.0)):
+        robot = cj.load_robot(tmp_path / "first.xml", play=added, stops=stops)
+        robot = robot.with_drive("twist", cj.Drive(stiffness=80.0, damping=0.1))
+        model = written(robot, robot.state({"twist": 5.0}))
+        assert model.joint("elbow").range == pytest.approx(limits, abs=1e-12)
+        assert model.joint("grip").range == pytest.approx((-0.1, 0.3), abs=1e-12)
+        numbers = model.jnt_solref[:, 0]
+        for name, expected in (("elbow", stiffness), ("grip", 2e6)):
+            number = numbers[model.joint(name).id]
+            weight = model.dof_invweight0[model.joint(name).dofadr[0]]
+            assert -number == pytest.approx(expected * weight)
+        assert model.key_qpos[0][model.joint("twist").qposadr[0]] == pytest.approx(5.0)
+        assert model.actuator("servo").trnid[0] == model.joint("twist motor").id
+        assert model.tendon_stiffness == pytest.approx(80.0)
 
 
 @pytest.mark.parametrize("seed", FEW)
