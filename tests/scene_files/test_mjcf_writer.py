@@ -167,12 +167,16 @@ class RandomScene:
         angle = float(cj.extend.unpack(free).relative_angle(motions).value)
         return replace(free, middle=angle + self.generator.uniform(-6e-3, 6e-3))
 
-    def motions(self) -> dict[str, cj.extend.Motion]:
-        still = np.zeros(3)
-        return {
-            name: cj.testing.moving(place, turn.as_quat(scalar_first=True), still, still)
-            for name, (place, turn) in self.poses.items()
-        }
+    def motions(self, state: cj.State | None = None, after: float = 0.0):
+        """Of bodies in their poses, or moved from these by the velocities of a state, s."""
+        still, motions = np.zeros(3), {}
+        for name, (place, turn) in self.poses.items():
+            if state is not None and name in state.bodies:
+                body = state.bodies[name]
+                place = place + after * np.asarray(body.velocity)
+                turn = turn * Rotation.from_rotvec(after * np.asarray(body.spin))
+            motions[name] = cj.testing.moving(place, turn.as_quat(scalar_first=True), still, still)
+        return motions
 
     def moving(self, scene: cj.Scene) -> cj.State:
         """The pose of the file, with random velocities that the joints allow."""
@@ -235,11 +239,16 @@ def test_mujoco_accelerates_random_scenes_alike(seed, written):
         # Below an acceleration over 2000/s, MuJoCo's dry friction has no definite sign.
         model = written(scene, state, timestep=1e-4)
     data = at_keyframe(model)
-    motions = made.motions()
+    now, later = made.motions(), made.motions(state, 1e-6)
     for name in made.axes:
-        position = cj.extend.unpack(scene.joints[f"on {name}"]).position(motions).value
-        turns = (float(position) - data.joint(f"on {name}").qpos[0]) / (2 * math.pi)
+        joint, written_joint = (
+            cj.extend.unpack(scene.joints[f"on {name}"]),
+            data.joint(f"on {name}"),
+        )
+        position, after = (float(joint.position(motions).value) for motions in (now, later))
+        turns = (position - written_joint.qpos[0]) / (2 * math.pi)
         assert turns == pytest.approx(round(turns), abs=1e-9)
+        assert (after - position) / 1e-6 == pytest.approx(written_joint.qvel[0], abs=1e-4)
     # An impedance of 1e-4 is the error of flanks.
     has_flanks = any(isinstance(joint, cj.Backlash) for joint in joints.values())
     require_same_accelerations(model, data, scene, state, 1e-3 if has_flanks else 1e-6)
@@ -380,7 +389,8 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
     for added, limits, stiffness in (({}, (-0.4, 0.9), 500.0), (play, (-0.005, 0.005), 900.0)):
         robot = cj.load_robot(tmp_path / "first.xml", play=added, stops=stops)
         robot = robot.with_drive("twist", cj.Drive(stiffness=80.0, damping=0.1))
-        model = written(robot, robot.state({"twist": 5.0}))
+        # Within the limits, whatever the revolution.
+        model = written(robot, robot.state({"twist": 5.0 - 2 * math.pi}))
         assert model.joint("elbow").range == pytest.approx(limits, abs=1e-12)
         assert model.joint("grip").range == pytest.approx((-0.1, 0.3), abs=1e-12)
         numbers = model.jnt_solref[:, 0]
