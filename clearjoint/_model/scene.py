@@ -99,16 +99,14 @@ class Scene(AbstractReadable):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
                 _check_distances(f"{family}[{name!r}]", element, self.bodies)
-        for name, body in self.bodies.items():
-            armatures = [
-                getattr(joint, "armature", None)
+        for name in [name for name, body in self.bodies.items() if body.is_rotor]:
+            is_held = any(
+                getattr(joint, "armature", None) is not None and name in joint.body_names()
                 for joint in self.joints.values()
-                if body.is_rotor and name in joint.body_names()
-            ]
-            is_held = not body.is_rotor or any(armature is not None for armature in armatures)
+            )
             expected = "False without a hinge or slider that holds the body and has an armature"
             argument, remedy = f"bodies[{name!r}].is_rotor", "give that joint an `armature`"
-            require(is_held, argument, body.is_rotor, expected, remedy)
+            require(is_held, argument, True, expected, remedy)
         for name, joint in self.joints.items():
             if isinstance(joint, JointFriction) and joint.pressed_by is not None:
                 pressing = {

@@ -26,8 +26,8 @@ from .robot_elements import BACKLASH, FRICTION, Element, ends_of_travel, frictio
 NEGLIGIBLE = 1e-10
 """Inertia of a rotor's body over the armature. A body must have mass, but the rotor's belongs to
 the file's link, and its rotation about the axis to the joint. In absolute coordinates, as in
-`observe`, rounding errors relative to the rotor's acceleration are 1e-16 over the square root of
-this value."""
+`observe`, the rotor's acceleration is the difference of numbers that are larger by the inverse of
+this value, and `ConstraintEquations.corrected` corrects its rounding error."""
 COMPLIANCE = "compliance"
 """End of the name of the spring between rotor and link."""
 
@@ -36,23 +36,24 @@ COMPLIANCE = "compliance"
 class Drive:
     """The drive train of a joint: rotor - play or compliance - link, for `Robot.with_drive`.
 
-    With neither play nor stiffness, the rotor turns with the joint and only adds its inertia. A
-    stiffness without play makes the drive train a linear spring, which takes few steps; play adds
-    impacts of the flanks.
+    With neither play nor stiffness, the rotor turns with the joint and only adds its inertia. With
+    a stiffness, the drive train is a spring, whose oscillations the steps of a run must resolve;
+    play adds impacts of the flanks.
 
     Numbers may be texts with units, such as "0.5 deg". Those of a slider have m in place of rad,
     N in place of N m, and kg in place of kg m^2.
 
-    - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis; by default the
-      armature of the file, of which the joint's motion sees all.
+    - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis. ``None`` keeps the
+      armature of the file, which is not multiplied by the squared ratio.
     - `ratio`: turns of the motor per turn of the joint, whose square multiplies the armature. All
       other numbers are those at the joint: give the motor's friction times the ratio.
     - `play`: rad, total angle from flank to flank; ``None`` for none.
     - `stiffness`: N m/rad, of the gear and shafts between rotor and link, with play of a pressed
       flank. ``None`` is rigid, and not possible with play.
-    - `damping`: N m s/rad, parallel to the stiffness (with play, while a flank is pressed; the law
-      is a `SpringDashpot`).
-    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`).
+    - `damping`: N m s/rad, parallel to the stiffness; with play, while a flank is pressed, by the
+      law `SpringDashpot`.
+    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`). A run of
+      many joints takes several times as long with it as with a damping.
     - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
       and the joint's first body.
     - `loss`: further dry friction of the rotor, over the torque that flanks or compliance transmit:

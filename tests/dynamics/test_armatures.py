@@ -169,8 +169,8 @@ def test_an_armature_must_be_positive():
 
 
 def test_velocities_are_projected_with_the_inertia_of_the_rotor():
-    """A disc of 0.2 kg m^2, which turns with a rotor of 0.5 kg m^2 at 3 rad/s, and one of 0.3 kg m^2
-    at rest, fixed to it: together they keep the angular momentum of the first two."""
+    """A disc of 0.2 kg m^2 with a rotor of 0.5 kg m^2 turns at 3 rad/s; one of 0.3 kg m^2, which is
+    fixed to it, rests. Together they keep the angular momentum."""
     discs = {
         name: cj.Body(1.0, (inertia,) * 3) for name, inertia in (("first", 0.2), ("second", 0.3))
     }

@@ -369,3 +369,17 @@ def test_the_element_that_presses_is_checked(read):
 
 
 FRICTION = "ground", "upper", cj.frictions.Dahl(0.1), 1.0, (0, 1, 0), 1.0
+
+
+def test_armatures_of_joints_with_clearance_are_named(tmp_path):
+    pytest.importorskip("mujoco")
+    generator = np.random.default_rng(0)
+    inertial = f'<inertial mass="1" diaginertia="0.1 0.1 0.1" {frame(generator)}/>'
+    hinge = '<joint name="hinge" armature="0.1"/>'
+    (tmp_path / "robot.xml").write_text(file_of(f"<body>{hinge}{inertial}</body>", generator))
+    law = cj.laws.HuntCrossley(0.5, 1e9)
+    play = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02, "law": law}
+    with pytest.warns(cj.NotCarriedOverWarning, match="armatures of hinge"):
+        robot = cj.load_robot(tmp_path / "robot.xml", play={"hinge": play})
+    with pytest.raises(ValueError, match="a joint with clearance has no drive"):
+        robot.with_drive("hinge", DRIVE)
