@@ -191,6 +191,8 @@ from ._runtime import configure as configure
 from ._scene_files.drive_train import Drive as Drive
 from ._scene_files.files import load as load
 from ._scene_files.files import save as save
+from ._scene_files.mjcf_writer import save_mjcf as save_mjcf
+from ._scene_files.mujoco_comparison import compare_with_mujoco as compare_with_mujoco
 from ._scene_files.robot import load_robot as load_robot
 from ._scene_files.schema import scene_schema as scene_schema
 from ._simulation.nonsmooth.simulate import simulate_nonsmooth as simulate_nonsmooth

@@ -476,6 +476,27 @@ def urdf(n: Names) -> Any:
     )
 
 
+def mjcf(n: Names) -> Any:
+    pytest.importorskip("mujoco")
+    axis, body = (0.0, 0.0, 1.0), cj.Body(1.0, (0.01, 0.01, 0.01))
+    joints = {
+        name: cj.RevoluteJoint("ground", of, (0, 0, 0), (0, 0, 0), axis, axis)
+        for name, of in (("first", "upper"), ("second", "lower"))
+    }
+    joints["play"] = cj.Backlash("upper", "lower", play=0.01, torsional_stiffness=200.0)
+    states = {
+        "upper": cj.body_state((0, 0, 0), spin=(0, 0, 1.0)),
+        "lower": cj.body_state((0, 0, 0)),
+    }
+    scene = cj.Scene({"upper": body, "lower": body}, joints)
+    scene, state = renamed((scene, cj.State(states)), n)
+    cj.save_mjcf(scene, "scene.xml", state)
+    read = cj.load_robot("scene.xml").scene
+    orders = [list(part) for part in (read.bodies, read.joints)]
+    found = cj.compare_with_mujoco(scene, state, 0.02)
+    return cj.parameters(read), orders, found.positions, found.in_mujoco, found.largest_difference
+
+
 def beyond_law_ranges(n: Names) -> Any:
     scene, solution = solved(Key(n))
     return cj.beyond_law_ranges(scene, solution.impacts)
@@ -548,6 +569,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "load_robot": (urdf, ROUNDING),
     "loops": (loops, SEARCHED),
     "minimise": (minimise, ROUNDING),
+    "save_mjcf, compare_with_mujoco": (mjcf, 1e-7),
     "observe": (observe, ROUNDING),
     "parameters, set_value": (numbers_of_scenes, ROUNDING),
     "posterior": (posterior, SEARCHED),

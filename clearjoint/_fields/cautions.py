@@ -47,8 +47,8 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """Warns that an imported file (URDF, MJCF) contains data that a scene cannot represent, and
-    that are left out or replaced.
+    """Warns that an imported file (URDF, MJCF) contains data that a scene cannot represent, or a
+    scene data that an MJCF file cannot, and that they are left out or replaced.
 
     >>> import warnings
     >>> warnings.filterwarnings("error", category=cj.NotCarriedOverWarning)  # raise it

@@ -76,12 +76,12 @@ def read_mjcf(path: Path) -> Content:
     omitted |= {title: [] for title, number in IGNORED.items() if getattr(model, number)}
     omitted |= _of_joints(model) | _of_the_world(model, names)
     omitted = {k: v for k, v in omitted.items() if v or k in IGNORED or k == "fluid"}
-    is_off = model.opt.disableflags & _mujoco(location).mjtDisableBit.mjDSBL_GRAVITY
+    is_off = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
     gravity = (0.0, 0.0, 0.0) if is_off else tuple(model.opt.gravity.tolist())
     return Content(links, joints, omitted, loops, actuators, gravity)
 
 
-def _mujoco(location: FileLocation) -> ModuleType:
+def mujoco_package(location: FileLocation) -> ModuleType:
     try:
         import mujoco
     except ImportError as error:
@@ -94,7 +94,7 @@ def _compiled(path: Path) -> Model:
     """Return MuJoCo's model. If files of shapes are missing, all shapes are left out, provided that
     the file gives the inertias."""
     location = FileLocation(str(path))
-    mujoco = _mujoco(location)
+    mujoco = mujoco_package(location)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         try:

@@ -14,7 +14,13 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._dynamics.coordinates import free_motion
-from .._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, JointedBranch, TreeBranch
+from .._dynamics.joint_coordinates.trees import (
+    UPRIGHT,
+    FreeBranch,
+    JointedBranch,
+    Place,
+    TreeBranch,
+)
 from .._fields.cautions import NotCarriedOverWarning, caution, quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
@@ -197,6 +203,11 @@ class Robot:
         ideal = self._ideal("joint", joint)
         axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
         return ideal.first, ideal.second, np.asarray(axis)
+
+    def _places(self) -> list[Place]:
+        """Return the bodies with the parent and the joint by which the tree of the robot carries
+        them, each after its parent."""
+        return [Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
 
     def _ideal(self, argument: str, name: str) -> HingeOrSlider:
         ideal = {n: self.scene.joints[n] for n in self.joints}

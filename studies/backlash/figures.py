@@ -31,11 +31,11 @@ def _motion(axes: Axes) -> None:
     axes.plot(1e3 * times, exact, color="0.6", linewidth=5.0, label="exact")
     axes.plot(1e3 * times, 1e3 * ours.path(times), color=style.BLUE, label="clearjoint")
     kinds = (
-        ("MuJoCo, step 0.5 ms", 5e-4, recipe.STIFF, style.VERMILLION),
-        ("MuJoCo's own limit, 2 ms", 2e-3, "", style.GREEN),
+        ("MuJoCo, step 0.5 ms", 5e-4, False, style.VERMILLION),
+        ("MuJoCo's own limit, 2 ms", 2e-3, True, style.GREEN),
     )
-    for (label, step, limit, colour), marker in zip(kinds, MARKERS, strict=False):
-        at, angle = recipe.path(step, "implicitfast", limit)
+    for (label, step, own_limit, colour), marker in zip(kinds, MARKERS, strict=False):
+        at, angle = recipe.path(step, "implicitfast", own_limit)
         look = {"marker": marker, "markersize": 3, "linewidth": 1.0}
         axes.plot(1e3 * at, 1e3 * angle, color=colour, label=label, **look)
     style.dress(axes, "time, ms", "motor against link, mrad")

@@ -72,7 +72,8 @@ def derivative(rtol: float) -> tuple[float, float]:
     run, s.
     """
     scene, state = shafts()
-    settings = replace(cj.presets.derivatives, rtol=rtol)
+    # The derivatives are as accurate as the motion.
+    settings = replace(cj.presets.derivatives, rtol=rtol, derivative_tolerance=1.0)
     found, seconds = timed(
         lambda: cj.sensitivities(
             scene, state, END, PARAMETERS, CHANNELS, [END], settings=settings, progress=False

@@ -1,12 +1,17 @@
 """Errors and times of runs and derivatives in both programs."""
 
+import re
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+import clearjoint as cj
 from studies.backlash import ours, recipe
 from studies.backlash.shafts import END, exact, exact_derivative
+from studies.benchmark.backlash_chain import chain
 
 STEPS = (5e-4, 1e-4, 1e-5, 1e-6)
 TOLERANCES = (1e-4, 1e-6, 1e-8)
@@ -59,6 +64,34 @@ def derivatives(quick: bool) -> list[Trial]:
         Trial(who, setting, (abs(slope / truth - 1.0),), seconds)
         for who, setting, (slope, seconds) in found
     ]
+
+
+JOINTS, SPAN, GRAVITY = 3, 0.1, (0.0, -9.81, 0.0)
+"""Joints of the chain with gravity, and its simulated time, s."""
+LIMITS = {
+    "as `save_mjcf` writes it": ("", ""),
+    "impedance 0.9999": (r'solimplimit="0.0001 0.0001', 'solimplimit="0.9999 0.9999'),
+    "MuJoCo's default": (r' sol(ref|imp)limit="[^"]*"', ""),
+}
+"""What is replaced in the file, for each kind of limit."""
+
+
+def limits(quick: bool) -> list[list[str]]:
+    """Return a table of the largest difference of an angle in MuJoCo from that in clearjoint, rad,
+    in a chain of links with backlash that falls, for each limit and step of MuJoCo."""
+    steps = (1e-4,) if quick else (1e-4, 1e-5, 1e-6)
+    scene, state = chain(JOINTS)
+    scene = cj.Scene(scene.bodies, scene.joints, gravity=GRAVITY)
+    table = [["limit", *(f"step {1e6 * step:g} µs" for step in steps)]]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "chain.xml")
+        for name, replacement in LIMITS.items():
+            cj.save_mjcf(scene, path, state)
+            path.write_text(re.sub(*replacement, path.read_text()))
+            found = cj.compare_with_mujoco(scene, state, SPAN, path=path, timesteps=steps)
+            largest = np.max([*found.largest_difference.values()], axis=0)
+            table.append([name, *(f"{difference:.1e}" for difference in largest)])
+    return table
 
 
 def rows(trials: Sequence[Trial], *errors: str) -> list[list[str]]:

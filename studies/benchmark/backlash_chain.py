@@ -4,16 +4,17 @@ Link k hangs on link k - 1 by an ideal hinge and moves in the plane. A rotor tur
 axis, with backlash between rotor and link. The rotors start with alternate directions, the links at
 rest, without further loads. MuJoCo's documentation makes backlash of a second hinge with a small
 range (https://mujoco.readthedocs.io/en/stable/modeling.html, "Backlash"): a joint is a hinge of the
-rotor on the previous link and one of the link on the rotor.
+rotor on the previous link and one of the link on the rotor. `clearjoint.save_mjcf` writes them so,
+with the stiffness and damping of the contacts.
 
-The contacts have the same frequency and damping in both programs, but clearjoint's flanks are
-springs with a damper, while MuJoCo's limit sets the acceleration under any load. The error of each
-program is therefore measured against a far finer setting of the same program.
+The error of each program is measured against a far finer setting of the same program.
 """
 
 import math
+import tempfile
 from collections.abc import Callable
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
@@ -76,32 +77,6 @@ def chain(joints: int) -> tuple[cj.Scene, cj.State]:
     return cj.Scene(bodies, elements), cj.State(states)
 
 
-def model(joints: int) -> str:
-    """Return the chain in MuJoCo's XML.
-
-    The limit has the contact's stiffness and damping for a unit of inertia, and an impedance of
-    almost one, so that they act in full.
-    """
-    limit = (
-        f'range="{-0.5 * PLAY} {0.5 * PLAY}" solimplimit="0.9999 0.9999 0.001 0.5 1" '
-        f'solreflimit="{-(FREQUENCY**2)} {-2.0 * DAMPING * FREQUENCY}"'
-    )
-    opened, closed = [], []
-    for k in range(joints):
-        opened.append(
-            f'<body pos="{LENGTH if k else 0.0} 0 0"><joint axis="0 0 1"/>'
-            f'<inertial pos="0 0 0" mass="{ROTOR_MASS}" diaginertia="{ROTOR} {ROTOR} {ROTOR}"/>'
-            f'<body><joint axis="0 0 1" limited="true" {limit}/>'
-            f'<inertial pos="{0.5 * LENGTH} 0 0" mass="{MASS}" diaginertia="{LINK} {LINK} {LINK}"/>'
-        )
-        closed.append("</body></body>")
-    return (
-        '<mujoco><compiler angle="radian"/><option gravity="0 0 0" integrator="RK4"/><worldbody>'
-        + "".join(opened + closed)
-        + "</worldbody></mujoco>"
-    )
-
-
 class ClearjointChain:
     """The chain in clearjoint."""
 
@@ -131,22 +106,22 @@ class MujocoChain:
     def __init__(self, joints: int):
         from mujoco import MjData, MjModel  # pyright: ignore
 
-        self._model = MjModel.from_xml_string(model(joints))
+        scene, state = chain(joints)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "chain.xml")
+            cj.save_mjcf(scene, path, state, integrator="RK4")
+            self._model = MjModel.from_xml_path(str(path))
         self._data = MjData(self._model)
-        speeds = SPEED * (-1.0) ** np.arange(joints)
-        self._start = np.stack([speeds, -speeds], axis=1).ravel()
-        # A rotor's speed is relative to the link before, which rests.
 
     def run(self, step: float) -> tuple[np.ndarray, Sample]:
         """Return the final angles of the links, (joints,) rad, and the time of the steps, for a
         fixed step in s.
         """
-        from mujoco import mj_resetData, mj_step  # pyright: ignore
+        from mujoco import mj_resetDataKeyframe, mj_step  # pyright: ignore
 
         count = round(SPAN / step)
         self._model.opt.timestep = SPAN / count
-        mj_resetData(self._model, self._data)
-        self._data.qvel[:] = self._start
+        mj_resetDataKeyframe(self._model, self._data, 0)
 
         def call() -> int:
             mj_step(self._model, self._data, nstep=count)

@@ -151,8 +151,11 @@ def test_chains_of_both_programs_are_alike():
     assert 0.0 < angles[0] < alone
     if find_spec("mujoco"):
         there, _ = backlash_chain.MujocoChain(1).run(1e-6)
-        # One joint has no loads from elsewhere, so that both contacts are the same.
         np.testing.assert_allclose(there, angles, atol=1e-5)
+        # The contacts of three joints load each other.
+        there, _ = backlash_chain.MujocoChain(3).run(1e-6)
+        angles, _ = backlash_chain.ClearjointChain(3).run(1e-9)
+        np.testing.assert_allclose(there, angles, atol=2e-5)
 
 
 @pytest.mark.slow

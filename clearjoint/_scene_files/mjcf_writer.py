@@ -1,0 +1,747 @@
+"""Write scenes and robots as MJCF files, with play by MuJoCo's recipe.
+
+A body's frame in the file is that of the scene: its origin is the centre of mass. Positions of
+hinges and sliders are those of the scene's joints: the attribute `ref` has those of the pose that
+the file describes.
+
+Flanks are limits of a hinge or, between bodies that are not parent and child, of a fixed tendon,
+whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the joint by
+
+    (1 - d) a - b v - k r,
+
+where d is the limit's impedance, a the acceleration without it, r the penetration and v its rate;
+k and b are the negative numbers of `solreflimit`. An impedance near one, as by default, fixes the
+acceleration: a load hardly deflects the limit. With an impedance near zero, the limit is a spring
+and damper, whose force does not depend on the load: its stiffness is k over the inverse inertia
+that MuJoCo computes when it compiles the file (`dof_invweight0`, `tendon_invweight0`), in any pose.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PyTree
+
+from .._dynamics.assembly import check_names
+from .._dynamics.coordinates import free_motion
+from .._dynamics.joint_coordinates.trees import (
+    UPRIGHT,
+    FreeBranch,
+    JointedBranch,
+    Place,
+    TreeBranch,
+    topology,
+)
+from .._fields.cautions import NotCarriedOverWarning, caution, quiet
+from .._fields.checks import require, require_positive
+from .._math.rotations import composed, conjugate, rotation_matrix, unit
+from .._math.smoothing import wrapped
+from .._math.vectors import Vector, pack, unpack
+from .._model.bodies import GROUND, GROUND_MOTION, State
+from .._model.clearance_joints.backlash import Backlash
+from .._model.clearance_joints.between_walls import PinInSlot
+from .._model.contact.dashpots import AbstractDashpotLaw, clamped_restitution
+from .._model.contact.laws import AbstractContactLaw, Gap
+from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
+from .._model.drives.functions_of_time import Polynomial, as_function_of_time, value_at
+from .._model.forces import Bushing, SpringDamper, TorsionalSpring
+from .._model.joints.base import AbstractContactJoint
+from .._model.joints.couplings import HingeOrSlider, JointCoupling
+from .._model.joints.ideal import FixedJoint, RevoluteJoint, SphericalJoint
+from .._model.joints.joint_friction import JointFriction
+from .._model.joints.motion_subspaces import Ball, Hinge, Slider, Weld
+from .._model.scene import Scene
+from .._simulation.run.run_checks import check_precision
+from .._simulation.run.wall_impact import free_impact
+from .documents import FileLocation, listed
+from .drive_train import motor_name
+from .files import FilePath
+from .mjcf import Model, mujoco_package
+from .robot import Robot
+
+SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
+"""`solimp` of flanks, with the smallest impedance that MuJoCo accepts, and of other constraints and
+of dry friction, which would creep."""
+QUICK = "0.001 1"
+"""`solref` of equality constraints and of dry friction. MuJoCo takes at least two time steps as the
+first number, s."""
+LARGEST_PENETRATION = 0.1
+"""Penetration up to which a linear law replaces that of flanks, over the play."""
+STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
+"""Default time steps in a period of the stiffest flank, and the longest one, s."""
+PARALLEL, IN_PLACE = 1e-9, 1e-6
+"""Largest deviation of the cosine of parallel axes from one, and of bodies from their joints, m."""
+HARD = {"solref": QUICK, "solimp": STIFF}
+CRITICAL = 1.0 - 1e-9
+"""Largest damping ratio of a limit, with the restitution 0.14."""
+LEAST_INERTIA = 2e-15
+"""Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
+LARGEST_DEGREE = 4
+"""Largest degree of the polynomials by which joints of MJCF files follow others."""
+LEVER = 0.1
+"""Distance, m, of the points that hold a hinge that closes a loop."""
+TURN = 2.0 * math.pi
+FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
+Control: TypeAlias = Callable[[jax.Array], jax.Array]
+"""Control of an actuator as a function of the time, s."""
+
+
+class FileJoint(NamedTuple):
+    """A joint of the file.
+
+    `axis`: in the pose of the file, (3,) in global axes. `position`: in this pose, rad or m.
+    `start`: position of the carried body on its parent in this pose, as in joint coordinates.
+    `sign`: of the file's position relative to the latter.
+    """
+
+    kind: str
+    element: Element
+    axis: np.ndarray
+    start: PyTree = None
+    position: float = 0.0
+    sign: float = 1.0
+
+
+class JointOrTendon(NamedTuple):
+    """What an element of the scene acts on: a hinge or slider of the file, or a fixed tendon.
+
+    `sign`: of its position relative to that of the element. `position`: in the pose of the file,
+    rad or m. `axis`: of the element, (3,) in global axes.
+    """
+
+    element: Element
+    sign: float
+    position: float
+    axis: np.ndarray
+
+
+def _child(parent: Element, tag: str, **attributes: PyTree) -> Element:
+    """Add an element; numbers become text, and attributes that are ``None`` are left out."""
+    texts = {
+        k: v if isinstance(v, str) else _text(v) for k, v in attributes.items() if v is not None
+    }
+    return SubElement(parent, tag, texts)
+
+
+def _text(numbers: PyTree) -> str:
+    parts = np.concatenate([np.ravel(np.asarray(x, float)) for x in jax.tree.leaves(pack(numbers))])
+    return " ".join(repr(part + 0.0) for part in parts.tolist())  # no negative zeros
+
+
+def _array(vector: PyTree) -> np.ndarray:
+    return np.asarray(pack(vector), dtype=float)
+
+
+class MjcfWriter:
+    """The file of a scene, whose bodies are in a `pose`.
+
+    - `joints`: the file's joints by the body that they carry.
+    - `controls`: of the actuators that are forces of the scene, by name.
+    - `omitted`: names of elements of the scene that have no counterpart, by title.
+    """
+
+    def __init__(self, scene: Scene, places: Iterable[Place], pose: State):
+        self.joints: dict[str, FileJoint] = {}
+        self.controls: dict[str, Control] = {}
+        self.omitted: dict[str, list[str]] = defaultdict(list)
+        self.root = Element("mujoco", model="clearjoint")
+        _child(self.root, "compiler", angle="radian", inertiafromgeom="false")
+        gravity = np.zeros(3) if scene.gravity is None else scene.gravity
+        self._option = _child(self.root, "option", gravity=gravity)
+        self._bodies = {GROUND: _child(self.root, "worldbody")}
+        self._flanks: dict[Element, tuple[float, Callable[[float], float]]] = {}
+        self._tendons: dict[tuple[tuple[str, float], ...], JointOrTendon] = {}
+        self._scene = unpack(jax.tree.map(np.asarray, scene))
+        self._branches = {place.body: self._branch(place) for place in places}
+        self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: UPRIGHT}
+        for body, variable in self._variables(pose).items():
+            self._add_body(body, variable)
+        in_tree = {b.joint for b in self._branches.values() if isinstance(b, JointedBranch)}
+        # In the order of the scene: JAX has sorted the dictionaries of the other.
+        elements = self._scene.joints | self._scene.forces
+        for name in (*scene.joints, *scene.forces):
+            if name not in in_tree and not self._add(name, elements[name]):
+                self.omitted[type(elements[name]).__name__].append(name)
+
+    def _branch(self, place: Place) -> TreeBranch:
+        if place.joint is not None:
+            subspace = self._scene.joints[place.joint].motion_subspace(place.parent)
+            if isinstance(subspace, Hinge | Slider | Ball | Weld):
+                return JointedBranch(place.body, place.parent, place.joint, subspace)
+        return FreeBranch(place.body, None)
+
+    def _variables(self, state: State) -> dict[str, PyTree]:
+        """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
+        (first, *_) = state.bodies.values()
+        bodies = unpack(jax.tree.map(np.asarray, state), np.ndim(first.position) - 1).bodies
+        poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
+        for name, branch in self._branches.items():
+            poses[name] = bodies[name].orientation, free_motion(bodies[name], None)
+            variables[name] = branch.encode(poses[branch.parent], poses[name])
+        return variables
+
+    def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Return numbers (..., n) of position and speed of each joint of the file, by name, for
+        states of the scene."""
+        numbers = {}
+        for body, variable in self._variables(state).items():
+            if body not in self.joints:
+                continue
+            joint = self.joints[body]
+            if joint.kind == FREE:
+                parts = (
+                    (variable.position, variable.orientation),
+                    (variable.velocity, variable.spin),
+                )
+            elif joint.kind == BALL:
+                parts = composed(conjugate(joint.start), variable.position), variable.speeds
+            else:
+                (speed,) = variable.speeds
+                position = joint.position + joint.sign * (variable.position - joint.start)
+                if joint.kind == HINGE:
+                    middle = np.mean(_range(joint.element) or joint.position)
+                    position = position - TURN * np.round((position - middle) / TURN)
+                    position = np.unwrap(position) if np.ndim(position) else position
+                parts = position, joint.sign * speed
+            numbers[joint.element.attrib["name"]] = tuple(
+                np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
+            )
+        return numbers
+
+    def require_in_place(self, state: State) -> None:
+        """Raise a `ValueError` unless bodies are where the joints of the tree allow them."""
+        for name in self._branches:
+            off = np.asarray(state.bodies[name].position) - _array(self._motions[name].position)
+            joint = f"on the joint of {name!r}, within {IN_PLACE} m"
+            remedy = "correct the state with `assemble`"
+            require(np.abs(off).max() < IN_PLACE, "state", off, joint, remedy)
+
+    def _add_body(self, name: str, variable: PyTree) -> None:
+        branch, body = self._branches[name], self._scene.bodies[name]
+        parent, parents_turn = self._motions[branch.parent], self._turns[branch.parent]
+        motion = branch.motion(parent, variable)
+        turn = branch.orientation(parents_turn, variable)
+        self._motions[name], self._turns[name] = motion, turn
+        place = parent.components(motion.position - parent.position)
+        relative = composed(conjugate(parents_turn), turn)
+        element = _child(self._bodies[branch.parent], "body", name=name, pos=place, quat=relative)
+        self._bodies[name], least = element, 0.0
+        if isinstance(branch, FreeBranch):
+            free = _child(element, "freejoint", name=f"{name} free")
+            self.joints[name] = FileJoint(FREE, free, np.zeros(3))
+        elif not isinstance(branch.motion_subspace, Weld):
+            self.joints[name] = joint = self._joint(element, branch, variable.position)
+            # MuJoCo refuses the negligible mass and inertia of the rotor of a drive train.
+            least = 0.0 if joint.element.get("armature") is None else LEAST_INERTIA
+        inertia = _array(body.inertia)
+        if inertia.ndim == 2:
+            moments = {"fullinertia": (np.diag(inertia), inertia[0, 1:], inertia[1, 2])}
+        else:
+            moments = {"diaginertia": np.maximum(inertia, least)}
+        _child(element, "inertial", pos="0 0 0", mass=np.maximum(body.mass, least), **moments)
+
+    def _joint(self, element: Element, branch: JointedBranch, start: PyTree) -> FileJoint:
+        subspace, joint = branch.motion_subspace, self._scene.joints[branch.joint]
+        common = {"name": branch.joint, "pos": subspace.point_child}
+        if isinstance(subspace, Ball):
+            ball = _child(element, "joint", type=BALL, **common)
+            return FileJoint(BALL, ball, np.zeros(3), start)
+        assert isinstance(subspace, Hinge | Slider)
+        kind = HINGE if isinstance(subspace, Hinge) else SLIDE
+        sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
+        axis, position, armature = subspace.axis * sign, sign * float(start), None
+        if isinstance(joint, HingeOrSlider):
+            position, armature = float(joint.position(self._motions).value), joint.armature
+        common |= {"axis": axis, "ref": position, "armature": armature}
+        along = _array(self._motions[branch.body].direction(axis))
+        written = _child(element, "joint", type=kind, **common)
+        return FileJoint(kind, written, along, start, position, sign)
+
+    def _section(self, name: str) -> Element:
+        section = self.root.find(name)
+        return _child(self.root, name) if section is None else section
+
+    def _add(self, name: str, element: PyTree) -> bool:
+        """Add an element that is no joint of the tree; return whether it has a counterpart."""
+        kind = type(element)
+        if kind in ALONG:
+            direction, axis, write = ALONG[kind]
+            on = self._between(name, direction, element, getattr(element, axis or "", None))
+            return on is not None and write(self, name, element, on)
+        return kind in OTHERS and OTHERS[kind](self, name, element)
+
+    def _between(
+        self, name: str, kind: str, element: PyTree, axis: Vector | None
+    ) -> JointOrTendon | None:
+        """Return the joint or tendon whose position is that of the second body of an element
+        relative to the first, about or along an axis of the first; ``None`` unless all joints
+        between them have this axis. The default is that of the first joint. `name`: of a new
+        tendon."""
+        first, second = element.pair()
+        sides: dict[str, float] = defaultdict(float)
+        for body, side in ((first, -1.0), (second, 1.0)):
+            while body != GROUND:
+                sides[body] += side
+                body = self._branches[body].parent
+        # Left out are bodies that carry both, and those that are fixed to their parents.
+        passed = [b for b in self._branches if sides.get(b) and b in self.joints]
+        if not passed or any(self.joints[body].kind != kind for body in passed):
+            return None
+        common = self.joints[passed[0]].axis
+        if axis is not None:
+            common = _array(self._motions[first].direction(unit(axis)))
+        cosines = [float(self.joints[body].axis @ common) for body in passed]
+        if min(map(abs, cosines)) < 1.0 - PARALLEL:
+            return None
+        signs = [sides[b] * float(np.sign(c)) for b, c in zip(passed, cosines, strict=True)]
+        if len(passed) == 1:
+            joint = self.joints[passed[0]]
+            return JointOrTendon(joint.element, signs[0], joint.position, common)
+        key = tuple((body, signs[0] * sign) for body, sign in zip(passed, signs, strict=True))
+        if key not in self._tendons:
+            tendon = _child(self._section("tendon"), "fixed", name=name)
+            for body, sign in key:
+                end = self.joints[body].element.attrib["name"]
+                _child(tendon, "joint", joint=end, coef=sign)
+            position = sum(sign * self.joints[body].position for body, sign in key)
+            self._tendons[key] = JointOrTendon(tendon, 1.0, position, common)
+        return self._tendons[key]._replace(sign=signs[0], axis=common)
+
+    def backlash(self, name: str, joint: Backlash, on: JointOrTendon) -> bool:
+        offset = joint.centred_rows(self._motions)["angle"].value
+        return self._limit(
+            name, on, joint.law, float(offset), float(joint.play), float(joint.radius)
+        )
+
+    def ends_of_slot(self, name: str, joint: PinInSlot, on: JointOrTendon) -> bool:
+        """Limit a slider as the ends of a slot along it do, whose walls are never touched."""
+        if joint.travel is None:
+            return False
+        slot, pin = (self._motions[body] for body in joint.pair())
+        apart = pin.point(joint.pin_point) - slot.point(joint.slot_point)
+        offset = apart.dot(slot.direction(unit(joint.slot_axis)))
+        return self._limit(name, on, joint.law, float(offset), float(joint.travel), 1.0)
+
+    def _limit(
+        self,
+        name: str,
+        on: JointOrTendon,
+        law: AbstractContactLaw,
+        offset: float,
+        play: float,
+        lever: float,
+    ) -> bool:
+        """Add flanks with a play, rad or m, from whose middle the pose is displaced by `offset`.
+        The law's penetration is the displacement times the lever, m."""
+        before = _range(on.element)
+        # Of two, such as a play and the stops of the joint, the narrower one acts.
+        if before and before[1] - before[0] < play:
+            return True
+        middle = on.position - on.sign * offset
+        on.element.set("range", _text((middle - 0.5 * play, middle + 0.5 * play)))
+        depth = LARGEST_PENETRATION * play * lever
+        stiffness, half = (
+            2.0 * float(law.stored_energy(Gap(x, 0.0))) / x**2 for x in (depth, 0.5 * depth)
+        )
+        if abs(stiffness - half) > 1e-9 * stiffness:
+            self.omitted["nonlinear stiffness"].append(name)
+
+        def damping(inertia: float) -> float:
+            mass = inertia / lever**2
+            if isinstance(law, AbstractDashpotLaw) and law.damping_exponent == 0.0:
+                return float(law.damping(Gap(depth, 0.0))) * lever**2
+            if hasattr(law, "delivered_restitution"):
+                restitution = float(law.delivered_restitution())  # pyright: ignore
+            else:
+                restitution = free_impact(
+                    law, mass, depth * math.sqrt(stiffness / mass)
+                ).restitution
+            return 2.0 * _damping_ratio(restitution) * math.sqrt(stiffness * mass) * lever**2
+
+        self._flanks[on.element] = stiffness * lever**2, damping
+        return True
+
+    def spring(self, name: str, force: TorsionalSpring, on: JointOrTendon) -> bool:
+        twist = wrapped(force.relative_angle(self._motions).value - force.rest_angle, TURN)
+        return self._resist(on, float(force.stiffness), float(twist), damping=float(force.damping))
+
+    def bushing(self, name: str, force: Bushing, on: JointOrTendon) -> bool:
+        """Add the spring and damper of a slider, whose motion strains a bushing along its axis."""
+        first, second = (self._motions[body] for body in force.pair())
+        axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
+        along, each = on.axis @ axes, _array(force.stiffness)
+        stiffness = float(along**2 @ each)
+        damping = float(along**2 @ _array(force.damping))
+        apart = _array(second.point(force.point_second) - first.point(force.point_first))
+        # The points may also be apart across the axis, which pulls along it.
+        stretch = float(along * each @ (apart @ axes)) / stiffness if stiffness else 0.0
+        return self._resist(on, stiffness, stretch, damping=damping)
+
+    def friction(self, name: str, joint: JointFriction) -> bool:
+        kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
+        on = None if joint.axis is None else self._between(name, kind, joint, joint.axis)
+        if on is None:
+            return False
+        law, load = joint.friction, float(joint.load)
+        sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
+        if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
+            self.omitted["friction at rest above that in sliding"].append(name)
+        if joint.pressed_by is not None:
+            self.omitted["friction by the force of another element"].append(name)
+        viscosity = load * float(getattr(law, "viscosity", 0.0))
+        viscosity += 0.0 if joint.viscosity is None else float(joint.viscosity)
+        on.element.attrib |= {"solimpfriction": STIFF, "solreffriction": QUICK}
+        return self._resist(on, frictionloss=sliding * lever, damping=viscosity * lever**2)
+
+    def _resist(
+        self, on: JointOrTendon, stiffness: float = 0.0, stretch: float = 0.0, **others: float
+    ) -> bool:
+        """Add a spring, which is stretched by `stretch` in the pose, and other attributes."""
+        rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
+        before = float(on.element.get("stiffness", 0.0))
+        if stiffness:
+            moment = stiffness * (on.position - on.sign * stretch)
+            moment += before * float(on.element.get(rest, "0").split()[0])
+            on.element.set(rest, _text(np.full(count, moment / (before + stiffness))))
+        for key, value in {"stiffness": stiffness, **others}.items():
+            if value:
+                on.element.set(key, _text(float(on.element.get(key, 0.0)) + value))
+        return True
+
+    def spring_damper(self, name: str, force: SpringDamper) -> bool:
+        length = force.free_length, force.free_length
+        numbers = {"stiffness": force.stiffness, "damping": force.damping, "springlength": length}
+        tendon = _child(self._section("tendon"), "spatial", name=name, **numbers)
+        for site in self._sites(name, force, force.point_first, force.point_second):
+            _child(tendon, "site", site=site)
+        return True
+
+    def _sites(
+        self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = UPRIGHT
+    ) -> list[str]:
+        """Add two points of a pair of bodies, the first with an orientation; return their names."""
+        ends = ((pair.first, "first", first, turn), (pair.second, "second", second, UPRIGHT))
+        for body, end, point, orientation in ends:
+            _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
+        return [f"{name} {end}" for _, end, *_ in ends]
+
+    def torque(self, name: str, force: DriveTorque, on: JointOrTendon) -> bool:
+        return self._actuate(name, on, lambda t: jnp.asarray(value_at(force.torque, t)))
+
+    def motor(self, name: str, force: Motor, on: JointOrTendon) -> bool:
+        """Add a position servo, whose control is the target plus a lead for the target's rate."""
+        gain, damping = float(force.proportional), float(force.derivative)
+        function = partial(value_at, as_function_of_time(force.target))
+
+        def control(t: jax.Array) -> jax.Array:
+            value, rate = jax.jvp(function, (t,), (jnp.ones_like(t),))
+            return value + damping / gain * rate if gain else damping * rate
+
+        # The length of the actuator is the angle less `zero`.
+        zero = float(force.relative_angle(self._motions).value) - on.sign * on.position
+        limit = force.torque_limit
+        numbers = {"gainprm": gain or 1.0, "biasprm": (-gain * zero, -gain, -damping)}
+        numbers["forcerange"] = None if limit is None else (-limit, limit)
+        return self._actuate(name, on, control, biastype="affine", **numbers)
+
+    def _actuate(self, name: str, on: JointOrTendon, control: Control, **options: PyTree) -> bool:
+        end = {"joint" if on.element.tag == "joint" else "tendon": on.element.attrib["name"]}
+        gear = (on.sign, *[0.0] * 5)
+        _child(self._section("actuator"), "general", name=name, gear=gear, **end, **options)
+        self.controls[name] = control
+        return True
+
+    def prescribed(self, name: str, drive: PyTree, on: JointOrTendon) -> bool:
+        """Add a constant `PrescribedAngle` or `PrescribedTranslation`."""
+        function = as_function_of_time(drive.function)
+        if not isinstance(function, Polynomial) or len(function.coefficients) > 1:
+            return False
+        (row,) = drive.rows(self._motions, 0.0).values()
+        return self._equate(name, [on], np.array([-on.sign * float(row.value)]))
+
+    def coupling(self, name: str, joint: JointCoupling) -> bool:
+        ends, function = [], as_function_of_time(joint.function)
+        for end in (joint.follower, joint.leader):
+            is_hinge = isinstance(end, RevoluteJoint)
+            kind, axis = (HINGE, end.axis_first) if is_hinge else (SLIDE, end.axis)
+            on = self._between(name, kind, end, axis)
+            if on is None or not isinstance(function, Polynomial):
+                return False
+            ends.append((on, float(end.position(self._motions).value)))
+        (follower, y), (leader, x) = ends
+        polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
+        shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
+        if isinstance(joint.follower, RevoluteJoint):
+            shifted[0] = wrapped(shifted[0], TURN)
+        return self._equate(name, [follower, leader], follower.sign * shifted)
+
+    def _equate(self, name: str, ends: list[JointOrTendon], coefficients: np.ndarray) -> bool:
+        """Make the displacement of the first end from the pose a polynomial of the second's."""
+        tags = {end.element.tag for end in ends}
+        if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
+            return False
+        tag = "joint" if tags == {"joint"} else "tendon"
+        names = {f"{tag}{k}": end.element.attrib["name"] for k, end in enumerate(ends, 1)}
+        padded = np.pad(coefficients, (0, LARGEST_DEGREE + 1 - len(coefficients)))
+        _child(self._section("equality"), tag, name=name, **names, polycoef=padded, **HARD)
+        return True
+
+    def closing(self, name: str, joint: PyTree) -> bool:
+        """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
+        turn = joint.orientation if isinstance(joint, FixedJoint) else UPRIGHT
+        tag = "weld" if isinstance(joint, FixedJoint) else "connect"
+        points = {name: (joint.point_first, joint.point_second)}
+        if isinstance(joint, RevoluteJoint):
+            axes = zip(points[name], (joint.axis_first, joint.axis_second), strict=True)
+            points[f"{name} axis"] = tuple(point + unit(axis) * LEVER for point, axis in axes)
+        for label, (first, second) in points.items():
+            site1, site2 = self._sites(label, joint, first, second, turn)
+            ends = {"site1": site1, "site2": site2}
+            _child(self._section("equality"), tag, name=label, **ends, **HARD)
+        return True
+
+    def add_robot(self, robot: Robot) -> None:
+        """Add limits and actuators of a robot's file."""
+        joints = {joint.element.attrib["name"]: joint.element for joint in self.joints.values()}
+        for name, limits in robot.limits.items():
+            if name not in joints:
+                self.omitted["limits"].append(name)
+                continue
+            ranges = {"actuatorfrcrange": (-limits.effort, limits.effort)}
+            if _range(joints[name]) is None:
+                ranges["range"] = limits.lower, limits.upper
+            joints[name].attrib |= {key: _text(pair) for key, pair in _finite(ranges).items()}
+            if math.isfinite(limits.velocity):
+                self.omitted["limits of velocities"].append(name)
+        for name, actuator in robot.actuators.items():
+            motor = motor_name(actuator.joint)
+            numbers = {"gear": (actuator.gear, *[0.0] * 5), "gainprm": actuator.gain}
+            numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
+            _child(
+                self._section("actuator"),
+                "general",
+                name=name,
+                joint=motor if motor in joints else actuator.joint,
+                biastype="affine",
+                biasprm=actuator.bias,
+                **numbers,
+            )
+
+    def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return `qpos` and `qvel` of MuJoCo's model of a file, for a state of the scene."""
+        positions, speeds = model.qpos0.copy(), np.zeros(model.nv)
+        for name, (position, speed) in self.motion(state).items():
+            joint = model.joint(name)
+            positions[joint.qposadr[0] :][: len(position)] = position
+            speeds[joint.dofadr[0] :][: len(speed)] = speed
+        return positions, speeds
+
+    def finish(
+        self, location: FileLocation, start: State, timestep: float | None, integrator: str
+    ) -> str:
+        """Return the file's text, with stiffness and damping of the flanks, and a keyframe."""
+        mujoco = mujoco_package(location)
+        try:
+            model = mujoco.MjModel.from_xml_string(tostring(self.root, encoding="unicode"))
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            location.refuse(reason, "a scene that MuJoCo compiles", "change the scene")
+        fastest = TURN / STEPS_A_PERIOD / LONGEST_STEP
+        for element, (stiffness, damping) in self._flanks.items():
+            name = element.attrib["name"]
+            if element.tag == "joint":
+                weight = float(model.dof_invweight0[model.joint(name).dofadr[0]])
+            else:
+                weight = float(model.tendon_invweight0[model.tendon(name).id])
+            numbers = -stiffness * weight, -damping(1.0 / weight) * weight
+            element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
+            fastest = max(fastest, math.sqrt(stiffness * weight))
+        step = TURN / STEPS_A_PERIOD / fastest if timestep is None else timestep
+        self._option.attrib |= {"integrator": integrator, "timestep": _text(step)}
+        positions, speeds = self.start(model, start)
+        controls = np.zeros(model.nu)
+        for name, control in self.controls.items():
+            controls[model.actuator(name).id] = control(jnp.asarray(0.0))
+        numbers = {"qpos": positions, "qvel": speeds, "ctrl": controls if model.nu else None}
+        _child(self._section("keyframe"), "key", name="start", **numbers)
+        indent(self.root)
+        return tostring(self.root, encoding="unicode") + "\n"
+
+
+ALONG: Mapping[type, tuple[str, str | None, Callable[..., bool]]] = {
+    Backlash: (HINGE, "axis_first", MjcfWriter.backlash),
+    PinInSlot: (SLIDE, "slot_axis", MjcfWriter.ends_of_slot),
+    TorsionalSpring: (HINGE, "axis", MjcfWriter.spring),
+    Bushing: (SLIDE, None, MjcfWriter.bushing),
+    DriveTorque: (HINGE, "axis", MjcfWriter.torque),
+    Motor: (HINGE, "axis", MjcfWriter.motor),
+    PrescribedAngle: (HINGE, "axis", MjcfWriter.prescribed),
+    PrescribedTranslation: (SLIDE, "axis", MjcfWriter.prescribed),
+}
+"""Classes of elements about or along an axis of their first body: kind of the file's joints on
+which they act, name of the axis, and what adds them to the file."""
+OTHERS: Mapping[type, Callable[..., bool]] = {
+    JointFriction: MjcfWriter.friction,
+    SpringDamper: MjcfWriter.spring_damper,
+    JointCoupling: MjcfWriter.coupling,
+    SphericalJoint: MjcfWriter.closing,
+    FixedJoint: MjcfWriter.closing,
+    RevoluteJoint: MjcfWriter.closing,
+}
+
+
+def _range(element: Element) -> tuple[float, float] | None:
+    """Return the limits of a joint or tendon of the file."""
+    limits = element.get("range")
+    if limits is None:
+        return None
+    lower, upper = map(float, limits.split())
+    return lower, upper
+
+
+def _finite(ranges: Mapping[str, tuple[float, float]]) -> dict[str, PyTree]:
+    return {key: pair for key, pair in ranges.items() if np.isfinite(pair).all()}
+
+
+def _damping_ratio(restitution: float) -> float:
+    """Return the damping ratio of a spring and dashpot with a restitution, at most critical."""
+    from scipy.optimize import brentq
+
+    def excess(ratio: float) -> float:
+        return float(clamped_restitution(ratio)) - restitution
+
+    if excess(CRITICAL) >= 0.0:
+        return 1.0
+    return 0.0 if restitution >= 1.0 else float(brentq(excess, 0.0, CRITICAL))  # pyright: ignore
+
+
+def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
+    """Return the scene with an ideal joint in place of each clearance that has one of the joints of
+    a tree, and the names of these."""
+    joints, replaced = {}, []
+    for name, joint in scene.joints.items():
+        centred = joint.centred_joint() if isinstance(joint, AbstractContactJoint) else None
+        if centred is not None and unpack(centred).motion_subspace(centred.body_names()[0]):
+            joint = centred
+            replaced.append(name)
+        joints[name] = joint
+    with quiet():
+        return Scene(scene.bodies, joints, scene.forces, scene.gravity), replaced
+
+
+def _places(scene: Scene) -> list[Place]:
+    """Return the trees of a scene, each parent before its children, siblings in the order of the
+    scene: JAX sorts dictionaries by their keys."""
+    places = topology(unpack(scene)).places
+    depths = {GROUND: 0}
+    for body, place in places.items():
+        depths[body] = depths[place.parent] + 1
+    return [places[body] for body in sorted(scene.bodies, key=depths.__getitem__)]
+
+
+def mjcf_of(
+    scene: Scene | Robot,
+    state: State | None,
+    location: FileLocation,
+    timestep: float | None = None,
+    integrator: str = "implicitfast",
+) -> tuple[MjcfWriter, str]:
+    """Return the text of a file, and its writer; see `save_mjcf`."""
+    check_precision(allow_float32=False)
+    expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
+    require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)
+    robot = scene if isinstance(scene, Robot) else None
+    whole = scene.scene if isinstance(scene, Robot) else scene
+    pose = state if robot is None else robot.state()
+    remedy = "pass that in which the bodies of the file are"
+    require(pose is not None, "state", state, "given for a scene", remedy)
+    assert pose is not None
+    integrators = "Euler", "RK4", "implicit", "implicitfast"
+    remedy = "give the name of one of MuJoCo's integrators"
+    expected = f"one of {listed(integrators)}"
+    require(integrator in integrators, "integrator", integrator, expected, remedy)
+    if timestep is not None:
+        require_positive("timestep", timestep, "give it in s")
+    start = pose if state is None else state
+    check_names(whole, start)
+    ideal, replaced = _with_ideal_joints(whole)
+    places = _places(ideal) if robot is None else robot._places()
+    writer = MjcfWriter(ideal, places, pose)
+    if robot is None and not replaced:
+        writer.require_in_place(pose)
+    if replaced:
+        writer.omitted["clearances, replaced by ideal joints,"] += replaced
+    if robot is not None:
+        writer.add_robot(robot)
+    content = writer.finish(location, start, timestep, integrator)
+    if writer.omitted:
+        parts = (f"{title} of {', '.join(names)}" for title, names in writer.omitted.items())
+        caution(f"{location}: not carried over: {'; '.join(parts)}.", NotCarriedOverWarning)
+    return writer, content
+
+
+def save_mjcf(
+    scene: Scene | Robot,
+    path: FilePath,
+    state: State | None = None,
+    *,
+    timestep: float | None = None,
+    integrator: str = "implicitfast",
+) -> None:
+    """Write a scene or robot as an MJCF file for MuJoCo, with its play by MuJoCo's recipe.
+
+    ```python
+    import clearjoint as cj
+
+    elbow = cj.Drive(armature=0.01, play="0.5 deg", stiffness=800.0, damping=0.2)
+    robot = cj.load_robot("arm.urdf").with_drive("elbow", elbow)
+    cj.save_mjcf(robot, "arm.xml", robot.state({"elbow": 0.3}))
+    print(cj.compare_with_mujoco(robot, robot.state({"elbow": 0.3}), end_time=0.5))
+    ```
+
+    The file has the bodies, their tree of hinges, sliders, balls and fixed joints, and free bodies;
+    armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Joints
+    that close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which
+    are soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator, whose control the keyframe
+    "start" has at time zero; the keyframe also has the `state`. Joints have their names and
+    positions.
+
+    MuJoCo's recipe for backlash is two hinges in series, of which the second has a small range and
+    a stiff limit. The flanks of a `Backlash`, or of a `PinInSlot` along a slider, become such a
+    limit, of the hinge between the two bodies, or of a fixed tendon if, as with `Robot.with_drive`,
+    rotor and link are both on the link's first body. The limit has the stiffness of the flanks and
+    the damping of a `SpringDashpot`; with other laws it is linear, with the stored energy at a
+    tenth of the play and the restitution of an impact in the pose of the file. It has the smallest
+    impedance that MuJoCo accepts, 1e-4. With an impedance near one, as is MuJoCo's default, a limit
+    sets an acceleration rather than a force, so that a load hardly deflects it. The numbers of the
+    limits are for the masses in the file: after changes, write it again. Without play,
+    `load_robot` reads a robot from its file as it was.
+
+    Elements without counterpart are left out: `ClearanceJoint` and `BallInSocket` become ideal
+    joints, and bodies on joints of other types are free. Limits of a robot's joints, without effect
+    in a scene unless they are stops, act in MuJoCo.
+
+    **Arguments:**
+
+    - `scene`: a `Scene`, or a `Robot`.
+    - `path`: of the file; an existing one is overwritten.
+    - `state`: of the keyframe. A scene's file describes the bodies in this pose, a robot's with all
+      joints at zero; that is the default.
+    - `timestep`: s; by default a twentieth of the period of the stiffest flank in the pose of the
+      file, or 2 ms.
+    - `integrator`: one of MuJoCo's: "Euler", "RK4", "implicit" or "implicitfast".
+
+    **Raises:** `ValueError` for a state that the ideal joints do not allow, and for a scene that
+    MuJoCo can't compile. `ImportError` without the extra ``mujoco``. **Warns:**
+    `NotCarriedOverWarning` lists what the file lacks.
+    """
+    path = Path(path)
+    _, content = mjcf_of(scene, state, FileLocation(str(path)), timestep, integrator)
+    path.write_text(content, encoding="utf-8")

@@ -1,0 +1,575 @@
+"""Scenes and robots as MJCF files: MuJoCo accelerates them as clearjoint does, `load_robot` reads
+them as they were, and play moves as closed forms say."""
+
+import math
+import warnings
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import clearjoint as cj
+from studies.backlash import ours
+from studies.backlash.shafts import END, FREQUENCY, exact
+from tests.scene_files.test_mjcf import file_of, random_body, random_tree
+from tests.support.many_states import system_of
+
+mujoco = pytest.importorskip("mujoco")
+FEW, MANY = range(4), range(100, 140)
+SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+AXIS = (0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a scene or robot, and return MuJoCo's model."""
+
+    def written(*arguments, **options):
+        path = tmp_path / "written.xml"
+        cj.save_mjcf(arguments[0], path, *arguments[1:], **options)
+        return mujoco.MjModel.from_xml_path(str(path))
+
+    return written
+
+
+def at_keyframe(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_rnePostConstraint(model, data)
+    return data
+
+
+def accelerations(scene: cj.Scene, state: cj.State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Of the bodies' centres, m/s^2, and angular, rad/s^2, in global axes."""
+    system = system_of(scene, cj.JointCoordinates(), 0.0)
+    speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in scene.laws().items()}
+    variables = system.encode(cj.extend.unpack(state).bodies)
+    found = system.dynamics(variables, speeds, 0.0).accelerations
+    turns = {
+        name: Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
+        for name, body in state.bodies.items()
+    }
+    return {
+        name: (
+            np.array(jax.tree.leaves(body.linear), dtype=float),
+            turns[name].apply(np.array(jax.tree.leaves(body.angular), dtype=float)),
+        )
+        for name, body in found.items()
+    }
+
+
+def require_same_accelerations(model, data, scene, state, tolerance):
+    found = accelerations(scene, state)
+    expected = {name: np.zeros(6) for name in found}
+    for name, numbers in expected.items():
+        kind, index = mujoco.mjtObj.mjOBJ_BODY, model.body(name).id
+        mujoco.mj_objectAcceleration(model, data, kind, index, numbers, 0)
+    scale = max(np.abs(numbers).max() for numbers in expected.values())
+    for name, (linear, angular) in found.items():
+        place = np.asarray(state.bodies[name].position)
+        assert data.body(name).xipos == pytest.approx(place, abs=1e-12)
+        own = expected[name]
+        assert np.abs(angular - own[:3]).max() < tolerance * scale
+        assert np.abs(linear - (own[3:] + model.opt.gravity)).max() < tolerance * scale
+
+
+class RandomScene:
+    """A tree of bodies of random names, in random poses, on joints whose bodies are in any order,
+    of which some have the axis of the joint before."""
+
+    def __init__(self, generator: np.random.Generator, count: int = 7):
+        self.generator = generator
+        self.names = [f"body {k}" for k in generator.permutation(count)]
+        self.poses = {"ground": (np.zeros(3), Rotation.identity())}
+        self.axes: dict[str, np.ndarray] = {}
+        self.pairs: dict[str, tuple[str, str]] = {}
+        self.kinds: dict[str, type] = {}
+        self.bodies, self.joints, self.parents = {}, {}, {}
+        for k, name in enumerate(self.names):
+            sides = generator.uniform(0.3, 1.0, 3) ** 2
+            mass = generator.uniform(0.5, 5.0)
+            moments = np.diag(mass * (sides.sum() - sides) / 12)
+            turn = Rotation.random(rng=generator).as_matrix()
+            whole = turn @ moments @ turn.T
+            inertia = moments.diagonal() if k % 2 else 0.5 * (whole + whole.T)
+            self.bodies[name] = cj.Body(mass, inertia)
+            self.poses[name] = generator.uniform(-1, 1, 3), Rotation.random(rng=generator)
+            parent = ["ground", *self.names[:k]][generator.integers(k + 1)]
+            self.add_joint(name, parent)
+
+    def local(self, body: str, vector: np.ndarray) -> np.ndarray:
+        return self.poses[body][1].inv().apply(vector)
+
+    def point(self, body: str, place: np.ndarray) -> np.ndarray:
+        return self.local(body, place - self.poses[body][0])
+
+    def pair(self, *names: str) -> tuple[str, str]:
+        first, second = self.generator.permutation(names)
+        return str(first), str(second)
+
+    def add_joint(self, name: str, parent: str) -> None:
+        generator = self.generator
+        kind = generator.choice(
+            [cj.RevoluteJoint, cj.PrismaticJoint, cj.SphericalJoint, cj.FixedJoint],
+            p=[0.5, 0.3, 0.1, 0.1],
+        )
+        first, second = pair = self.pair(name, parent)
+        axis = self.axes.get(parent) if generator.random() < 0.6 else None
+        if axis is None or self.kinds[parent] is not kind:
+            axis = Rotation.random(rng=generator).as_matrix()[0]
+        place = generator.uniform(-1, 1, 3)
+        points = self.point(first, place), self.point(second, place)
+        relative = (self.poses[first][1].inv() * self.poses[second][1]).as_quat(scalar_first=True)
+        armature = generator.uniform(0.1, 1.0) if generator.random() < 0.3 else None
+        self.parents[name], self.kinds[name], self.pairs[name] = parent, kind, pair
+        if kind is cj.RevoluteJoint:
+            axes = self.local(first, axis), self.local(second, axis)
+            joint = kind(*pair, *points, *axes, armature)
+        elif kind is cj.PrismaticJoint:
+            joint = kind(*pair, *points, self.local(first, axis), relative, armature=armature)
+        elif kind is cj.FixedJoint:
+            joint = kind(*pair, *points, relative)
+        else:
+            joint = kind(*pair, *points)
+        self.joints[f"on {name}"] = joint
+        if kind in (cj.RevoluteJoint, cj.PrismaticJoint):
+            self.axes[name] = axis
+
+    def along(self, kind: type) -> list[tuple[str, str, np.ndarray]]:
+        """Pairs of bodies between which only joints of a kind with one axis are, with this axis:
+        two bodies of a joint, and those of two joints in series."""
+        found = []
+        for name, parent in self.parents.items():
+            if self.kinds[name] is kind:
+                found.append((name, parent, self.axes[name]))
+            before = self.parents.get(parent, "")
+            is_same = name in self.axes and self.axes.get(parent) is self.axes[name]
+            if before and is_same and self.kinds[name] is self.kinds[parent] is kind:
+                found.append((name, before, self.axes[name]))
+        return found
+
+    def backlash(self, first: str, second: str, local: np.ndarray, axis: np.ndarray) -> cj.Backlash:
+        """With play of 0.01 rad, of which some is left, or a flank is pressed by up to 1 mrad."""
+        own = np.sign(self.local(first, axis) @ local) * self.local(second, axis)
+        free = cj.Backlash(
+            first,
+            second,
+            axis_first=local,
+            axis_second=own,
+            play=0.01,
+            radius=0.03,
+            law=cj.laws.SpringDashpot(1e7, 1e3),
+        )
+        motions = self.motions()
+        angle = float(cj.extend.unpack(free).relative_angle(motions).value)
+        return replace(free, middle=angle + self.generator.uniform(-6e-3, 6e-3))
+
+    def motions(self, state: cj.State | None = None, after: float = 0.0):
+        """Of bodies in their poses, or moved from these by the velocities of a state, s."""
+        still, motions = np.zeros(3), {}
+        for name, (place, turn) in self.poses.items():
+            if state is not None and name in state.bodies:
+                body = state.bodies[name]
+                place = place + after * np.asarray(body.velocity)
+                turn = turn * Rotation.from_rotvec(after * np.asarray(body.spin))
+            motions[name] = cj.testing.moving(place, turn.as_quat(scalar_first=True), still, still)
+        return motions
+
+    def moving(self, scene: cj.Scene) -> cj.State:
+        """The pose of the file, with random velocities that the joints allow."""
+        bodies = {
+            name: cj.body_state(
+                self.poses[name][0],
+                self.poses[name][1].as_quat(scalar_first=True),
+                *self.generator.uniform(-2, 2, (2, 3)),
+            )
+            for name in self.names
+        }
+        scalars = cj.extend.unpack(jax.tree.map(np.asarray, scene))
+        coordinates = cj.JointCoordinates()
+        variables = coordinates.encode(scalars, cj.extend.unpack(cj.State(bodies)).bodies)
+        decoded = coordinates.decode(scalars, variables)
+        return cj.State({name: cj.extend.pack(decoded[name]) for name in bodies})
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_accelerates_random_scenes_alike(seed, written):
+    """Springs, dampers, friction, torques, motors and pressed flanks, of joints and of bodies
+    further apart."""
+    generator = np.random.default_rng(seed)
+    made = RandomScene(generator)
+    joints, forces = dict(made.joints), {}
+    for k, (a, b, axis) in enumerate(made.along(cj.RevoluteJoint)):
+        first, second = pair = made.pair(a, b)
+        local = made.local(first, axis) * generator.uniform(0.5, 2.0) * generator.choice([-1, 1])
+        turned = Rotation.from_rotvec(axis * generator.uniform(-2, 2)) * made.poses[second][1]
+        at_zero = (made.poses[first][1].inv() * turned).as_quat(scalar_first=True)
+        law = cj.frictions.RegularisedCoulomb(1.0, 1e-9)
+        steady = cj.PiecewiseConstant([0.0, 1.0], generator.uniform(-5, 5, 2))
+        choices = {
+            "spring": cj.TorsionalSpring(*pair, local, *generator.uniform(0.1, 3.0, 3), at_zero),
+            "torque": cj.DriveTorque(*pair, local, steady),
+            "motor": cj.Motor(
+                *pair, local, cj.Polynomial(generator.uniform(-1, 1, 2)), 3.0, 0.5, 20.0, at_zero
+            ),
+            "friction": cj.JointFriction(*pair, law, 0.7, local, 0.9, viscosity=0.3),
+            "backlash": made.backlash(first, second, local, axis),
+        }
+        for name in generator.permutation([*choices])[:4]:
+            kind = forces if isinstance(choices[name], cj.extend.AbstractForce) else joints
+            kind[f"{name} {k}"] = choices[name]
+    for k, (a, b, axis) in enumerate(made.along(cj.PrismaticJoint)):
+        first, second = pair = made.pair(a, b)
+        points = generator.uniform(-1, 1, (2, 3))
+        law = cj.frictions.RegularisedCoulomb(1.0, 1e-9)
+        forces[f"bushing {k}"] = cj.Bushing(*pair, *points, *generator.uniform(0.1, 3.0, (2, 3)))
+        local = made.local(first, axis)
+        joints[f"friction {k}"] = cj.JointFriction(*pair, law, 0.7, local, point_second=points[0])
+    ends = made.pair(*generator.choice([*made.bodies], 2, replace=False))
+    rod = cj.SpringDamper(*ends, *generator.uniform(-1, 1, (2, 3)), 5.0, 0.5, 0.3)
+    forces["spring of points"] = rod
+    gravity = generator.uniform(-5, 5, 3)
+    scene = cj.Scene(made.bodies, joints, forces, gravity)
+    state = made.moving(scene)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # Below an acceleration over 2000/s, MuJoCo's dry friction has no definite sign.
+        model = written(scene, state, timestep=1e-4)
+    data = at_keyframe(model)
+    now, later = made.motions(), made.motions(state, 1e-6)
+    for name in made.axes:
+        joint, written_joint = (
+            cj.extend.unpack(scene.joints[f"on {name}"]),
+            data.joint(f"on {name}"),
+        )
+        position, after = (float(joint.position(motions).value) for motions in (now, later))
+        turns = (position - written_joint.qpos[0]) / (2 * math.pi)
+        assert turns == pytest.approx(round(turns), abs=1e-9)
+        assert (after - position) / 1e-6 == pytest.approx(written_joint.qvel[0], abs=1e-4)
+    # An impedance of 1e-4 is the error of flanks.
+    has_flanks = any(isinstance(joint, cj.Backlash) for joint in joints.values())
+    require_same_accelerations(model, data, scene, state, 1e-3 if has_flanks else 1e-6)
+
+
+def driven(model, robot: cj.results.Robot, q, qd):
+    """MuJoCo's data at positions and speeds of joints."""
+    data = mujoco.MjData(model)
+    for name, x, speed in zip(robot.joints, q, qd, strict=True):
+        joint = model.joint(name)
+        data.qpos[joint.qposadr[0]], data.qvel[joint.dofadr[0]] = x, speed
+    mujoco.mj_forward(model, data)
+    return data
+
+
+@pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
+@pytest.mark.parametrize("seed", SEEDS)
+def test_robots_are_read_as_they_were(seed, tmp_path, written):
+    """MuJoCo accelerates a written robot as that of the first file, and so does clearjoint."""
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(7)]
+    tree = random_tree(generator, names[:6], fixed=True)
+    free = random_body(generator, names[6], '<freejoint name="free"/>', "")
+    (tmp_path / "first.xml").write_text(file_of(tree + free, generator))
+    first = cj.load_robot(tmp_path / "first.xml")
+    q, qd = generator.uniform(-2, 2, (2, len(first.joints)))
+    state = first.state(q, qd)
+    model = written(first, state)
+    again = cj.load_robot(tmp_path / "written.xml")
+    assert {*again.joints} == {*first.joints}
+    assert again.scene.bodies.keys() == first.scene.bodies.keys()
+    by_name = dict(zip(first.joints, q, strict=True)), dict(zip(first.joints, qd, strict=True))
+    second = again.state(*by_name)
+    for body in state.bodies:
+        for part in ("position", "velocity", "spin"):
+            ends = (np.asarray(getattr(each.bodies[body], part)) for each in (state, second))
+            assert next(ends) == pytest.approx(next(ends), abs=1e-12)
+    pair = accelerations(first.scene, state), accelerations(again.scene, second)
+    scale = np.abs([*pair[0].values()]).max()
+    for body, parts in pair[0].items():
+        assert np.abs(np.subtract(parts, pair[1][body])).max() < 1e-9 * scale
+    require_same_accelerations(model, at_keyframe(model), first.scene, state, 1e-9)
+    original = mujoco.MjModel.from_xml_path(str(tmp_path / "first.xml"))
+    rates = [driven(each, first, q, qd) for each in (original, model)]
+    for name in first.joints:
+        one, other = (data.joint(name).qacc[0] for data in rates)
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * scale)
+
+
+@pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_accelerates_drive_trains_alike(seed, tmp_path, written):
+    """Rotors that turn with the link, by a spring, and by pressed flanks, of hinges and sliders."""
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(6)]
+    tree = random_tree(generator, names, fixed=True)
+    (tmp_path / "first.xml").write_text(file_of(tree, generator))
+    robot = cj.load_robot(tmp_path / "first.xml")
+    q, qd = generator.uniform(-2, 2, (2, len(robot.joints)))
+    positions, speeds = (dict(zip(robot.joints, part, strict=True)) for part in (q, qd))
+    law = cj.frictions.RegularisedCoulomb(1.0, 1e-9)
+    for name in robot.joints:
+        inertia, stiffness, damping, friction, viscosity = generator.uniform(0.1, 2.0, 5)
+        options = {"armature": inertia, "friction": friction, "viscosity": viscosity, "law": law}
+        kind = generator.integers(4)
+        if kind:
+            options |= {"stiffness": 1e4 * stiffness, "damping": damping}
+            positions[f"{name} motor"] = positions[name] + generator.uniform(-6e-3, 6e-3)
+            speeds[f"{name} motor"] = generator.uniform(-2, 2)
+        if kind > 1:
+            options["play"] = 0.01
+        robot = robot.with_drive(name, cj.Drive(**options))
+    state = robot.state(positions, speeds)
+    model = written(robot, state, timestep=1e-4)
+    require_same_accelerations(model, at_keyframe(model), robot.scene, state, 1e-3)
+
+
+@pytest.mark.parametrize("seed", FEW)
+def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path, written):
+    generator = np.random.default_rng(seed)
+    numbers = dict(zip("abcdefghij", generator.uniform(0.1, 2.0, 10), strict=True))
+    file = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
+      <joint name="elbow" axis="0 1 0" range="-{a} {b}" frictionloss="{c}" damping="{d}"
+        armature="{e}" stiffness="{f}" springref="{g}" actuatorfrcrange="-{h} {h}"/>
+      <inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+      <body name="hand"><joint name="grip" type="slide" axis="1 0 0" frictionloss="{i}"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+      <body name="tip"><joint name="tilt" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+      <body name="end"><joint name="held" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></body></body>
+      </worldbody>
+      <equality><joint name="e" joint1="grip" joint2="elbow" polycoef="{a} {b} {c} {d} {e}"/>
+      <joint name="f" joint1="tilt" joint2="elbow" polycoef="{b} {c} {d} 0 {e}"/>
+      <joint name="g" joint1="held" polycoef="{a} 0 0 0 0"/></equality><actuator>
+      <position name="servo" joint="elbow" kp="{i}" kv="{j}" ctrlrange="-1 {a}"/>
+      <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator></mujoco>"""
+    (tmp_path / "first.xml").write_text(file.format(**numbers))
+    first = cj.load_robot(tmp_path / "first.xml")
+    original = mujoco.MjModel.from_xml_path(str(tmp_path / "first.xml"))
+    model = written(first)
+    again = cj.load_robot(tmp_path / "written.xml")
+    assert again.limits == first.limits
+    assert again.actuators == first.actuators
+    assert again.leaders == first.leaders == {"grip": "elbow", "tilt": "elbow"}
+    for numbers in ("damping", "frictionloss", "armature"):
+        both = (getattr(each, f"dof_{numbers}") for each in (original, model))
+        np.testing.assert_allclose(*both, rtol=1e-12)
+    for attribute in ("jnt_range", "jnt_stiffness", "qpos_spring", "jnt_actfrcrange"):
+        np.testing.assert_allclose(getattr(original, attribute), getattr(model, attribute))
+    q = generator.uniform(-1, 1)
+    one, other = (robot.angles(robot.state({"elbow": q})) for robot in (first, again))
+    assert {*one} == {"elbow", "grip", "tilt", "held"}
+    for name, position in one.items():
+        assert float(position) == pytest.approx(float(other[name]), abs=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
+def test_stops_play_and_actuators_of_drives(tmp_path, written):
+    """Stops are at the limits of the file; of a stop and a play, the narrower one acts; an actuator
+    acts on the rotor."""
+    bodies = "".join(
+        f'<body name="on {name}"><joint name="{name}" axis="0 1 0" {options}/>'
+        '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
+        for name, options in (
+            ("elbow", 'range="-0.4 0.9"'),
+            ("grip", 'type="slide" range="-0.1 0.3"'),
+            ("twist", 'range="2 6" armature="1e-6"'),
+        )
+    )
+    servo = '<actuator><position name="servo" joint="twist" kp="3"/></actuator>'
+    compiler = '<compiler angle="radian"/>'
+    file = f"<mujoco>{compiler}<worldbody>{bodies}</worldbody>{servo}</mujoco>"
+    (tmp_path / "first.xml").write_text(file)
+    law = cj.laws.SpringDashpot(2e6, 30.0)
+    stops = {"elbow": {"torsional_stiffness": 500.0, "restitution": 0.3}, "grip": {"law": law}}
+    play = {"elbow": {"backlash": 0.01, "torsional_stiffness": 900.0, "restitution": 0.3}}
+    for added, limits, stiffness in (({}, (-0.4, 0.9), 500.0), (play, (-0.005, 0.005), 900.0)):
+        robot = cj.load_robot(tmp_path / "first.xml", play=added, stops=stops)
+        robot = robot.with_drive("twist", cj.Drive(stiffness=80.0, damping=0.1))
+        # Within the limits, whatever the revolution.
+        model = written(robot, robot.state({"twist": 5.0 - 2 * math.pi}))
+        assert model.joint("elbow").range == pytest.approx(limits, abs=1e-12)
+        assert model.joint("grip").range == pytest.approx((-0.1, 0.3), abs=1e-12)
+        numbers = model.jnt_solref[:, 0]
+        for name, expected in (("elbow", stiffness), ("grip", 2e6)):
+            number = numbers[model.joint(name).id]
+            weight = model.dof_invweight0[model.joint(name).dofadr[0]]
+            assert -number == pytest.approx(expected * weight)
+        assert model.key_qpos[0][model.joint("twist").qposadr[0]] == pytest.approx(5.0)
+        assert model.actuator("servo").trnid[0] == model.joint("twist motor").id
+        assert model.tendon_stiffness == pytest.approx(80.0)
+
+
+@pytest.mark.parametrize("seed", FEW)
+def test_loops_are_equations_of_the_file(seed, tmp_path, written):
+    """Two bodies on balls of the ground and a third joint: its points coincide in the pose of the
+    file. With a ball, they move in three ways; with a hinge or a weld, only about the line of the
+    two balls on the ground."""
+    generator = np.random.default_rng(seed)
+    for kind, rows, rank in (
+        (cj.SphericalJoint, 3, 3),
+        (cj.FixedJoint, 6, 5),
+        (cj.RevoluteJoint, 6, 5),
+    ):
+        made = RandomScene(generator, 2)
+        a, b = made.names
+        made.joints.clear()
+        places, axis = (
+            generator.uniform(-1, 1, (3, 3)),
+            Rotation.random(rng=generator).as_matrix()[0],
+        )
+        turns = [made.poses[body][1] for body in (a, b)]
+        options = {
+            cj.SphericalJoint: [],
+            cj.FixedJoint: [(turns[0].inv() * turns[1]).as_quat(scalar_first=True)],
+            cj.RevoluteJoint: [made.local(a, axis), made.local(b, axis)],
+        }
+        ends = made.point(a, places[2]), made.point(b, places[2])
+        joints = {
+            "on a": cj.SphericalJoint("ground", a, places[0], made.point(a, places[0])),
+            "on b": cj.SphericalJoint("ground", b, places[1], made.point(b, places[1])),
+            "loop": kind(a, b, *ends, *options[kind]),
+        }
+        scene = cj.Scene(made.bodies, joints)
+        state = made.moving(scene)
+        model = written(scene, state)
+        data = at_keyframe(model)
+        assert data.ne == rows
+        assert np.abs(data.efc_pos[:rows]).max() < 1e-9
+        jacobian = data.efc_J.reshape(-1, model.nv)[:rows]
+        assert np.linalg.matrix_rank(jacobian, tol=1e-9) == rank
+
+
+def test_play_moves_as_the_closed_form_says(written):
+    """Flights at constant speed and contacts of a damped oscillator, in MuJoCo."""
+    scene, state = ours.shafts()
+    model = written(scene, state, timestep=1e-6, integrator="RK4")
+    data = at_keyframe(model)
+    mujoco.mj_step(model, data, nstep=round(END / 1e-6))
+    (truth,) = exact(np.array([END]))
+    found = [data.joint(name).qpos[0] for name in ("motor", "link")]
+    assert np.abs(found - truth.angles).max() < 3e-6
+    # The shortest step of the default resolves the contact.
+    period = 2 * math.pi / FREQUENCY
+    assert written(scene, state).opt.timestep == pytest.approx(period / 20)
+
+
+@pytest.mark.parametrize("seed", FEW)
+def test_flanks_give_way_under_a_load_as_springs_in_any_pose(seed, written):
+    """Two arms, with play in the second hinge: at rest, the torque over the stiffness."""
+    generator = np.random.default_rng(seed)
+    arm = cj.Body(1.0, (0.02, 0.02, 0.02))
+    stiffness, play, torque = 800.0, 0.02, generator.uniform(2.0, 5.0)
+    joints = {
+        "shoulder": cj.RevoluteJoint("ground", "upper", (0, 0, 0), (-0.5, 0, 0), AXIS, AXIS),
+        "elbow": cj.RevoluteJoint("upper", "lower", (0.5, 0, 0), (-0.3, 0, 0), AXIS, AXIS),
+        "play": cj.Backlash(
+            "upper", "lower", middle=1.0, play=play, torsional_stiffness=stiffness, restitution=0.2
+        ),
+    }
+    scene = cj.Scene({"upper": arm, "lower": arm}, joints)
+    turn = cj.rotation((0, 0, 1), 1.0)
+    place = np.array([1.0, 0, 0]) + 0.3 * np.array([math.cos(1.0), math.sin(1.0), 0.0])
+    state = cj.State({"upper": cj.body_state((0.5, 0, 0)), "lower": cj.body_state(place, turn)})
+    model = written(scene, state)
+    data = at_keyframe(model)
+    data.joint("shoulder").qpos[0] = generator.uniform(-3, 3)
+    for _ in range(round(0.4 / model.opt.timestep)):
+        data.joint("elbow").qfrc_applied[0] = torque
+        data.qvel[:] *= 0.99  # settles
+        mujoco.mj_step(model, data)
+    depth = data.joint("elbow").qpos[0] - 1.0 - 0.5 * play
+    # The arms still accelerate, so that a part of the torque moves them.
+    matrix = np.zeros((2, 2))
+    mujoco.mj_fullM(model, data, matrix)
+    carried = torque - matrix[1] @ data.qacc
+    assert depth == pytest.approx(carried / stiffness, rel=2e-3)
+
+
+CHAIN = """<robot name="chain"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.02" izz="0.02"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/>
+    <inertia ixx="0.002" iyy="0.004" izz="0.004"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="100" velocity="9"/>
+    <dynamics damping="0.2"/></joint>
+  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+@pytest.fixture
+def chain(tmp_path):
+    (tmp_path / "chain.urdf").write_text(CHAIN)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
+        return cj.load_robot(tmp_path / "chain.urdf")
+
+
+def test_the_file_names_what_it_lacks(chain, tmp_path):
+    elbow = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02}
+    law = cj.laws.HuntCrossley(0.8, 1e9)
+    scene = cj.load_robot(tmp_path / "chain.urdf", play={"elbow": elbow | {"law": law}}).scene
+    load = cj.AppliedLoad("lower", force=(1.0, 0.0, 0.0))
+    floor = cj.Stop("ground", "lower", normal=(0, 0, 1), law=law)
+    whole = cj.Scene(scene.bodies, scene.joints | {"floor": floor}, {"load": load})
+    with pytest.warns(cj.NotCarriedOverWarning) as caught:
+        cj.save_mjcf(whole, tmp_path / "lacking.xml", chain.state())
+    (message,) = {str(warning.message) for warning in caught}
+    assert "ideal joints, of elbow" in message
+    assert "Stop of floor" in message and "AppliedLoad of load" in message
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "lacking.xml"))
+    assert model.nv == 2
+    with pytest.warns(cj.NotCarriedOverWarning, match="limits of velocities of shoulder"):
+        cj.save_mjcf(chain, tmp_path / "robot.xml")
+
+
+def test_what_cannot_be_written_is_named(chain, tmp_path):
+    path = tmp_path / "file.xml"
+    with pytest.raises(ValueError, match="`state` must be given for a scene"):
+        cj.save_mjcf(chain.scene, path)
+    with pytest.raises(ValueError, match="`integrator` must be one of"):
+        cj.save_mjcf(chain, path, integrator="euler")
+    with pytest.raises(ValueError, match="timestep"):
+        cj.save_mjcf(chain, path, timestep=0.0)
+    moved = chain.state()
+    moved = cj.set_value(moved, lambda state: state.bodies["lower"].position, (0.0, 1.0, 0.0))
+    with pytest.raises(ValueError, match=r"joint of 'lower'.*assemble"):
+        cj.save_mjcf(chain.scene, path, moved)
+    loop = cj.Scene({"world": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    with pytest.raises(ValueError, match="MuJoCo compiles"):
+        cj.save_mjcf(loop, path, cj.State({"world": cj.body_state((0, 0, 0))}))
+
+
+@pytest.mark.slow  # compiles
+def test_the_difference_falls_with_mujocos_step(chain):
+    """A drive train with play, driven by a torque, with dry friction: MuJoCo's error falls to that
+    of its impedance."""
+    drive = cj.Drive(armature=0.02, play="0.5 deg", stiffness=800.0, damping=0.4)
+    robot = chain.with_drive("elbow", drive)
+    torque = cj.PiecewiseConstant([0.0, 0.02, 0.05], [2.0, -2.0, 0.5])
+    robot = robot.with_elements({"torque": cj.DriveTorque(*robot.motor_side("elbow"), torque)})
+    steps = 1e-4, 1e-5, 1e-6
+    state = robot.state({"shoulder": 0.3, "elbow": -0.5}, {"shoulder": 1.0})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
+        found = cj.compare_with_mujoco(robot, state, 0.1, timesteps=steps, integrator="RK4")
+    assert found.timesteps == pytest.approx(steps, rel=0.1)
+    assert {*found.positions} == {"shoulder", "elbow", "elbow motor"}
+    for name, largest in found.largest_difference.items():
+        assert largest[2] < 0.3 * largest[0], name
+        assert largest[2] < 1e-5, name
+    head, *rows = str(found).splitlines()
+    assert head.split() == ["largest", "difference", "shoulder", "elbow", "elbow", "motor"]
+    assert [row.partition(" ms")[0] for row in rows] == [f"step of {x}" for x in (0.1, 0.01, 0.001)]
+
+
+def test_motions_that_diverge_are_infinitely_far():
+    off = {"elbow": np.array([[0.0, 1e-3, np.nan], [0.0, 1e-3, 2e-3]])}
+    own = {"elbow": np.zeros(3)}
+    found = cj.results.MujocoComparison((1e-2, 1e-3), np.arange(3.0), own, off)
+    assert found.largest_difference["elbow"].tolist() == [math.inf, 2e-3]
+    assert "diverged" in str(found)
