@@ -1,0 +1,398 @@
+"""Fit of a robot's joints to its log: what the log determines, and the estimates."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from typing_extensions import override
+
+from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from .._export.tables import aligned, number
+from .._fields.checks import require
+from .._identification.fit import Fit
+from .._identification.identify import OnIteration, identify
+from .._information.analysis import Identifiability, identifiability
+from .._information.horizon import fit_horizon
+from .._measurements.robot_logs import RobotLog
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter, values_at
+from .._scene_files.robot import Robot
+from .._simulation.results.observe import observe
+from .._simulation.run.saving import Saving
+from .._simulation.run.simulate import simulate
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings, settings_or
+from .problem import Driving, Find, RobotProblem, backlash_name, drive_name, robot_problem
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ROUNDS = 3
+"""Largest number of fits, each with the parameters that the log determines at the estimates of the
+fit before."""
+NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
+STILL = 3.0
+"""Range of a logged position, in multiples of its noise, up to which a joint counts as at rest."""
+PART = 0.3
+"""Weight in an undetermined combination above which a parameter is named."""
+
+
+class Hysteresis(NamedTuple):
+    """Torque of a joint over its position, as logged and as predicted, at N times.
+
+    Positions are in rad or m, torques in N m or N, all (N,).
+    """
+
+    position: Float[np.ndarray, " N"]
+    torque: Float[np.ndarray, " N"]
+    predicted_position: Float[np.ndarray, " N"]
+    predicted_torque: Float[np.ndarray, " N"]
+
+
+@dataclass(frozen=True)
+class RobotFit(AbstractTabular):
+    """Result of `fit_robot`.
+
+    - `fit`: the `Fit` of the parameters that the log determines.
+    - `robot`: the robot with the estimates.
+    - `log`, `drive`: as given.
+    - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
+      Each was held at its start, `held`, in its unit.
+
+    ```python
+    found = cj.fit_robot(robot, log, {"elbow": ["play", "friction"]}, {"elbow": "torque"})
+    print(found)
+    found.fit.intervals["elbow play"]  # rad
+    ```
+    """
+
+    fit: Fit
+    robot: Robot
+    log: RobotLog
+    drive: Mapping[str, Driving]
+    undetermined: dict[str, str]
+    held: dict[str, tuple[float, str]]
+
+    @override
+    def to_xarray(self) -> "xr.Dataset":
+        """Return estimates and held values along "parameter", with the bounds of the 95 % interval,
+        NaN for held ones, and the unit."""
+        rows = self._rows()
+        names, along = [*rows], ("parameter",)
+        variables = {
+            "estimate": Labelled(along, [row[0] for row in rows.values()]),
+            "low": Labelled(along, [row[1] for row in rows.values()]),
+            "high": Labelled(along, [row[2] for row in rows.values()]),
+            "unit": Labelled(along, texts([row[3] for row in rows.values()])),
+            "determined": Labelled(along, texts([str(n not in self.held).lower() for n in names])),
+        }
+        labels = {"parameter": Labelled(along, texts(names))}
+        return labelled_dataset("fit of a robot", variables, labels)
+
+    def _rows(self) -> dict[str, tuple[float, float, float, str]]:
+        """Return value, bounds and unit of each parameter."""
+        fit, nan = self.fit, math.nan
+        intervals = fit.intervals
+        rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
+        return rows | {name: (value, nan, nan, unit) for name, (value, unit) in self.held.items()}
+
+    @override
+    def __str__(self) -> str:
+        table = [("parameter", "estimate", "95 % from", "to", "unit")]
+        for name, (value, low, high, unit) in self._rows().items():
+            ends = ("not identifiable", "") if name in self.held else (f"{low:.4g}", f"{high:.4g}")
+            table.append((name, f"{value:.4g}", *ends, unit))
+        return "\n\n".join(
+            part
+            for part in (
+                "\n".join(aligned(table)),
+                "\n".join(self.undetermined.values()),
+                str(self.fit),
+            )
+            if part
+        )
+
+    @cached_property
+    def predictions(self) -> dict[str, Float[np.ndarray, " N"]]:
+        """Predicted values of each measured series, (N,), in rad, m, N m or N. Angles differ from
+        the measured ones by less than half a revolution."""
+        series = self.fit.measurements.series
+        return {n: s.values + self.fit.residuals[n] * s.noise for n, s in series.items()}
+
+    def hysteresis(self) -> dict[str, Hysteresis]:
+        """Return torque over position of each driven joint with a logged torque and position.
+
+        The torque of a joint that is driven by it is the logged one, and so is the position of a
+        joint that is driven by its position.
+        """
+        loops = {}
+        for joint, mode in self.drive.items():
+            if joint not in self.log.angles or joint not in self.log.torques:
+                continue
+            angles, torques = self.log.angles[joint], self.log.torques[joint]
+            name = f"{joint} torque" if mode == "angle" else f"{joint} position"
+            predicted, times = self.predictions[name], self.fit.measurements[name].times
+            if mode == "angle":
+                position = np.interp(times, angles.times, np.unwrap(angles.values))
+                loops[joint] = Hysteresis(position, torques.values, position, predicted)
+            else:
+                torque = np.interp(times, torques.times, torques.values)
+                loops[joint] = Hysteresis(angles.values, torque, predicted, torque)
+        return loops
+
+
+def fit_robot(
+    robot: Robot,
+    log: RobotLog,
+    find: Find,
+    drive: Mapping[str, Driving],
+    *,
+    parameters: Mapping[str, Parameter] = NO_PARAMETERS,
+    settings: Settings | None = None,
+    grow: Sequence[float] | None = None,
+    max_iterations: int = 100,
+    check_runs: int | None = 0,
+    progress: bool | OnIteration = True,
+) -> RobotFit:
+    """Estimate play, friction, damping and inertia of a robot's joints from a log.
+
+    ```python
+    import clearjoint as cj
+
+    robot = cj.load_robot("arm.urdf", play={"elbow": {"backlash": "0.5 deg"}})
+    log = cj.RobotLog.read(
+        "log.csv",
+        time="t [ms]",
+        angles={"elbow": cj.LogColumn.encoder("counts", counts=4096, zero=2048)},
+        torques={"elbow": cj.LogColumn.current("i [A]", torque_constant=0.05, ratio=100.0)},
+    )
+    print(cj.fit_robot(robot, log, {"elbow": ["play", "friction"]}, {"elbow": "torque"}))
+    ```
+
+    Before the fit, the Fisher information of the log tells which parameters it determines. Others
+    are held at their start, and the result says why. The fit compares the log with one run from its
+    first time, whose initial positions and speeds are parameters too, named "elbow start position"
+    and "elbow start speed".
+
+    **Arguments:**
+
+    - `robot`: from `load_robot`, with a play in each joint whose play is to be found.
+    - `find`: what to find of each joint, by its name: a list, or a dictionary with starts, numbers
+      or texts with units, such as ``{"elbow": {"play": "1 deg", "friction": None}}``. By default a
+      start is the number in the robot or, for a friction or damping that it lacks, a tenth of the
+      largest logged torque. Of hinges:
+        - "play", rad, and "stiffness", N m/rad, of the flanks of a backlash.
+        - "friction", N m, independent of the speed, and "damping", N m s/rad.
+        - "inertia", kg m^2, of the link about its centre of mass, along the joint's axis. Its other
+          moments change in proportion. "mass", kg, of the link.
+
+      Of sliders: "friction", N, and "mass".
+    - `drive`: how joints are driven, by name; other joints move freely.
+        - "angle": the joint follows its logged position, smoothed by as much as its noise. Its
+          logged torque is compared with the one that this takes.
+        - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
+          until the next. The logged position is compared with that of the run.
+    - `parameters`: further parameters by name, such as ``{"delay": cj.Parameter.delay("elbow
+      position")}``. The series are named "elbow position" and "elbow torque".
+    - `settings`, `max_iterations`, `check_runs`, `progress`: as in `identify`.
+    - `grow`: ends of growing windows, s, as in `identify`. By default they come from `fit_horizon`,
+      for starts that are wrong by a factor of two.
+
+    **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
+    is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
+    with the starts fails. Otherwise as `identify`.
+
+    **Warns:** as `identify`.
+    """
+    settings = settings_or(settings, presets.identification)
+    problem = robot_problem(robot, log, find, drive)
+    taken = sorted(set(parameters) & set(problem.parameters))
+    remedy = "rename them"
+    require(not taken, "parameters", taken, "of other names than those of the robot", remedy)
+    free = {**problem.parameters, **parameters}
+    scene, state, measured = problem.scene, problem.state, problem.measurements
+    values = values_at(free, np.array([p.coordinate_in(scene, state) for p in free.values()]))
+    starts, fit, undetermined = values, None, {}
+    for _ in range(ROUNDS):
+        present = {n: replace_value(p, values[n]) for n, p in free.items()}
+        report = identifiability(scene, state, present, measured, settings, start_time=log.start)
+        reasons = _undetermined(report, problem, present, settings)
+        if fit is not None and set(reasons) == set(undetermined):
+            break
+        undetermined = reasons
+        rest = {n: p for n, p in present.items() if n not in reasons}
+        texts_ = " ".join(reasons.values())
+        require(bool(rest), "find", [*find], f"determined by the log ({texts_})", "log more")
+        base = scene, state
+        for name in reasons:
+            setter = free[name].variation.setter(*base, 0.0)
+            base = setter(*base, starts[name])
+        windows = _windows(*base, rest, problem, settings) if grow is None else grow
+        fit = identify(
+            *base,
+            measured,
+            rest,
+            settings,
+            start_time=log.start,
+            grow=windows,
+            max_iterations=max_iterations,
+            check_runs=check_runs,
+            progress=progress,
+        )
+        values = {**starts, **fit.estimates}
+    assert fit is not None
+    held = {n: (starts[n], _unit(free[n], scene, state)) for n in undetermined}
+    elements = {
+        family: {n: getattr(fit.scene, family)[n] for n in getattr(fit.scene, family)}
+        for family in ("joints", "forces")
+    }
+    for joint in drive:
+        for family in elements.values():
+            family.pop(drive_name(joint), None)
+    fitted = replace(robot, scene=replace(fit.scene, **elements))
+    return RobotFit(fit, fitted, log, dict(drive), undetermined, held)
+
+
+def replace_value(parameter: Parameter, value: float) -> Parameter:
+    """Return a parameter with another first guess."""
+    return Parameter(parameter.variation, parameter.scale, value=value)
+
+
+def _unit(parameter: Parameter, scene: Scene, state: State) -> str:
+    return parameter.variation.unit_in(scene, state)
+
+
+def _windows(
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    problem: RobotProblem,
+    settings: Settings,
+) -> list[float]:
+    """Return the ends of growing windows, each twice as long as the one before; none if a single
+    run can fit the whole log."""
+    uncertainty = {
+        name: math.log(2.0) if problem.subjects.get(name, ("", "start"))[1] in FACTOR else 1.0
+        for name in parameters
+    }
+    horizon = fit_horizon(
+        scene,
+        state,
+        parameters,
+        problem.measurements,
+        settings,
+        uncertainty=uncertainty,
+        start_time=problem.log.start,
+    )
+    end, start = float(problem.measurements.times()[-1]), problem.log.start
+    if not horizon.single_shot <= end:
+        return []
+    ends, length = [], 0.9 * (horizon.single_shot - start)
+    while start + length < end:
+        ends.append(start + length)
+        length *= 2.0
+    return ends
+
+
+FACTOR = ("play", "stiffness", "friction", "damping", "inertia", "mass")
+
+
+def _undetermined(
+    report: Identifiability,
+    problem: RobotProblem,
+    parameters: Mapping[str, Parameter],
+    settings: Settings,
+) -> dict[str, str]:
+    """Return, for each parameter that the log does not determine, a sentence that says why."""
+    names, reasons = [*report.names], {}
+    flanks: dict[str, set[str]] | None = None
+    while names:
+        columns = [report.names.index(name) for name in names]
+        part = replace(
+            report,
+            names=tuple(names),
+            scales=tuple(report.scales[k] for k in columns),
+            coordinates=report.coordinates[columns],
+            rows=report.rows[:, columns],
+        )
+        ratios = part.deviations / part.limits
+        if (ratios <= 1.0).all():
+            break
+        # Of several parameters that only together are undetermined, that with the smallest effect
+        # of its own is left out first: the others may be determined without it.
+        alone = np.where(ratios > 1.0, part.deviations_alone / part.limits, 0.0)
+        k = int(alone.argmax())
+        if flanks is None:
+            flanks = _touched(problem, parameters, settings)
+        reasons[names[k]] = _reason(names[k], part, k, problem, flanks)
+        del names[k]
+    return reasons
+
+
+def _touched(
+    problem: RobotProblem, parameters: Mapping[str, Parameter], settings: Settings
+) -> dict[str, set[str]]:
+    """Return which flanks of each backlash touch in a run."""
+    scene, state, log = problem.scene, problem.state, problem.log
+    for parameter in parameters.values():
+        try:
+            change = parameter.variation.setter(scene, state, 0.0)
+        except ValueError:  # an error of a sensor, which changes no scene
+            continue
+        scene, state = change(scene, state, parameter.value)
+    times = problem.measurements.times()
+    solution = simulate(
+        scene,
+        state,
+        float(times[-1]),
+        replace(presets.default, rtol=max(settings.rtol, presets.default.rtol)),
+        Saving(times),
+        start_time=log.start,
+        progress=False,
+    )
+    contacts = observe(scene, solution).contacts
+    return {
+        joint: {label for label, c in contacts[joint].items() if np.any(c.normal_force > 0.0)}
+        for joint in contacts
+    }
+
+
+def _reason(
+    name: str,
+    report: Identifiability,
+    k: int,
+    problem: RobotProblem,
+    flanks: Mapping[str, set[str]],
+) -> str:
+    joint, kind = problem.subjects.get(name, ("", name))
+    subject = f"The {kind} of {joint}" if joint else f"Parameter {name!r}"
+    head = f"{subject} cannot be determined"
+    touched = flanks.get(backlash_name(joint))
+    if kind in ("play", "stiffness") and touched is not None and len(touched) < 2:
+        if not touched:
+            return f"{head}: its flanks never touch in the motion."
+        if kind == "play":
+            return f"{head}: the motion never reverses its load."
+    samples = problem.log.angles.get(joint)
+    if kind in ("friction", "damping", "inertia") and samples is not None:
+        if np.ptp(samples.values) <= STILL * (samples.noise or 0.0):
+            return f"{head}: the joint does not move."
+    if report.deviations_alone[k] > report.limits[k]:
+        size = number(float(report.deviations_alone[k]))
+        return (
+            f"{head}: the log hardly depends on it (the noise allows a standard deviation of "
+            f"{report.labels[k]} of {size})."
+        )
+    worst = max(report.combinations, key=lambda c: abs(c.weights[k]) * c.standard_deviation)
+    others = [
+        other
+        for other, weight in zip(report.names, worst.weights, strict=True)
+        if other != name and abs(weight) > PART * abs(worst.weights[k])
+    ]
+    return f"{head}: its effect can't be told from that of {' and '.join(others)}."
