@@ -188,6 +188,7 @@ from ._result_codes import RESULTS as RESULTS
 from ._robot_fits.fit_robot import fit_robot as fit_robot
 from ._runtime import XLA_FLAGS as XLA_FLAGS
 from ._runtime import configure as configure
+from ._scene_files.drive_train import Drive as Drive
 from ._scene_files.files import load as load
 from ._scene_files.files import save as save
 from ._scene_files.robot import load_robot as load_robot

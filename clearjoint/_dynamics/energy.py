@@ -5,6 +5,7 @@ Terms that a scene cannot have are absent from dictionaries and from the compile
 
 from .._math.vectors import Scalar, add, is_zero
 from .._model.joints.base import ByLabel
+from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
 from .contact_forces import Bristles, LoadedContact
 from .coordinates import Motions
@@ -94,6 +95,10 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
         energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
+    for joint in scene.joints.values():
+        if isinstance(joint, AbstractDriveableJoint) and joint.armature is not None:
+            speed = row_rate(joint.position(motions), motions)
+            energies["kinetic"] = energies["kinetic"] + 0.5 * joint.armature * speed**2
     if scene.gravity is not None:
         energies["gravity"] = 0.0
         for name, body in scene.bodies.items():

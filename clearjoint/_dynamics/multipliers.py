@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import jax
 
 from .._math.block_matrices import gram_matrix
-from .._math.linear_solvers import AbstractSolver
+from .._math.linear_solvers import AbstractSolver, inner
 from .._math.smoothing import where
-from .._math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root
+from .._math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root, subtract
 from .._model.bodies import GROUND, Body
 from .._model.joints.base import Motions, Row
 from .coordinates import AbstractMechanics, Speeds
@@ -26,6 +26,10 @@ class ConstraintEquations:
     a planar loop in the direction normal to its plane, since the coordinates always satisfy it. If
     the solver's result depends on them, `weights` multiply the rows and their targets (see
     `row_weights`).
+
+    `compliances` of the last rows make them elastic: such a row changes by its target less its
+    compliance times its multiplier. With the compliance 1/a, the row of a joint's position has the
+    effect of an armature a.
     """
 
     def __init__(
@@ -34,8 +38,10 @@ class ConstraintEquations:
         directions: Sequence[Speeds],
         solver: AbstractSolver,
         weights: Sequence[Scalar] | None = None,
+        compliances: Sequence[Scalar] = (),
     ):
         self._rows, self._speeds, self._weights = len(directions), len(directions[0]), weights
+        self._directions, self._compliances = directions, compliances
         # A zero row would make the matrix singular: only the others are active.
         self._active = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
         # A solver for singular matrices replaces entries that are rounding errors by zeros.
@@ -47,7 +53,46 @@ class ConstraintEquations:
             ]
         # The rows of D M^-1.
         self._solved_rows = [mechanics.solved(row) for row in rows]
-        self._solve = solver.solving(gram_matrix(rows, self._solved_rows)) if rows else list
+        # A further column of both factors of D M^-1 D^T for each compliance, with its root in its
+        # row, adds the compliance to the diagonal.
+        first = self._rows - len(compliances)
+        more = [
+            [
+                multiply(1.0 if weights is None else weights[k], square_root(compliance))
+                if k == first + j
+                else 0.0
+                for j, compliance in enumerate(compliances)
+            ]
+            for k in self._active
+        ]
+        factors = [
+            [[*row, *own] for row, own in zip(part, more, strict=True)]
+            for part in (rows, self._solved_rows)
+        ]
+        self._solve = solver.solving(gram_matrix(*factors)) if rows else list
+
+    def corrected(self, targets: Sequence[Scalar], rates: Speeds) -> tuple[Speeds, list[Scalar]]:
+        """Return rates of the speeds with the least change, in the metric of M, by which each row
+        has its target, its second time derivative without the part that does not depend on the
+        rates; and the multipliers of the rows."""
+        lacking = [a - inner(d, rates) for a, d in zip(targets, self._directions, strict=True)]
+        change, multipliers = self.response(lacking)
+        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        if not self._compliances:
+            return rates, multipliers
+        # A rotor may have much less inertia by itself than its armature: its rate without the
+        # multiplier is then large, and the change cancels most of it. So the rest is corrected.
+        rigid = self._rows - len(self._compliances)
+        yielding = [0.0] * rigid + [
+            multiply(c, m) for c, m in zip(self._compliances, multipliers[rigid:], strict=True)
+        ]
+        lacking = [
+            subtract(a - inner(d, rates), part)
+            for a, d, part in zip(targets, self._directions, yielding, strict=True)
+        ]
+        change, rest = self.response(lacking)
+        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        return rates, [add(a, b) for a, b in zip(multipliers, rest, strict=True)]
 
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
         """Return the smallest change of rates, speeds or positions in the metric of M that changes

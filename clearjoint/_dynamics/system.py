@@ -8,10 +8,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .._math.linear_solvers import inner
 from .._math.vectors import ZERO, Condition, Scalar, add, is_zero
 from .._model.bodies import BodyState, Motion
 from .._model.joints.base import ByLabel, Motions, Row, each_label
+from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
 from .contact_events import ContactGap, ContactGaps, contact_gaps
 from .contact_forces import (
@@ -22,7 +22,7 @@ from .contact_forces import (
     LoadedContact,
     contact_forces,
 )
-from .coordinates import AbstractMechanics, MotionVariables, Speeds
+from .coordinates import AbstractMechanics, MotionVariables
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened
 from .formulation import Formulation
@@ -128,7 +128,8 @@ class System(eqx.Module):
         """Solve the equations of motion with given contact forces."""
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
         rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
-        if not rows:
+        rotors = self.rotors(mechanics.motions)
+        if not rows and not rotors:
             return Dynamics(mechanics, forces, rows, rates, {})
         # The second time derivative of each row that the stabilisation demands, minus the part that
         # does not depend on the rates.
@@ -137,8 +138,9 @@ class System(eqx.Module):
             - add(row.bias, mechanics.bias(row))
             for row in flattened(rows)
         ]
-        change, multipliers = self._response(mechanics, flattened(rows), targets, rates)
-        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+        targets += [-add(row.bias, mechanics.bias(row)) for row, _ in rotors]
+        equations = self.constraint_equations(mechanics, flattened(rows), rotors)
+        rates, multipliers = equations.corrected(targets, rates)
         # `each_label` calls the function in the order of `flattened`, which is that of the list.
         values = iter(multipliers)
         by_label = each_label(lambda name, label: next(values), rows)
@@ -204,7 +206,8 @@ class System(eqx.Module):
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
             return variables
-        changes, _ = self._response(mechanics, rows, [-row.value for row in rows])
+        equations = self.constraint_equations(mechanics, rows)
+        changes, _ = equations.response([-row.value for row in rows])
         return mechanics.after_displacement(changes)
 
     def project_velocities(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
@@ -214,29 +217,41 @@ class System(eqx.Module):
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
             return variables
-        targets = [-row_rate(row, mechanics.motions) for row in rows]
-        changes, _ = self._response(mechanics, rows, targets)
+        rotors = self.rotors(mechanics.motions)
+        targets = [-row_rate(row, mechanics.motions) for row in rows] + [0.0] * len(rotors)
+        changes, _ = self.constraint_equations(mechanics, rows, rotors).response(targets)
         return mechanics.after_speed_change(changes)
 
-    def _response(
+    def rotors(self, motions: Motions) -> list[tuple[Row, Scalar]]:
+        """Return the row of the position, and the armature, of each joint with an armature that the
+        coordinates do not eliminate; they include those of the others in their mass matrix."""
+        eliminated = self.formulation.coordinates.eliminated(self.scene)
+        return [
+            (joint.position(motions), joint.armature)
+            for name, joint in self.scene.joints.items()
+            if isinstance(joint, AbstractDriveableJoint)
+            and joint.armature is not None
+            and name not in eliminated
+        ]
+
+    def constraint_equations(
         self,
         mechanics: AbstractMechanics,
         rows: Sequence[Row],
-        targets: Sequence[Scalar],
-        rates: Speeds | None = None,
-    ) -> tuple[Speeds, list[Scalar]]:
-        """Return the smallest change of positions, speeds or rates of the speeds, in the metric of
-        the mass matrix, by which each row reaches its target, and the multipliers of the rows.
+        rotors: Sequence[tuple[Row, Scalar]] = (),
+    ) -> ConstraintEquations:
+        """Return the equations for the multipliers of constraint rows and of the `rotors`.
 
-        Targets are changes of the rows' values or rates or, if `rates` of the speeds are given,
-        second time derivatives of the values without the part that does not depend on the rates.
+        Without the rotors, they give the smallest change in a metric that leaves the rotors out.
         """
-        directions = [mechanics.projected(row.jacobian) for row in rows]
-        if rates is not None:
-            targets = [a - inner(d, rates) for a, d in zip(targets, directions, strict=True)]
-        weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
-        equations = ConstraintEquations(mechanics, directions, self.formulation.solver(), weights)
-        return equations.response(targets)
+        rows = [*rows, *(row for row, _ in rotors)]
+        return ConstraintEquations(
+            mechanics,
+            [mechanics.projected(row.jacobian) for row in rows],
+            self.formulation.solver(),
+            row_weights(self.scene.bodies, rows) if self.formulation.redundant else None,
+            [1.0 / armature for _, armature in rotors],
+        )
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -15,18 +15,22 @@ from typing_extensions import override
 
 from .._dynamics.coordinates import free_motion
 from .._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, JointedBranch, TreeBranch
-from .._fields.cautions import NotCarriedOverWarning, caution
+from .._fields.cautions import NotCarriedOverWarning, caution, quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
-from .._model.contact.friction import ElastoPlastic, FrictionLaw
-from .._model.joints.motion_subspaces import REST, JointState, Relative
+from .._model.contact.friction import FrictionLaw
+from .._model.joints.base import AbstractForce
+from .._model.joints.couplings import HingeOrSlider
+from .._model.joints.ideal import RevoluteJoint
+from .._model.joints.motion_subspaces import REST, Hinge, JointState, Relative
 from .._model.scene import Scene
 from .documents import FileLocation, read_bytes
+from .drive_train import Drive, motor_name, rotor_name, train_of
 from .files import FilePath
 from .mjcf import read_mjcf
-from .robot_elements import Additions, Elements, Play, scene_of
+from .robot_elements import FRICTION, Additions, Element, Elements, Play, scene_of
 from .robots import (
     FLOATING,
     HINGES,
@@ -38,7 +42,6 @@ from .robots import (
     LinkTree,
     Mimic,
     Options,
-    with_rotors,
 )
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
@@ -49,11 +52,6 @@ JointNumbers: TypeAlias = tuple[Scalar, ...]
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
-FRICTION = ElastoPlastic(
-    breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
-)
-"""Law of the dry friction of joints: they stick, without any drift at up to 0.7 of the friction,
-and yield by 1e-4 rad or m before they slip."""
 FOLLOWS = 1e-6
 """Largest distance, rad or m, of a given position of a joint that follows another from where it
 follows to."""
@@ -81,6 +79,7 @@ class Robot:
     - `links`: where the frame of each link is, by name.
     - `actuators`: actuators of an MJCF file, by name.
     - `leaders`: for each joint that follows another (``mimic``), the name of that joint.
+    - `drives`: the drive trains that `with_drive` has added, by name of the joint.
 
     ```python
     import clearjoint as cj
@@ -100,10 +99,105 @@ class Robot:
     _branches: Sequence[TreeBranch]
     _start: State
     _mimics: dict[str, Mimic]
+    drives: Mapping[str, Drive] = field(default_factory=dict)
 
     @override
     def __repr__(self) -> str:
         return f"Robot with {len(self.scene.bodies)} bodies, joints {', '.join(self.joints)}"
+
+    def with_drive(self, joint: str, drive: Drive) -> "Robot":
+        """Return the robot with a drive train in a hinge or slider.
+
+        Positions, speeds and limits of the joint remain those of the link, and so do the elements
+        of the file that act on it: damping, friction, spring, stops and couplings are on the link's
+        side. The armature of the file is that of the rotor, unless the drive has its own. With play
+        or stiffness, the scene gets, for a joint "elbow":
+
+        - the body "elbow rotor", with negligible mass and inertia, and the joint "elbow motor" by
+          which the joint's first body holds it and which has the armature. Its position is that of
+          the motor over the ratio; `angles` has it too.
+        - "elbow backlash", a `Backlash` (of sliders a `PinInSlot`), between rotor and link, or
+          without play "elbow compliance", a `TorsionalSpring` (`Bushing`).
+        - "elbow motor friction" and "elbow link friction", each a `JointFriction`.
+
+        ```python
+        import clearjoint as cj
+
+        drive = cj.Drive(armature="2e-5 kg m^2", ratio=100.0, play="0.5 deg", stiffness=800.0)
+        robot = cj.load_robot("arm.urdf").with_drive("elbow", drive)
+        servo = cj.Motor(*robot.motor_side("elbow"), 0.3, proportional=50.0, derivative=2.0)
+        robot = robot.with_elements({"elbow servo": servo})
+        solution = cj.simulate(robot.scene, robot.state({"elbow": 0.1}), 1.0)
+        ```
+
+        **Raises:** `ValueError` for another joint, a second drive, or invalid numbers.
+        """
+        ideal = self._ideal("joint", joint)
+        require(joint not in self.drives, "joint", joint, "without a drive", "leave it out")
+        train = train_of(joint, ideal, drive)
+        bodies, joints = self.scene.bodies, {**self.scene.joints, joint: train.joint}
+        branches = list(self._branches)
+        if train.rotor is not None:
+            rotor, name = rotor_name(joint), motor_name(joint)
+            expected, remedy = "no such body beside it", "rename that link"
+            require(rotor not in bodies, "joint", rotor, expected, remedy)
+            bodies = {**bodies, rotor: train.rotor}
+            motor = train.elements[name]
+            assert isinstance(motor, HingeOrSlider)
+            subspace = unpack(motor).motion_subspace(motor.first)
+            branches.append(JointedBranch(rotor, motor.first, name, subspace))
+        with quiet():
+            scene = Scene(bodies, joints, self.scene.forces, self.scene.gravity)
+        drives = {**self.drives, joint: drive}
+        return replace(self, scene=scene, _branches=branches, drives=drives).with_elements(
+            train.elements
+        )
+
+    def with_elements(self, elements: Mapping[str, Element]) -> "Robot":
+        """Return the robot with further joints and forces of its scene, by name.
+
+        **Raises:** `ValueError` for a name that the scene has already.
+        """
+        joints, forces = dict(self.scene.joints), dict(self.scene.forces)
+        for name, element in elements.items():
+            is_new = name not in joints and name not in forces
+            expected = "a name that no joint or force of the scene has"
+            require(is_new, "elements", name, expected, "choose another name")
+            (forces if isinstance(element, AbstractForce) else joints)[name] = element
+        with quiet():
+            scene = Scene(self.scene.bodies, joints, forces, self.scene.gravity)
+        return replace(self, scene=scene)
+
+    def motor_side(self, joint: str) -> tuple[str, str, np.ndarray]:
+        """Return the names of the joint's first body and of its rotor, and the axis, (3,) in the
+        first body's axes: the first arguments of a `Motor`, `DriveTorque` or `PrescribedAngle` that
+        acts on the motor. Without play and stiffness, the rotor turns with the link, and the result
+        is that of `link_side`.
+
+        **Raises:** `ValueError` if no hinge or slider has this name.
+        """
+        first, second, axis = self.link_side(joint)
+        motor = self.scene.joints.get(motor_name(joint))
+        is_apart = joint in self.drives and isinstance(motor, HingeOrSlider)
+        return first, rotor_name(joint) if is_apart else second, axis
+
+    def link_side(self, joint: str) -> tuple[str, str, np.ndarray]:
+        """Return the names of the joint's first and second body, and the axis, (3,) in the first
+        body's axes: the first arguments of an element that acts on the link.
+
+        **Raises:** `ValueError` if no hinge or slider has this name.
+        """
+        ideal = self._ideal("joint", joint)
+        axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
+        return ideal.first, ideal.second, np.asarray(axis)
+
+    def _ideal(self, argument: str, name: str) -> HingeOrSlider:
+        ideal = {n: self.scene.joints[n] for n in self.joints}
+        ideal = {n: joint for n, joint in ideal.items() if isinstance(joint, HingeOrSlider)}
+        remedy = nearest(name, ideal, "a joint with clearance has no drive")
+        expected = f"one of the ideal hinges and sliders {', '.join(ideal)}"
+        require(name in ideal, argument, name, expected, remedy)
+        return ideal[name]
 
     def state(
         self,
@@ -123,7 +217,9 @@ class Robot:
           array (..., n) in the order of `joints`. Joints without an entry are at zero and at rest,
           or follow their leader. Entries may be arrays, for many states at a time. A ball joint has
           four Euler parameters from the child's to the parent's frame, scalar first, and as speeds
-          the spin, (3,), in the child's axes.
+          the spin, (3,), in the child's axes. A motor of `with_drive` turns with its joint, in the
+          middle of the play, unless it has its own entry: with "elbow motor" at that of "elbow"
+          plus half the play, the link rests on the lower flank, and minus half on the upper.
         - `free`: `body_state` of bodies that no joint holds, by name; by default at rest where the
           file puts them.
 
@@ -178,7 +274,8 @@ class Robot:
 
         They come from inverse dynamics, with gravity, and springs and dampers of the file, but
         without dry friction, stops and joints that close loops. That of a joint that others follow
-        includes theirs, which are zero. Free bodies are held at rest.
+        includes theirs, which are zero. That of a joint with a drive includes that of the rotor,
+        which turns with the joint. Free bodies are held at rest.
 
         **Arguments:** `q`, `qd`, `qdd`: positions, speeds and accelerations, as in `state`.
 
@@ -196,8 +293,17 @@ class Robot:
             rate = change + curvature * leader.speeds[0] ** 2
             _require_following("qdd", rates, name, mimic, rate)
             rates[name] = (rate,)
+        for name, motor in self._motors().items():
+            rates.setdefault(motor, rates.get(name, (0.0,)))
         loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
         torques = _carried(self._branches, variables, motions, loads)
+        for name, joint in self.scene.joints.items():
+            if getattr(joint, "armature", None) is not None and name in torques:
+                (own,), (rate,) = torques[name], rates.get(name, (0.0,))
+                torques[name] = (own + joint.armature * rate,)
+        for name, motor in self._motors().items():
+            (own,), (others,) = torques[name], torques.pop(motor)
+            torques[name] = (own + others,)
         for name, mimic in reversed(self._mimics.items()):
             if mimic.leader is not None:
                 (own,), (others,) = torques[mimic.leader], torques[name]
@@ -206,11 +312,13 @@ class Robot:
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the numbers of hinges and sliders in the order of the file, then the others, but
-        those of rotors."""
-        others = (name for name in by_joint if name not in self._mimics)
-        names = dict.fromkeys((*self.joints, *others))
-        return {name: by_joint[name] for name in names}
+        """Return the numbers of hinges and sliders in the order of the file, then the others."""
+        return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
+
+    def _motors(self) -> dict[str, str]:
+        """Return the names of motors that turn apart from their joints, by those of the joints."""
+        names = {branch.joint for branch in self._branches if isinstance(branch, JointedBranch)}
+        return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
         """Return the numbers of each joint: those of its position, or of its speeds."""
@@ -230,7 +338,8 @@ class Robot:
             require(name in known, argument, name, f"one of the joints {', '.join(known)}", remedy)
             zero = zeros[name]
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
-            parts = (value,) if name in self.joints else tuple(_columns(value))
+            is_single = len(zero.speeds) == 1
+            parts = (value,) if is_single else tuple(_columns(value))
             expected, remedy = f"{count} numbers of joint {name!r}", "give that many"
             require(len(parts) == count, argument, np.shape(value), expected, remedy)
             by_joint[name] = tuple(map(_as_number, parts))
@@ -252,6 +361,9 @@ class Robot:
             _require_following("q", positions, name, mimic, y)
             _require_following("qd", speeds, name, mimic, rate)
             positions[name], speeds[name] = (y,), (rate,)
+        for name, motor in self._motors().items():
+            for numbers in (positions, speeds):
+                numbers.setdefault(motor, numbers.get(name, (0.0,)))
         of_free = {b.body for b in self._branches if isinstance(b, FreeBranch)}
         for body in free:
             remedy = nearest(body, of_free, "set the positions of its joints")
@@ -286,6 +398,7 @@ class Robot:
         states = motion if isinstance(motion, State) else motion.states
         poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
         positions, speeds = {}, {}
+        joints = {motor: name for name, motor in self._motors().items()}
         for branch in self._branches:
             body = _in_scalars(states.bodies[branch.body])
             poses[branch.body] = body.orientation, free_motion(body, None)
@@ -296,8 +409,8 @@ class Robot:
             if not numbers:
                 continue
             value = _number(numbers)
-            if branch.joint in self.joints and hasattr(branch.motion_subspace, "angle"):
-                limits = self.limits.get(branch.joint, JointLimits())
+            if isinstance(branch.motion_subspace, Hinge):
+                limits = self.limits.get(joints.get(branch.joint, branch.joint), JointLimits())
                 middle = 0.5 * (limits.lower + limits.upper)
                 middle = middle if math.isfinite(middle) else 0.0
                 value = value - TURN * np.round((value - middle) / TURN)
@@ -451,7 +564,6 @@ def load_robot(
     *,
     stops: Mapping[str, Play] = NOTHING,
     friction: FrictionLaw | None = FRICTION,
-    armature: bool = True,
     merge_fixed: bool = True,
     free_root: bool = False,
     balance_inertia: bool = False,
@@ -489,8 +601,6 @@ def load_robot(
     - "elbow coupling": a `JointCoupling` if it follows another joint (``mimic``, ``equality``).
     - "elbow damping", or "elbow spring" with a stiffness: a `TorsionalSpring` or, for sliders, a
       `Bushing`.
-    - "elbow armature": a hinge on the ground of the body "elbow rotor", which has the armature of
-      the file, and "elbow armature coupling", by which it turns with the joint.
     - "elbow friction": a `JointFriction`, with the dry friction of the file as its load.
     - The constraints ``connect`` and ``weld`` of MJCF: a `SphericalJoint` and a `FixedJoint`.
 
@@ -514,8 +624,6 @@ def load_robot(
       stop". Other limits have no effect on the motion (`Robot.limits` has them).
     - `friction`: law of dry friction, over the file's friction, with speeds in rad/s or m/s;
       ``None`` leaves dry friction out.
-    - `armature`: False leaves the armatures of MJCF joints out. Each adds a body and a constraint:
-      with twenty, a first answer takes three times as long.
     - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
       whose reaction can then be observed. Merged links make runs faster.
     - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
@@ -538,10 +646,7 @@ def load_robot(
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
     options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    joints = content.joints
-    if not armature:
-        joints = [joint._replace(armature=0.0) for joint in joints]
-    tree = LinkTree(*with_rotors(content.links, joints), location, options)
+    tree = LinkTree(content.links, content.joints, location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     additions = Additions(play, stops, friction)
     scene, state, elements = scene_of(tree, content.loops, additions, acceleration)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from graphlib import TopologicalSorter
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
@@ -18,7 +19,7 @@ from .._model.bodies import State, body_state
 from .._model.clearance_joints.backlash import Backlash
 from .._model.clearance_joints.between_walls import PinInSlot
 from .._model.clearance_joints.clearance import ClearanceJoint, FixedAxially
-from .._model.contact.friction import FrictionLaw
+from .._model.contact.friction import ElastoPlastic, FrictionLaw
 from .._model.drives.drivers import PrescribedAngle, PrescribedTranslation
 from .._model.drives.functions_of_time import Polynomial
 from .._model.forces import Bushing, TorsionalSpring
@@ -55,6 +56,7 @@ from .robots import (
 Play: TypeAlias = Mapping[str, PyTree]
 """Arguments of a `ClearanceJoint`, a `Backlash` or a stop, by name, as the user passes them."""
 Joint: TypeAlias = AbstractConstraint | AbstractContactJoint
+Element: TypeAlias = Joint | AbstractForce
 IDEAL = {
     **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
     SLIDER: (PrismaticJoint, 1),
@@ -78,6 +80,13 @@ FAR = 1e3
 """Distance of the walls from a slider that has stops, over its travel: it never touches them."""
 
 
+FRICTION = ElastoPlastic(
+    breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
+)
+"""Law of the dry friction of joints: they stick, without any drift at up to 0.7 of the friction,
+and yield by 1e-4 rad or m before they slip."""
+
+
 class Elements:
     """The joints and forces of a robot's scene, by name."""
 
@@ -93,7 +102,7 @@ class Elements:
         without = [name for name, valid in is_valid.items() if not valid]
         self._mimics = {name: mimics[name] for name, valid in is_valid.items() if valid}
         title = "mimics, between other joints than hinges and sliders,"
-        self.omitted = {title: without} if without else {}
+        self.omitted: dict[str, list[str]] = {title: without} if without else {}
 
     def _can_follow(self, name: str, mimic: Mimic) -> bool:
         ends = [name] if mimic.leader is None else [name, mimic.leader]
@@ -157,10 +166,16 @@ def scene_of(
     for name, ideal in elements.ideal.items():
         settings, at = play.get(name), location.at(name)
         # A clearance replaces the ideal joint, a backlash is added to it.
+        armature = tree.joints[name].armature
         if settings is not None and BACKLASH not in settings:
             elements.joints[name] = _clearance(ideal, settings, at)
+            if armature:
+                elements.omitted.setdefault("armatures", []).append(name)
             continue
         elements.joints[name] = ideal
+        if armature and isinstance(ideal, HingeOrSlider):
+            with at.in_errors():
+                elements.joints[name] = replace(ideal, armature=armature)
         if settings is not None:
             elements.add(_backlash(tree.joints[name], ideal, settings, at), name, BACKLASH)
     _add_loops(elements, loops)
@@ -322,19 +337,27 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
         with at.in_errors():
             if joint.damping or joint.stiffness:
                 what = "spring" if joint.stiffness else "damping"
-                elements.add(_spring(ideal, joint), name, what)
+                spring = spring_of(ideal, joint.stiffness, joint.damping, joint.rest)
+                elements.add(spring, name, what)
             if joint.friction and friction is not None:
-                is_hinge = isinstance(ideal, RevoluteJoint)
-                axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
-                radius, point = (1.0, (0.0, 0.0, 0.0)) if is_hinge else (None, ideal.point_second)
-                rubbing = JointFriction(
-                    ideal.first, ideal.second, friction, joint.friction, axis, radius, point
-                )
-                elements.add(rubbing, name, "friction")
+                elements.add(friction_of(ideal, friction, joint.friction), name, "friction")
 
 
-def _spring(joint: HingeOrSlider, of_file: RobotJoint) -> AbstractForce:
-    stiffness, damping, rest = of_file.stiffness, of_file.damping, of_file.rest
+def friction_of(
+    joint: HingeOrSlider, law: FrictionLaw, load: PyTree, viscosity: PyTree = None
+) -> JointFriction:
+    """Return the friction of a hinge, N m, or of a slider, N."""
+    ends = joint.first, joint.second
+    if isinstance(joint, RevoluteJoint):
+        return JointFriction(*ends, law, load, joint.axis_first, 1.0, viscosity=viscosity)
+    point = joint.point_second
+    return JointFriction(*ends, law, load, joint.axis, None, point, viscosity=viscosity)
+
+
+def spring_of(
+    joint: HingeOrSlider, stiffness: PyTree, damping: PyTree, rest: PyTree
+) -> AbstractForce:
+    """Return the spring and damper of a hinge or slider, relaxed at the position `rest`."""
     if isinstance(joint, RevoluteJoint):
         return TorsionalSpring(
             joint.first, joint.second, joint.axis_first, stiffness, damping, rest
@@ -379,15 +402,17 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
                 stop = Backlash(*ends, play=room, middle=middle, **axes, **settings)
             else:
                 assert isinstance(joint, PrismaticJoint)
-                stop = _ends_of_travel(joint, room, middle, settings, at)
+                if "law" not in settings:
+                    remedy = "pass a law whose stiffness is a number, N/m"
+                    at.refuse([*settings], "a `law` of the ends", remedy)
+                stop = ends_of_travel(joint, room, middle, settings)
         elements.add(stop, name, "stop")
 
 
-def _ends_of_travel(
-    joint: PrismaticJoint, room: float, middle: float, settings: Play, at: FileLocation
+def ends_of_travel(
+    joint: PrismaticJoint, room: PyTree, middle: PyTree, settings: Play
 ) -> PinInSlot:
-    if "law" not in settings:
-        at.refuse([*settings], "a `law` of the ends", "pass a law whose stiffness is a number, N/m")
+    """Return the stops of a slider, a distance `room`, m, apart, about the position `middle`."""
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     normal, _ = transverse_axes(Vector(*axis.tolist()))
     return PinInSlot(

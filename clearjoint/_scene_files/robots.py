@@ -105,7 +105,7 @@ class RobotJoint(NamedTuple):
     - `axis`: (3,) in the child's axes, any length.
     - `point`: (3,) m, of the joint in the child's frame, the origin by default.
     - `friction`: N m or N, dry. `damping`: N m s/rad or N s/m. `stiffness`: N m/rad or N/m, of a
-      spring that is relaxed at `rest`, rad or m. `armature`: kg m^2 or kg, of the rotor of a drive.
+      spring that is relaxed at `rest`, rad or m. `armature`: kg m^2 or kg, zero for none.
     """
 
     name: str
@@ -122,34 +122,6 @@ class RobotJoint(NamedTuple):
     rest: float = 0.0
     armature: float = 0.0
     point: np.ndarray = np.zeros(3)
-
-
-ARMATURE = "armature"
-"""End of the name of the joint of a rotor."""
-
-
-def with_rotors(
-    links: Iterable[RobotLink], joints: Iterable[RobotJoint]
-) -> tuple[list[RobotLink], list[RobotJoint]]:
-    """Return links and joints with a rotor for each armature.
-
-    An armature a adds the kinetic energy a q'^2/2 to that of the bodies, with the speed q' of the
-    joint. A rotor on the ground, with the inertia a, has this energy if it turns by q, and its
-    bearing and coupling then act on the bodies with no more than the moment -a q''. A rotor on the
-    joint's own parent would also turn with the parent.
-    """
-    links, joints = list(links), list(joints)
-    children = {joint.child for joint in joints}
-    for joint in [joint for joint in joints if joint.armature]:
-        root = next(link.name for link in links if link.name not in children)
-        rotor, name = f"{joint.name} rotor", f"{joint.name} {ARMATURE}"
-        # A cube of 1000 kg/m^3: its mass has no effect.
-        mass = (1000.0 * (6.0 * joint.armature) ** 1.5) ** 0.4
-        links.append(RobotLink(rotor, Inertial(mass, np.zeros(3), np.eye(3) * joint.armature)))
-        kind, mimic, axis = HINGES[1], Mimic(joint.name, (0.0, 1.0)), np.array([0.0, 0.0, 1.0])
-        joints.append(RobotJoint(name, kind, root, rotor, np.eye(4), axis, mimic=mimic))
-        children.add(rotor)
-    return links, joints
 
 
 class LoopJoint(NamedTuple):

@@ -86,10 +86,14 @@ def ideal_joints() -> dict[str, Case]:
     return {
         "spherical": case(cj.SphericalJoint(*PARTS)),
         "revolute": case(cj.RevoluteJoint(*PARTS, *PARALLEL_AXES)),
+        "revolute with an armature": case(cj.RevoluteJoint(*PARTS, *PARALLEL_AXES, 3e-3)),
         "fixed": case(cj.FixedJoint(*PARTS, ORIENTATION), turn=TURN),
         "inline": case(cj.InlineJoint(*PARTS, AXIS)),
         "cylindrical": case(cj.CylindricalJoint(*PARTS, *PARALLEL_AXES)),
         "prismatic": case(cj.PrismaticJoint(*PARTS, AXIS, ORIENTATION), turn=TURN),
+        "prismatic with an armature": case(
+            cj.PrismaticJoint(*PARTS, AXIS, ORIENTATION, armature=0.4), turn=TURN
+        ),
         "universal": case(cj.UniversalJoint(*PARTS, AXIS, ACROSS)),
         "planar": case(cj.PlanarJoint(*PARTS, *PARALLEL_AXES)),
         "point in plane": case(cj.PointInPlaneJoint(*PARTS, AXIS)),

@@ -183,13 +183,22 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 
 
 def momenta(
-    columns: Sequence[Twist], carried: Inertia
+    columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
     """Return the momentum of carried bodies for a unit of each speed, its products with the
-    columns, and the part of it that acts on the carrier."""
+    columns, and the part of it that acts on the carrier; the latter two with that of a rotor.
+
+    A rotor's inertia a, the `armature`, resists u' = r - axis . (angular acceleration of the
+    carrier). So it adds a to the product of a column with itself, and -a axis to the part that acts
+    on the carrier, with which `Inertia.without` also adds a axis axis^T to the carrier's inertia.
+    """
     wholes = [carried.momentum(column) for column in columns]
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
+    if armature is not None:
+        for k, column in enumerate(columns):
+            block[k][k] = add(block[k][k], armature)
+            rests[k] = rests[k] - Twist(column.angular * armature, ZERO)
     return wholes, block, rests
 
 
@@ -227,17 +236,23 @@ class LoadedJoint:
     gains: tuple[Twist, ...]
 
     @staticmethod
-    def of_root(columns: tuple[Twist, ...], carried: Inertia) -> "LoadedJoint":
+    def of_root(
+        columns: tuple[Twist, ...], carried: Inertia, armature: Scalar | None
+    ) -> "LoadedJoint":
         """Return the joint between the root of a tree and the ground, which does not accelerate."""
-        _, block, _ = momenta(columns, carried)
+        _, block, _ = momenta(columns, carried, armature)
         return LoadedJoint(columns, ZERO, OrderedFactorisation(block), rests=(), gains=())
 
     @staticmethod
     def under(
-        columns: tuple[Twist, ...], offset: Vector, carried: Inertia, carrier: Inertia
+        columns: tuple[Twist, ...],
+        offset: Vector,
+        carried: Inertia,
+        carrier: Inertia,
+        armature: Scalar | None,
     ) -> "tuple[LoadedJoint, Inertia]":
         """Return a joint, and the inertia of its carrier with the part that the joint transmits."""
-        wholes, block, rests = momenta(columns, carried)
+        wholes, block, rests = momenta(columns, carried, armature)
         factors = OrderedFactorisation(block)
         transmitted = carried.without(columns, wholes, rests)
         solved = [factors.solve(row) for row in zip(*map(_components, rests), strict=True)]
@@ -357,7 +372,7 @@ class MassMatrix(AbstractTreeSolver):
         # inertia of the link and of all bodies that it carries, as far as their joints transmit it.
         for k in reversed(range(len(links))):
             columns, first, parent = links[k].columns, self._firsts[k], self._parents[k]
-            wholes, block, rests = momenta(columns, carried[k])
+            wholes, block, rests = momenta(columns, carried[k], links[k].armature)
             for j, rest in enumerate(rests):
                 matrix[first + j][first:] = block[j][: j + 1]
                 self._fill_row(matrix[first + j], parent, rest)
@@ -393,10 +408,15 @@ class ArticulatedBodies(AbstractTreeSolver):
         for k in reversed(range(len(self._links))):
             link, parent = self._links[k], self._parents[k]
             if parent is None:
-                self._joints.append(LoadedJoint.of_root(link.columns, carried[k]))
+                self._joints.append(LoadedJoint.of_root(link.columns, carried[k], link.armature))
             else:
                 joint, carried[parent] = self._evaluate(
-                    LoadedJoint.under, link.columns, link.offset, carried[k], carried[parent]
+                    LoadedJoint.under,
+                    link.columns,
+                    link.offset,
+                    carried[k],
+                    carried[parent],
+                    link.armature,
                 )
                 self._joints.append(joint)
         self._joints.reverse()

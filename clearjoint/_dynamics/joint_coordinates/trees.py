@@ -37,6 +37,7 @@ from ..._math.vectors import (
     ZERO,
     EulerParameters,
     Matrix,
+    Scalar,
     Vector,
     add,
     multiply,
@@ -44,6 +45,7 @@ from ..._math.vectors import (
 )
 from ..._model.bodies import GROUND, BodyState, Motion
 from ..._model.joints.base import AbstractConstraint
+from ..._model.joints.ideal import AbstractDriveableJoint
 from ..._model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
 from ..._model.scene import Scene
 from ..coordinates import Speeds, anchors, free_motion
@@ -63,6 +65,7 @@ class Link:
     - `gradient`: 1/s^2, matrix that maps the vector between two points of the body to the
       difference of their accelerations at constant speeds.
     - `columns`: for each speed of the link's joint, the twist that a unit of this speed causes.
+    - `armature`: of a drive, for each speed of the link's joint (see `AbstractDriveableJoint`).
     """
 
     rotation: Matrix
@@ -73,6 +76,7 @@ class Link:
     bias: Vector
     gradient: Matrix
     columns: tuple[Twist, ...]
+    armature: Scalar | None = None
 
     def load(self, force: Vector, moment: Vector) -> Twist:
         """Return a load about the reference point from force and moment at the centre of mass."""
@@ -192,7 +196,7 @@ class FreeBranch:
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=["motion_subspace"],
+    data_fields=["motion_subspace", "armature"],
     meta_fields=["body", "parent", "joint"],
 )
 @dataclass(frozen=True)
@@ -209,6 +213,7 @@ class JointedBranch:
     parent: str
     joint: str
     motion_subspace: AbstractMotionSubspace
+    armature: Scalar | None = None
 
     def nameless(self) -> "JointedBranch":
         """Return the branch without names."""
@@ -285,7 +290,17 @@ class JointedBranch:
             columns.append(Twist(axis, velocity + offset.cross(axis) if one_point else velocity))
         if one_point:
             offset, arm = ZERO, offset + arm
-        return Link(rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns))
+        return Link(
+            rotation,
+            offset,
+            arm,
+            spin,
+            angular_bias,
+            bias,
+            gradient,
+            tuple(columns),
+            self.armature,
+        )
 
     def rates(
         self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
@@ -384,7 +399,8 @@ def _branch(
             f"joints[{name!r}].motion_subspace({parent!r}) is None, but was not for the same scene "
             "before; let it depend on nothing but the types and names in the scene"
         )
-    return JointedBranch(body, parent, name, subspace)
+    armature = joint.armature if isinstance(joint, AbstractDriveableJoint) else None
+    return JointedBranch(body, parent, name, subspace, armature)
 
 
 def _grown_trees(scene: Scene) -> list[list[Place]]:

@@ -329,12 +329,6 @@ HingeOrSlider: TypeAlias = RevoluteJoint | PrismaticJoint
 """A joint with one coordinate."""
 
 
-def _position_row(joint: HingeOrSlider, motions: Motions) -> Row:
-    if isinstance(joint, RevoluteJoint):
-        return joint.relative_angle(motions)
-    return joint.relative_distance(motions)
-
-
 class JointCoupling(AbstractConstraint):
     """Makes the position of a hinge or slider a function of another's; one constraint.
 
@@ -383,7 +377,7 @@ class JointCoupling(AbstractConstraint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        leader, follower = (_position_row(joint, motions) for joint in (self.leader, self.follower))
+        leader, follower = (joint.position(motions) for joint in (self.leader, self.follower))
         function = as_function_of_time(self.function)
 
         def slope(x: Scalar) -> Scalar:

@@ -4,13 +4,14 @@ Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lank
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 """
 
+import abc
 from typing import TypeVar
 
 import equinox as eqx
 from typing_extensions import override
 
 from ..._fields.checks import require_axis, require_euler_parameters
-from ..._fields.objects import quantity
+from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Quadruple, Single, Triple
 from ..._math.rotations import conjugate, rotation_matrix, transverse_axes, unit, within_two_turns
 from ..._math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, EulerParameters, Matrix, Scalar, Vector
@@ -105,6 +106,21 @@ class AbstractOrientedJoint(AbstractPairJoint):
         }
 
 
+class AbstractDriveableJoint(AbstractPairJoint):
+    """Base class of ideal joints with one degree of freedom, which may have the `armature` of a
+    drive: the rotor's moment of inertia, kg m^2 (its mass, kg, for a translation), times the square
+    of the gear ratio; ``None`` for none.
+
+    The rotor adds the kinetic energy armature q'^2/2, with the rate q' of the joint's `position`.
+    """
+
+    armature: eqx.AbstractVar[Single | None]  # pyright: ignore[reportGeneralTypeIssues]
+
+    @abc.abstractmethod
+    def position(self, motions: Motions) -> Row:
+        """Return the position of the second body relative to the first, rad or m, as a `Row`."""
+
+
 class AbstractAxisJoint(AbstractPairJoint):
     """Base class of ideal joints that keep an axis of one body parallel to an axis of another.
 
@@ -156,7 +172,7 @@ class SphericalJoint(AbstractPairJoint):
         pen.ball(*self.ends())
 
 
-class RevoluteJoint(AbstractAxisJoint):
+class RevoluteJoint(AbstractAxisJoint, AbstractDriveableJoint):
     """Keeps two points together and two axes parallel: a hinge; five constraints.
 
     A state with opposite axes satisfies the constraints too, but can only be simulated in
@@ -167,15 +183,25 @@ class RevoluteJoint(AbstractAxisJoint):
     - `point_first`, `point_second`: the joint's point on each body, (3,) m from its centre of mass
       in its axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in its axes, any length.
+    - `armature`: kg m^2, moment of inertia of a drive's rotor times the square of its gear ratio;
+      none by default. It adds the kinetic energy armature q'^2/2, with the speed q' of the joint.
 
     >>> joint = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
     ['translation x', 'translation y', 'translation z', 'tilt 1', 'tilt 2']
     """
 
+    armature: Single | None = optional_quantity(
+        "kg m^2", positive=True, remedy="give it in kg m^2, or None for none"
+    )
+
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         return self._coincidence(motions) | self._tilts(motions)
+
+    @override
+    def position(self, motions: Motions) -> Row:
+        return self.relative_angle(motions)
 
     @override
     def motion_subspace(self, parent: str) -> Hinge:
@@ -270,7 +296,7 @@ class CylindricalJoint(AbstractAxisJoint):
         pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
 
 
-class PrismaticJoint(AbstractOrientedJoint):
+class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
     """Allows sliding along an axis of the first body without rotation; five constraints.
 
     **Arguments:**
@@ -280,6 +306,9 @@ class PrismaticJoint(AbstractOrientedJoint):
     - `axis`: direction of sliding, (3,) in the first body's axes, any length.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
+    - `armature`: kg, mass of a drive's rotor, or its moment of inertia times the square of its
+      turns per metre, rad/m; none by default. It adds the kinetic energy armature q'^2/2, with the
+      speed q' of the joint.
 
     >>> joint = cj.PrismaticJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -288,6 +317,9 @@ class PrismaticJoint(AbstractOrientedJoint):
 
     axis: Triple = quantity("1", check=require_axis)
     orientation: Quadruple = quantity("1", check=require_euler_parameters, default=PARALLEL)
+    armature: Single | None = optional_quantity(
+        "kg", positive=True, remedy="give it in kg, or None for none"
+    )
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
@@ -297,6 +329,10 @@ class PrismaticJoint(AbstractOrientedJoint):
     def relative_distance(self, motions: Motions) -> Row:
         """Return the distance, m, from the first to the second point along the axis, as a `Row`."""
         return self._in_plane(motions, unit(self.axis))
+
+    @override
+    def position(self, motions: Motions) -> Row:
+        return self.relative_distance(motions)
 
     @override
     def motion_subspace(self, parent: str) -> Slider:

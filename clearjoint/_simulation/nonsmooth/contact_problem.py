@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from ..._dynamics.contact_forces import contact_wrenches
 from ..._dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ..._dynamics.equations_of_motion import flattened
-from ..._dynamics.multipliers import ConstraintEquations, row_rate, row_weights
+from ..._dynamics.multipliers import row_rate
 from ..._dynamics.system import System
 from ..._fields.checks import require, require_range
 from ..._math.linear_solvers import inner
@@ -191,15 +191,10 @@ class ContactProblem:
         # ideal joints. If they are redundant, the joints' own impulses are those of least norm. The
         # weights give all rows the same unit, since this norm would otherwise add N s to N m s.
         rows = flattened(system.rows(mechanics.motions, t))
+        rotors = system.rotors(mechanics.motions)
         projected = [mechanics.projected(row.jacobian) for row in rows]
-        formulation = system.formulation
-        weights = row_weights(system.scene.bodies, rows) if formulation.redundant else None
-
-        equations = (
-            ConstraintEquations(mechanics, projected, formulation.solver(), weights)
-            if projected
-            else None
-        )
+        projected += [mechanics.projected(row.jacobian) for row, _ in rotors]
+        equations = system.constraint_equations(mechanics, rows, rotors) if projected else None
 
         def free_response(direction: Speeds) -> Speeds:
             rates = mechanics.solved(direction)

@@ -1,0 +1,233 @@
+"""Drive trains of a robot's joints: rotor, gear with play or compliance, and friction."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import PyTree
+
+from .._fields.cautions import quiet
+from .._fields.checks import as_number, require, require_positive, require_type
+from .._model.bodies import Body
+from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
+from .._model.contact.dashpots import SpringDashpot
+from .._model.contact.friction import FrictionLaw
+from .._model.contact.hunt_crossley import ExactRestitution
+from .._model.contact.laws import AbstractContactLaw
+from .._model.joints.base import AbstractContactJoint
+from .._model.joints.couplings import HingeOrSlider
+from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
+from .._model.joints.joint_friction import JointFriction
+from .documents import FileLocation
+from .reading import number_of_text
+from .robot_elements import FRICTION, Element, ends_of_travel, friction_of, spring_of
+
+NEGLIGIBLE = 1e-10
+"""Inertia of a rotor's body over the armature. A body must have mass, but the rotor's belongs to
+the file's link, and its rotation about the axis to the joint. In absolute coordinates, as in
+`observe`, rounding errors relative to the rotor's acceleration are 1e-16 over the square root of
+this value."""
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The drive train of a joint: rotor - play or compliance - link, for `Robot.with_drive`.
+
+    With neither play nor stiffness, the rotor turns with the joint and only adds its inertia. A
+    stiffness without play makes the drive train a linear spring, which takes few steps; play adds
+    impacts of the flanks.
+
+    Numbers may be texts with units, such as "0.5 deg". Those of a slider have m in place of rad,
+    N in place of N m, and kg in place of kg m^2.
+
+    - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis; by default the
+      armature of the file, of which the joint's motion sees all.
+    - `ratio`: turns of the motor per turn of the joint. It multiplies the armature by its square.
+      All other numbers are those at the joint: divide a motor's friction by nothing, multiply it by
+      the ratio.
+    - `play`: rad, total angle from flank to flank; ``None`` for none.
+    - `stiffness`: N m/rad, of the gear and shafts between rotor and link, with play of a pressed
+      flank. ``None`` is rigid, and not possible with play.
+    - `damping`: N m s/rad, parallel to the stiffness (with play, while a flank is pressed; the law
+      is a `SpringDashpot`).
+    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`).
+    - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
+      and the joint's first body.
+    - `link_friction`: dry friction of the link, N m, beside that of the file.
+    - `law`: law of both dry frictions, with speeds in rad/s; by default they stick.
+
+    >>> geared = cj.Drive(armature=2e-5, ratio=100.0, play="0.5 deg", stiffness=800.0, friction=0.3)
+    >>> geared.play
+    '0.5 deg'
+    """
+
+    armature: PyTree = None
+    ratio: PyTree = 1.0
+    play: PyTree = None
+    stiffness: PyTree = None
+    damping: PyTree = None
+    restitution: PyTree = None
+    friction: PyTree = None
+    viscosity: PyTree = None
+    link_friction: PyTree = None
+    law: FrictionLaw = FRICTION
+
+
+UNITS = {
+    "armature": ("kg m^2", "kg"),
+    "ratio": ("1", "1"),
+    "play": ("rad", "m"),
+    "stiffness": ("N m/rad", "N/m"),
+    "damping": ("N m s/rad", "N s/m"),
+    "restitution": ("1", "1"),
+    "friction": ("N m", "N"),
+    "viscosity": ("N m s/rad", "N s/m"),
+    "link_friction": ("N m", "N"),
+}
+"""Units of the numbers of a `Drive` of a hinge, and of a slider."""
+
+
+class Train(NamedTuple):
+    """What a drive adds to a robot's scene: the driven joint with its armature, elements by name,
+    and unless the rotor turns with the link, its body and the joint that holds it."""
+
+    joint: HingeOrSlider
+    elements: dict[str, Element]
+    rotor: Body | None = None
+
+
+def rotor_name(joint: str) -> str:
+    """Return the name of the body of a joint's rotor."""
+    return f"{joint} rotor"
+
+
+def motor_name(joint: str) -> str:
+    """Return the name of the joint that holds a joint's rotor."""
+    return f"{joint} motor"
+
+
+def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
+    """Return the drive train of a joint of a robot."""
+    require_type("drive", drive, Drive, "a Drive", 'pass cj.Drive(play="0.5 deg", ...)')
+    numbers = _numbers(drive, isinstance(joint, PrismaticJoint))
+    armature = joint.armature
+    if "armature" in numbers:
+        armature = numbers["armature"] * numbers["ratio"] ** 2
+    is_elastic = "play" in numbers or "stiffness" in numbers
+    _require_together(name, numbers, armature, is_elastic)
+    if not is_elastic:
+        driven = replace(joint, armature=armature)
+        return Train(driven, {**_frictions(name, driven, driven, numbers, drive.law)})
+    # With its own inertia and no mass, the rotor acts on the first body only by the torque of its
+    # bearing, as if the link were on it.
+    rotor = rotor_name(name)
+    with quiet():  # the body has an unusual density
+        body = Body(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
+        link = replace(joint, armature=None)
+        if isinstance(joint, RevoluteJoint):
+            axes = joint.axis_first, joint.axis_first
+            motor: HingeOrSlider = RevoluteJoint(
+                joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
+            )
+        else:
+            motor = PrismaticJoint(
+                joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
+            )
+    between = replace(link, first=rotor, point_first=np.zeros(3))
+    elements: dict[str, Element] = {motor_name(name): motor}
+    elements.update(_frictions(name, motor, link, numbers, drive.law))
+    if "play" in numbers:
+        elements[f"{name} backlash"] = _flanks(between, numbers)
+    else:
+        spring = spring_of(between, numbers["stiffness"], numbers.get("damping", 0.0), 0.0)
+        elements[f"{name} compliance"] = spring
+    return Train(link, elements, body)
+
+
+def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
+    """Return the numbers of a drive in SI units, by name."""
+    numbers = {}
+    for field in fields(drive):
+        value = getattr(drive, field.name)
+        if field.name not in UNITS or value is None:
+            continue
+        unit = UNITS[field.name][is_slider]
+        if isinstance(value, str):
+            value = number_of_text(value, unit, FileLocation("drive").at(field.name))
+        number = as_number(value, f"drive.{field.name}", unit)
+        may_vanish = field.name not in ("armature", "ratio", "play", "stiffness")
+        remedy = f"give it in {unit}, or leave it out for none"
+        require_positive(f"drive.{field.name}", number, remedy, zero=may_vanish)
+        numbers[field.name] = number
+    return numbers
+
+
+def _require_together(
+    name: str, numbers: Mapping[str, PyTree], armature: PyTree, is_elastic: bool
+) -> None:
+    expected = f"given, since joint {name!r} has none in the file"
+    remedy = "give the moment of inertia of the rotor, or leave play and stiffness out"
+    require(not is_elastic or armature is not None, "drive.armature", None, expected, remedy)
+    stiffness = numbers.get("stiffness")
+    expected, remedy = "given with a play", "give that of a pressed flank"
+    require(
+        "play" not in numbers or stiffness is not None, "drive.stiffness", None, expected, remedy
+    )
+    damping, restitution = numbers.get("damping"), numbers.get("restitution")
+    remedy = "leave it out, or give a play"
+    require(
+        restitution is None or "play" in numbers,
+        "drive.restitution",
+        restitution,
+        "omitted without a play",
+        remedy,
+    )
+    remedy = "leave one of the two out"
+    is_one = restitution is None or damping is None
+    require(is_one, "drive.restitution", restitution, "omitted with a damping", remedy)
+    remedy = "give a stiffness, or a viscosity in place of the damping"
+    is_parallel = damping is None or stiffness is not None
+    require(is_parallel, "drive.damping", damping, "omitted without a stiffness", remedy)
+
+
+def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:
+    """Return the play between rotor and link, whose joint would be `between`."""
+    is_hinge = isinstance(between, RevoluteJoint)
+    # Stiffness and damping of a couple are those of a force times the square of the radius.
+    square = DEFAULT_RADIUS**2 if is_hinge else 1.0
+    stiffness, damping = numbers["stiffness"] / square, numbers.get("damping")
+    if damping is not None:
+        law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
+    else:
+        law = ExactRestitution(numbers.get("restitution", 0.5), stiffness, exponent=1.0)
+    if isinstance(between, RevoluteJoint):
+        return Backlash(
+            between.first,
+            between.second,
+            axis_first=between.axis_first,
+            axis_second=between.axis_second,
+            play=numbers["play"],
+            radius=DEFAULT_RADIUS,
+            law=law,
+        )
+    return ends_of_travel(between, numbers["play"], 0.0, {"law": law})
+
+
+def _frictions(
+    name: str,
+    motor: HingeOrSlider,
+    link: HingeOrSlider,
+    numbers: Mapping[str, PyTree],
+    law: FrictionLaw,
+) -> dict[str, JointFriction]:
+    frictions = {}
+    if "friction" in numbers or "viscosity" in numbers:
+        load = numbers.get("friction", 0.0)
+        frictions[f"{motor_name(name)} friction"] = friction_of(
+            motor, law, load, numbers.get("viscosity")
+        )
+    if "link_friction" in numbers:
+        frictions[f"{name} link friction"] = friction_of(link, law, numbers["link_friction"])
+    return frictions

@@ -1,0 +1,292 @@
+"""Drive trains of robots against MuJoCo, SciPy and closed forms."""
+
+import warnings
+from collections.abc import Callable
+
+import jax
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import clearjoint as cj
+from tests.scene_files.test_mjcf import file_of, frame, model_of, text
+from tests.support.many_states import system_of
+
+FEW, MANY = range(2), range(100, 130)
+SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+COORDINATES = cj.JointCoordinates(), cj.AbsoluteCoordinates()
+ARM = """<robot name="arm"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="1.5"/>
+    <inertia ixx="0.01" iyy="0.03" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tool"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/>
+    <inertia ixx="0.001" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="elbow" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="3" effort="50" velocity="9"/></joint>
+  <joint name="slide" type="prismatic"><parent link="upper"/><child link="tool"/>
+    <origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="50" velocity="9"/></joint>
+</robot>"""
+DRIVE = cj.Drive(armature="1e-5 kg m^2", ratio=100.0, play="0.5 deg", stiffness=900.0)
+
+
+@pytest.fixture
+def read(tmp_path) -> Callable[..., cj.results.Robot]:
+    def read(content: str = ARM, **options) -> cj.results.Robot:
+        name = "robot.xml" if content.startswith("<mujoco") else "robot.urdf"
+        (tmp_path / name).write_text(content)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
+            return cj.load_robot(tmp_path / name, **options)
+
+    return read
+
+
+def accelerations(robot: cj.results.Robot, state: cj.State, coordinates) -> dict:
+    system = system_of(robot.scene, coordinates, 0.0)
+    dynamics = system.dynamics(system.encode(cj.extend.unpack(state).bodies), {}, 0.0)
+    return {
+        name: np.array([*jax.tree.leaves(part.linear), *jax.tree.leaves(part.angular)])
+        for name, part in dynamics.accelerations.items()
+    }
+
+
+def in_series(seed: int, names: list[str]) -> tuple[str, str, dict[str, cj.Drive]]:
+    """A random tree in MJCF, once with one joint for each body, and once with two in series, of
+    which the first has the armature and the second the stiffness and damping; and the drives."""
+    generator = np.random.default_rng(seed)
+    drives: dict[str, cj.Drive] = {}
+    single, double = ([""] * len(names) for _ in range(2))
+    for k in reversed(range(len(names))):
+        name, (axis, point) = f"to {names[k]}", generator.uniform(-1, 1, (2, 3))
+        armature, stiffness, damping, ratio = generator.uniform(0.5, 5.0, 4)
+        shape = f'type="{generator.choice(["hinge", "slide"])}" axis="{text(axis)}" '
+        shape += f'pos="{text(point)}"'
+        rotor = f'armature="{text(armature)}"'
+        joints = [f'<joint name="{name}" {shape} {rotor}/>'] * 2
+        if k == 0 or generator.random() < 0.7:
+            elastic = {"stiffness": stiffness, "damping": damping}
+            drives[name] = cj.Drive(armature=armature / ratio**2, ratio=ratio, **elastic)
+            spring = f'stiffness="{text(stiffness)}" damping="{text(damping)}"'
+            joints = [
+                f'<joint name="{name}" {shape}/>',
+                f'<joint name="{name} motor" {shape} {rotor}/>'
+                f'<joint name="{name}" {shape} {spring}/>',
+            ]
+        mass, sides = generator.uniform(0.5, 5.0), generator.uniform(0.2, 1.0, 3) ** 2
+        moments = text(mass * (sides.sum() - sides) / 12)
+        head = f'<body name="{names[k]}" {frame(generator)}>'
+        inertial = f'<inertial mass="{text(mass)}" diaginertia="{moments}" {frame(generator)}/>'
+        parent = int(generator.integers(k)) if k else 0
+        for bodies, joint in zip((single, double), joints, strict=True):
+            body = f"{head}{joint}{inertial}{bodies[k]}</body>"
+            bodies[parent] = bodies[parent] + body if k else body
+    files = [file_of(bodies[0], np.random.default_rng(seed)) for bodies in (single, double)]
+    return files[0], files[1], drives
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_mujoco_accelerates_drives_in_series_alike(seed, read):
+    """MuJoCo has two joints in series without a body between them, of which the first has an
+    armature and the second a spring: the motion of the rotor and of the link."""
+    mujoco = pytest.importorskip("mujoco")
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(6)]
+    single, double, drives = in_series(seed, names)
+    robot = read(single)
+    for joint, drive in drives.items():
+        robot = robot.with_drive(joint, drive)
+    model, data = model_of(double)
+    data.qpos[:] = generator.uniform(-1, 1, model.nq)
+    data.qvel[:] = generator.uniform(-2, 2, model.nv)
+    mujoco.mj_forward(model, data)
+    joints = [model.joint(k).name for k in range(model.njnt)]
+    found = dict(zip(joints, zip(data.qpos, data.qvel, data.qacc, strict=True), strict=True))
+    numbers = {
+        name: np.add(own, found.get(f"{name} motor", np.zeros(3))) if name in drives else own
+        for name, own in found.items()
+    }
+    state = robot.state(*({n: v[k] for n, v in numbers.items()} for k in range(2)))
+    for name, angle in robot.angles(state).items():
+        assert angle == pytest.approx(numbers[name][0], abs=1e-12)
+        assert robot.speeds(state)[name] == pytest.approx(numbers[name][1], abs=1e-12)
+    expected = {name: numbers[name][2] for name in numbers}
+    scale = max(map(abs, expected.values()))
+    system = system_of(robot.scene, cj.JointCoordinates())
+    variables = dict(system.encode(cj.extend.unpack(state).bodies))
+    rates = system.dynamics(variables, {}, 0.0).variable_rates
+    for name, rate in expected.items():
+        carried = robot.scene.joints[name].second
+        assert float(rates[carried].speeds[0]) == pytest.approx(rate, abs=1e-9 * scale), name
+    # Absolute coordinates, in which `observe` computes.
+    first, second = (accelerations(robot, state, c) for c in COORDINATES)
+    for name, rate in first.items():
+        assert np.abs(rate - second[name]).max() < 1e-8 * max(scale, np.abs(rate).max()), name
+
+
+SWING = (
+    ARM.split('<link name="tool">')[0]
+    + ARM[ARM.index('<joint name="elbow"') :].split('<joint name="slide"')[0]
+    + "</robot>"
+)
+INERTIA, WEIGHT, ARMATURE, STIFFNESS, DAMPING = 0.03 + 1.5 * 0.2**2, 1.5 * 9.81 * 0.2, 0.1, 9e2, 0.2
+PLAY, TORQUE, SPEED = np.radians(0.5), 40.0, 30.0
+
+
+def reference(times: np.ndarray) -> np.ndarray:
+    """Angles, rad, of rotor and link, (2, N), which start at rest at zero, by SciPy: two inertias
+    with a spring and a damper that begin at the ends of the play and do not pull."""
+
+    def force(y: np.ndarray) -> tuple[float, float, float]:
+        twist, rate = y[1] - y[0], y[3] - y[2]
+        side = np.sign(twist)
+        depth = abs(twist) - 0.5 * PLAY
+        return depth, STIFFNESS * depth + DAMPING * side * rate, side
+
+    def rates(pressed: bool):
+        def evaluate(t, y):
+            _, push, side = force(y)
+            torque = -side * push if pressed else 0.0
+            motor = TORQUE * np.sin(SPEED * t)
+            own = (motor - torque) / ARMATURE, (torque + WEIGHT * np.cos(y[1])) / INERTIA
+            return [y[2], y[3], *own]
+
+        return evaluate
+
+    def event(index: int, direction: float):
+        def evaluate(t, y):
+            return force(y)[index]
+
+        evaluate.terminal, evaluate.direction = True, direction
+        return evaluate
+
+    # Apart until the flanks touch; pressed until the force vanishes; parting until they do not
+    # touch, or the force is positive again.
+    modes = {
+        "apart": (False, {"pressed": event(0, 1.0)}),
+        "pressed": (True, {"parting": event(1, -1.0)}),
+        "parting": (False, {"apart": event(0, -1.0), "pressed": event(1, 1.0)}),
+    }
+    t, y, mode, parts = 0.0, np.zeros(4), "apart", []
+    while t < times[-1]:
+        pressed, exits = modes[mode]
+        found = solve_ivp(
+            rates(pressed),
+            (t, times[-1]),
+            y,
+            "DOP853",
+            events=list(exits.values()),
+            dense_output=True,
+            rtol=1e-12,
+            atol=1e-14,
+            max_step=1e-4,  # so that no flank passes the play within a step
+        )
+        inside = times[(times > t) & (times <= found.t[-1])]
+        parts += [found.sol(inside)[:2]] if len(inside) else []
+        t, y = found.t[-1], found.y[:, -1]
+        for name, hits in zip(exits, found.t_events, strict=True):
+            mode = name if len(hits) else mode
+    return np.concatenate(parts, axis=1)
+
+
+def test_an_arm_with_play_and_compliance_moves_as_in_scipy(read):
+    drive = cj.Drive(ARMATURE / 50.0**2, 50.0, "0.5 deg", STIFFNESS, damping=DAMPING)
+    robot = read(SWING).with_drive("elbow", drive)
+    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
+    robot = robot.with_elements({"torque": torque})
+    times = np.linspace(0.05, 1.0, 20)
+    settings = cj.Settings(rtol=1e-9, ledger=True)
+    save = cj.Saving(times, impacts=True)
+    solution = cj.simulate(robot.scene, robot.state(), 1.0, settings, save, progress=False)
+    angles = robot.angles(solution)
+    expected = reference(times)
+    assert len(solution.impacts) >= 10
+    assert np.abs(angles["elbow motor"] - expected[0]).max() < 1e-6
+    assert np.abs(angles["elbow"] - expected[1]).max() < 1e-6
+    assert np.ptp(expected[0] - expected[1]) > 1.2 * PLAY
+    residual = cj.observe(robot.scene, solution).ledger_residual()
+    assert np.abs(residual).max() < 1e-6
+
+
+def test_a_drive_acts_where_it_says(read):
+    robot = read()
+    first, second, axis = robot.link_side("elbow")
+    assert (first, second, axis.tolist()) == ("ground", "upper", [0.0, 1.0, 0.0])
+    rigid = robot.with_drive("elbow", cj.Drive(armature=2e-5, ratio=50.0, friction=0.3))
+    assert rigid.scene.joints["elbow"].armature == pytest.approx(2e-5 * 50.0**2)
+    assert rigid.motor_side("elbow")[:2] == ("ground", "upper")
+    assert rigid.scene.joints["elbow motor friction"].pair() == ("ground", "upper")
+    assert [*rigid.angles(rigid.state())] == ["elbow", "slide"]
+    drive = cj.Drive(1e-5, 100.0, "0.5 deg", 900.0, friction=0.3, viscosity=0.1, link_friction=0.2)
+    geared = robot.with_drive("elbow", drive).with_drive(
+        "slide", cj.Drive("20 g", 1.0, "0.1 mm", 1e6)
+    )
+    assert geared.motor_side("elbow")[:2] == ("ground", "elbow rotor")
+    assert geared.link_side("elbow")[:2] == ("ground", "upper")
+    joints = geared.scene.joints
+    assert joints["elbow"].armature is None and joints["elbow motor"].armature == pytest.approx(0.1)
+    assert joints["slide motor"].armature == pytest.approx(0.02)
+    assert joints["elbow motor friction"].pair() == ("ground", "elbow rotor")
+    assert joints["elbow link friction"].pair() == ("ground", "upper")
+    assert joints["elbow backlash"].play == pytest.approx(np.radians(0.5))
+    assert joints["slide backlash"].travel == pytest.approx(1e-4)
+    assert geared.joints == robot.joints and {*geared.drives} == {"elbow", "slide"}
+    state = geared.state([0.3, 0.1], {"elbow": 2.0})
+    assert geared.angles(state) == pytest.approx(
+        {"elbow": 0.3, "slide": 0.1, "elbow motor": 0.3, "slide motor": 0.1}
+    )
+    assert geared.speeds(state)["elbow motor"] == pytest.approx(2.0)
+    state = geared.state({"elbow": 0.3, "elbow motor": 0.31})
+    assert geared.angles(state)["elbow motor"] == pytest.approx(0.31)
+    # Both rotors turn with the joints.
+    q, qd, qdd = np.random.default_rng(0).uniform(-1, 1, (3, 2))
+    plain, driven = robot.torques(q, qd, qdd), geared.torques(q, qd, qdd)
+    assert [*driven] == ["elbow", "slide"]
+    assert driven["elbow"] - plain["elbow"] == pytest.approx(0.1 * qdd[0], abs=1e-8)
+    assert driven["slide"] - plain["slide"] == pytest.approx(0.02 * qdd[1], abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("joint", "drive", "message"),
+    [
+        ("elbw", DRIVE, "`joint` must be one of the ideal hinges.*'elbw'.*did you mean 'elbow'"),
+        (
+            "elbow",
+            cj.Drive(1e-5, play="0.5 mm", stiffness=1.0),
+            "drive, `play`: found '0.5 mm', .*rad",
+        ),
+        (
+            "slide",
+            cj.Drive(1e-5, play="0.5 deg", stiffness=1.0),
+            "drive, `play`: found '0.5 deg', .*in m",
+        ),
+        ("elbow", cj.Drive(1e-5, play=-1.0), "`drive.play` must be positive, but is -1.0"),
+        ("elbow", cj.Drive(1e-5, play=0.01), "`drive.stiffness` must be given with a play"),
+        (
+            "elbow",
+            cj.Drive(stiffness=5.0),
+            "`drive.armature` must be given, since joint 'elbow' has",
+        ),
+        ("elbow", cj.Drive(1e-5, damping=5.0), "`drive.damping` must be omitted without a stiffn"),
+        (
+            "elbow",
+            cj.Drive(1e-5, stiffness=5.0, restitution=0.5),
+            "`drive.restitution` must be omi",
+        ),
+        ("elbow", cj.Drive(True), "`drive.armature` must be a number"),
+        ("elbow", None, "`drive` must be a Drive"),
+    ],
+)
+def test_errors_name_argument_and_remedy(read, joint, drive, message):
+    with pytest.raises(ValueError, match=message):
+        read().with_drive(joint, drive)
+
+
+def test_a_second_drive_and_a_taken_name_are_refused(read):
+    robot = read().with_drive("elbow", DRIVE)
+    with pytest.raises(ValueError, match="`joint` must be without a drive, but is 'elbow'"):
+        robot.with_drive("elbow", DRIVE)
+    with pytest.raises(ValueError, match="`elements` must be a name that no joint"):
+        robot.with_elements({"elbow": robot.scene.joints["slide"]})
+    played = {"elbow": {"backlash": 0.01}}
+    with pytest.raises(ValueError, match="`elements` must be a name .*'elbow backlash'"):
+        read(play=played).with_drive("elbow", DRIVE)
