@@ -277,6 +277,7 @@ def _require_no_gap(times: np.ndarray, content: Column, largest: float | None) -
     if steps[k] > largest:
         raise ValueError(
             f"The samples of {content.label} must be at most {largest:.4g} s apart, but there is a "
-            f"gap from {times[k]:.6g} to {times[k + 1]:.6g} s: pass largest_gap={1.01 * steps[k]:.2g}, "
-            "and leave the gap out by `between`, or let it be interpolated."
+            f"gap from {times[k]:.6g} to {times[k + 1]:.6g} s: pass "
+            f"largest_gap={1.01 * steps[k]:.2g}, and leave the gap out by `between`, or let it be "
+            "interpolated."
         )

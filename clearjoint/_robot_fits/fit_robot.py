@@ -13,22 +13,34 @@ from typing_extensions import override
 
 from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from .._export.tables import aligned, number
+from .._fields.cautions import quiet
 from .._fields.checks import require
 from .._identification.fit import Fit
-from .._identification.identify import OnIteration, identify
+from .._identification.identify import OnIteration, identify, warn_of
 from .._information.analysis import Identifiability, identifiability
 from .._information.horizon import fit_horizon
 from .._measurements.robot_logs import RobotLog
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter, values_at
+from .._parametrisation.parameter import Parameter
+from .._parametrisation.variations import AbstractSeriesVariation
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
+from .._simulation.results.solution import SimulationError
 from .._simulation.run.saving import Saving
 from .._simulation.run.simulate import simulate
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
-from .problem import Driving, Find, RobotProblem, backlash_name, drive_name, robot_problem
+from .problem import (
+    OF_HINGES,
+    STILL,
+    Find,
+    Mode,
+    RobotProblem,
+    backlash_name,
+    drive_name,
+    robot_problem,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,8 +49,6 @@ ROUNDS = 3
 """Largest number of fits, each with the parameters that the log determines at the estimates of the
 fit before."""
 NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
-STILL = 3.0
-"""Range of a logged position, in multiples of its noise, up to which a joint counts as at rest."""
 PART = 0.3
 """Weight in an undetermined combination above which a parameter is named."""
 
@@ -75,7 +85,7 @@ class RobotFit(AbstractTabular):
     fit: Fit
     robot: Robot
     log: RobotLog
-    drive: Mapping[str, Driving]
+    drive: Mapping[str, Mode]
     undetermined: dict[str, str]
     held: dict[str, tuple[float, str]]
 
@@ -104,7 +114,7 @@ class RobotFit(AbstractTabular):
 
     @override
     def __str__(self) -> str:
-        table = [("parameter", "estimate", "95 % from", "to", "unit")]
+        table: list[tuple[str, ...]] = [("parameter", "estimate", "95 % from", "to", "unit")]
         for name, (value, low, high, unit) in self._rows().items():
             ends = ("not identifiable", "") if name in self.held else (f"{low:.4g}", f"{high:.4g}")
             table.append((name, f"{value:.4g}", *ends, unit))
@@ -123,7 +133,9 @@ class RobotFit(AbstractTabular):
         """Predicted values of each measured series, (N,), in rad, m, N m or N. Angles differ from
         the measured ones by less than half a revolution."""
         series = self.fit.measurements.series
-        return {n: s.values + self.fit.residuals[n] * s.noise for n, s in series.items()}
+        return {
+            n: np.asarray(s.values + self.fit.residuals[n] * s.noise) for n, s in series.items()
+        }
 
     def hysteresis(self) -> dict[str, Hysteresis]:
         """Return torque over position of each driven joint with a logged torque and position.
@@ -137,21 +149,27 @@ class RobotFit(AbstractTabular):
                 continue
             angles, torques = self.log.angles[joint], self.log.torques[joint]
             name = f"{joint} torque" if mode == "angle" else f"{joint} position"
-            predicted, times = self.predictions[name], self.fit.measurements[name].times
+            predicted, times = self.predictions[name], np.asarray(self.fit.measurements[name].times)
             if mode == "angle":
-                position = np.interp(times, angles.times, np.unwrap(angles.values))
+                position = _between(times, angles.times, np.unwrap(angles.values))
                 loops[joint] = Hysteresis(position, torques.values, position, predicted)
             else:
-                torque = np.interp(times, torques.times, torques.values)
+                torque = _between(times, torques.times, torques.values)
                 loops[joint] = Hysteresis(angles.values, torque, predicted, torque)
         return loops
+
+
+def _between(
+    at: Float[np.ndarray, " N"], times: Float[np.ndarray, " M"], values: Float[np.ndarray, " M"]
+) -> Float[np.ndarray, " N"]:
+    return np.asarray(np.interp(at, times, values))
 
 
 def fit_robot(
     robot: Robot,
     log: RobotLog,
     find: Find,
-    drive: Mapping[str, Driving],
+    drive: Mapping[str, Mode],
     *,
     parameters: Mapping[str, Parameter] = NO_PARAMETERS,
     settings: Settings | None = None,
@@ -213,101 +231,91 @@ def fit_robot(
     settings = settings_or(settings, presets.identification)
     problem = robot_problem(robot, log, find, drive)
     taken = sorted(set(parameters) & set(problem.parameters))
-    remedy = "rename them"
-    require(not taken, "parameters", taken, "of other names than those of the robot", remedy)
+    expected = "of other names than those of the robot"
+    require(not taken, "parameters", taken, expected, "rename them")
     free = {**problem.parameters, **parameters}
     scene, state, measured = problem.scene, problem.state, problem.measurements
-    values = values_at(free, np.array([p.coordinate_in(scene, state) for p in free.values()]))
-    starts, fit, undetermined = values, None, {}
+    starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
+    starts = values = {name: float(value) for name, value in starts.items()}
+    options = {
+        "max_iterations": max_iterations,
+        "check_runs": check_runs,
+        "progress": progress,
+        "start_time": log.start,
+    }
+    fit, undetermined = None, {}
     for _ in range(ROUNDS):
-        present = {n: replace_value(p, values[n]) for n, p in free.items()}
+        present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
         report = identifiability(scene, state, present, measured, settings, start_time=log.start)
-        reasons = _undetermined(report, problem, present, settings)
-        if fit is not None and set(reasons) == set(undetermined):
+        reasons = _undetermined(report, problem, present)
+        if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons
-        rest = {n: p for n, p in present.items() if n not in reasons}
-        texts_ = " ".join(reasons.values())
-        require(bool(rest), "find", [*find], f"determined by the log ({texts_})", "log more")
-        base = scene, state
-        for name in reasons:
-            setter = free[name].variation.setter(*base, 0.0)
-            base = setter(*base, starts[name])
-        windows = _windows(*base, rest, problem, settings) if grow is None else grow
-        fit = identify(
-            *base,
-            measured,
-            rest,
-            settings,
-            start_time=log.start,
-            grow=windows,
-            max_iterations=max_iterations,
-            check_runs=check_runs,
-            progress=progress,
-        )
+        rest = {name: p for name, p in present.items() if name not in reasons}
+        expected = f"determined by the log. {' '.join(reasons.values())}"
+        require(bool(rest), "find", [*find], expected, "log another motion")
+        held = {name: starts[name] for name in reasons}
+        base = changed(scene, state, {name: (free[name], value) for name, value in held.items()})
+        with quiet():
+            fit = identify(*base, measured, rest, settings, grow=grow or (), **options)
+        if grow is None and fit.advice:
+            # Only a poor fit is worth the many runs that find out how long a record may be.
+            windows = _windows(fit, rest, problem, settings)
+            if windows:
+                with quiet():
+                    other = identify(*base, measured, rest, settings, grow=windows, **options)
+                fit = min(fit, other, key=lambda fit: fit.chi_squared)
         values = {**starts, **fit.estimates}
     assert fit is not None
-    held = {n: (starts[n], _unit(free[n], scene, state)) for n in undetermined}
-    elements = {
-        family: {n: getattr(fit.scene, family)[n] for n in getattr(fit.scene, family)}
-        for family in ("joints", "forces")
-    }
-    for joint in drive:
-        for family in elements.values():
-            family.pop(drive_name(joint), None)
-    fitted = replace(robot, scene=replace(fit.scene, **elements))
+    warn_of([fit])
+    units = {name: free[name].variation.unit_in(scene, state) for name in undetermined}
+    joints, forces = (
+        {n: e for n, e in family.items() if n not in map(drive_name, drive)}
+        for family in (fit.scene.joints, fit.scene.forces)
+    )
+    fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
+    held = {name: (starts[name], unit) for name, unit in units.items()}
     return RobotFit(fit, fitted, log, dict(drive), undetermined, held)
 
 
-def replace_value(parameter: Parameter, value: float) -> Parameter:
-    """Return a parameter with another first guess."""
-    return Parameter(parameter.variation, parameter.scale, value=value)
-
-
-def _unit(parameter: Parameter, scene: Scene, state: State) -> str:
-    return parameter.variation.unit_in(scene, state)
+def changed(
+    scene: Scene, state: State, parameters: Mapping[str, tuple[Parameter, float]]
+) -> tuple[Scene, State]:
+    """Return scene and state with values of parameters; errors of sensors change neither."""
+    for parameter, value in parameters.values():
+        if not isinstance(parameter.variation, AbstractSeriesVariation):
+            scene, state = parameter.variation.setter(scene, state, 0.0)(scene, state, value)
+    return scene, state
 
 
 def _windows(
-    scene: Scene,
-    state: State,
-    parameters: Mapping[str, Parameter],
-    problem: RobotProblem,
-    settings: Settings,
+    fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
     """Return the ends of growing windows, each twice as long as the one before; none if a single
     run can fit the whole log."""
     uncertainty = {
-        name: math.log(2.0) if problem.subjects.get(name, ("", "start"))[1] in FACTOR else 1.0
+        name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in OF_HINGES else 1.0
         for name in parameters
     }
-    horizon = fit_horizon(
-        scene,
-        state,
-        parameters,
-        problem.measurements,
-        settings,
-        uncertainty=uncertainty,
-        start_time=problem.log.start,
-    )
-    end, start = float(problem.measurements.times()[-1]), problem.log.start
-    if not horizon.single_shot <= end:
-        return []
-    ends, length = [], 0.9 * (horizon.single_shot - start)
-    while start + length < end:
+    start, end = problem.log.start, float(problem.measurements.times()[-1])
+    try:
+        limits = fit_horizon(
+            *(fit.scene, fit.state, parameters, problem.measurements, settings),
+            uncertainty=uncertainty,
+            start_time=start,
+        )
+        length = 0.9 * (min(limits.single_shot, end) - start)
+    except SimulationError:  # the run with the estimates fails
+        length = (end - start) / 16.0
+    ends = []
+    while length > 0.0 and start + length < end:
         ends.append(start + length)
         length *= 2.0
     return ends
 
 
-FACTOR = ("play", "stiffness", "friction", "damping", "inertia", "mass")
-
-
 def _undetermined(
-    report: Identifiability,
-    problem: RobotProblem,
-    parameters: Mapping[str, Parameter],
-    settings: Settings,
+    report: Identifiability, problem: RobotProblem, parameters: Mapping[str, Parameter]
 ) -> dict[str, str]:
     """Return, for each parameter that the log does not determine, a sentence that says why."""
     names, reasons = [*report.names], {}
@@ -329,33 +337,19 @@ def _undetermined(
         alone = np.where(ratios > 1.0, part.deviations_alone / part.limits, 0.0)
         k = int(alone.argmax())
         if flanks is None:
-            flanks = _touched(problem, parameters, settings)
+            flanks = _touched(problem, parameters)
         reasons[names[k]] = _reason(names[k], part, k, problem, flanks)
         del names[k]
     return reasons
 
 
-def _touched(
-    problem: RobotProblem, parameters: Mapping[str, Parameter], settings: Settings
-) -> dict[str, set[str]]:
+def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
     """Return which flanks of each backlash touch in a run."""
-    scene, state, log = problem.scene, problem.state, problem.log
-    for parameter in parameters.values():
-        try:
-            change = parameter.variation.setter(scene, state, 0.0)
-        except ValueError:  # an error of a sensor, which changes no scene
-            continue
-        scene, state = change(scene, state, parameter.value)
-    times = problem.measurements.times()
-    solution = simulate(
-        scene,
-        state,
-        float(times[-1]),
-        replace(presets.default, rtol=max(settings.rtol, presets.default.rtol)),
-        Saving(times),
-        start_time=log.start,
-        progress=False,
-    )
+    values = {name: (p, float(p.value or 0.0)) for name, p in parameters.items()}
+    scene, state = changed(problem.scene, problem.state, values)
+    times, start = problem.measurements.times(), problem.log.start
+    options = {"save": Saving(times), "start_time": start, "progress": False}
+    solution = simulate(scene, state, float(times[-1]), **options)
     contacts = observe(scene, solution).contacts
     return {
         joint: {label for label, c in contacts[joint].items() if np.any(c.normal_force > 0.0)}
@@ -380,9 +374,9 @@ def _reason(
         if kind == "play":
             return f"{head}: the motion never reverses its load."
     samples = problem.log.angles.get(joint)
-    if kind in ("friction", "damping", "inertia") and samples is not None:
-        if np.ptp(samples.values) <= STILL * (samples.noise or 0.0):
-            return f"{head}: the joint does not move."
+    noise = 0.0 if samples is None or samples.noise is None else samples.noise
+    if samples is not None and np.ptp(samples.values) <= STILL * noise:
+        return f"{head}: the joint does not move."
     if report.deviations_alone[k] > report.limits[k]:
         size = number(float(report.deviations_alone[k]))
         return (
