@@ -16,7 +16,9 @@ from .._math.vectors import ZERO, Condition, Scalar, Vector
 from .._model.bodies import GROUND, Wrench
 from .._model.contact.friction import AbstractBristleFriction
 from .._model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap, contact_normal_force
+from .._model.forces import TorsionalSpring
 from .._model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
+from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
 from .kinds import Kinds
 
@@ -70,20 +72,41 @@ def contact_forces(
     **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
     contact, or if the contact has a `face_radius`.
     """
-    kinds = Kinds(scene)
-    return {
-        name: dict(
-            kinds.evaluate(
-                _forces_of_joint,
-                joint,
-                motions,
-                entry_speeds.get(name, {}),
-                None if closed is None else closed[name],
-                bristles.get(name, {}),
-            )
+    kinds, joints = Kinds(scene), scene.contact_joints()
+
+    def forces_of(name: str, joint: AbstractContactJoint) -> dict[str, LoadedContact]:
+        others = (
+            entry_speeds.get(name, {}),
+            None if closed is None else closed[name],
+            bristles.get(name, {}),
         )
-        for name, joint in scene.contact_joints().items()
+        return dict(kinds.evaluate(_forces_of_joint, joint, motions, *others))
+
+    pressed = {
+        name: joint
+        for name, joint in joints.items()
+        if isinstance(joint, JointFriction) and joint.pressed_by is not None
     }
+    forces = {n: forces_of(n, joint) for n, joint in joints.items() if n not in pressed}
+    for name, joint in pressed.items():
+        force = _pressing_force(scene, motions, forces, joint.pressed_by or "")
+        forces[name] = forces_of(name, joint.pressed_with(force))
+    return {name: forces[name] for name in joints}
+
+
+def _pressing_force(
+    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], name: str
+) -> Scalar:
+    """Return the force, N, or torque, N m, of an element that presses the surfaces of a joint.
+
+    Without the damping, which may jump where flanks touch, the load is continuous.
+    """
+    if name in forces:
+        parts = [contact.elastic_force for contact in forces[name].values()]
+        return sum(parts[1:], parts[0])
+    spring = scene.forces[name]
+    assert isinstance(spring, TorsionalSpring)
+    return jnp.abs(spring.torque_at(spring.relative_angle(motions).value, 0.0, 0.0))
 
 
 def _forces_of_joint(

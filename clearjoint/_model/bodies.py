@@ -295,6 +295,22 @@ class Body(AbstractReadable):
         return spin.componentwise_product(self.inertia)
 
 
+class Rotor(Body):
+    """A body whose inertia is the armature of the joint that holds it, and which carries no other.
+
+    Joint coordinates take it as without mass. Its own `mass` and `inertia` count only in absolute
+    coordinates, where a body needs some; they should be negligible.
+
+    >>> from clearjoint._model.bodies import Rotor
+    >>> Rotor(1e-12, (1e-12, 1e-12, 1e-12)).mass.item()
+    1e-12
+    """
+
+    @override
+    def _caution_together(self) -> None:
+        """Warn of nothing: the density means nothing."""
+
+
 def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:
     """Return a body with the moments of inertia `about` an axis and `across` it, kg m^2."""
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")

@@ -15,7 +15,9 @@ from .bodies import GROUND, Body
 from .contact.friction import AbstractBristleFriction
 from .contact.laws import AbstractContactLaw
 from .drives.drivers import AbstractDrive
+from .forces import TorsionalSpring
 from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractElement, AbstractForce
+from .joints.joint_friction import JointFriction
 
 FARTHEST = 100.0
 """Ratio of a point's distance from the centre of mass to the body's radius of gyration, above which
@@ -97,6 +99,19 @@ class Scene(AbstractReadable):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
                 _check_distances(f"{family}[{name!r}]", element, self.bodies)
+        for name, joint in self.joints.items():
+            if isinstance(joint, JointFriction) and joint.pressed_by is not None:
+                pressing = {
+                    n: other
+                    for n, other in {**self.joints, **self.forces}.items()
+                    if isinstance(other, AbstractContactJoint | TorsionalSpring)
+                    and not isinstance(other, JointFriction)
+                }
+                expected = f"the name of a contact joint or torsional spring, one of {[*pressing]}"
+                argument, remedy = f"joints[{name!r}].pressed_by", "correct the name"
+                remedy = nearest(joint.pressed_by, pressing, remedy)
+                is_known = joint.pressed_by in pressing
+                require(is_known, argument, joint.pressed_by, expected, remedy)
         # Elements are also looked up by name among joints and forces together.
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")

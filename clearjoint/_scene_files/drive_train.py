@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import PyTree
 
-from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
-from .._model.bodies import Body
+from .._model.bodies import Rotor
 from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
 from .._model.contact.dashpots import SpringDashpot
 from .._model.contact.friction import FrictionLaw
@@ -21,7 +20,7 @@ from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
 from .documents import FileLocation
 from .reading import number_of_text
-from .robot_elements import FRICTION, Element, ends_of_travel, friction_of, spring_of
+from .robot_elements import BACKLASH, FRICTION, Element, ends_of_travel, friction_of, spring_of
 
 NEGLIGIBLE = 1e-10
 """Inertia of a rotor's body over the armature. A body must have mass, but the rotor's belongs to
@@ -29,6 +28,8 @@ the file's link, and its rotation about the axis to the joint. In absolute coord
 `observe`, rounding errors relative to the rotor's acceleration are 1e-16 over the square root of
 this value."""
 ORIGIN = (0.0, 0.0, 0.0)
+COMPLIANCE = "compliance"
+"""End of the name of the spring between rotor and link."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,8 @@ class Drive:
 
     - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis; by default the
       armature of the file, of which the joint's motion sees all.
-    - `ratio`: turns of the motor per turn of the joint. It multiplies the armature by its square.
-      All other numbers are those at the joint: divide a motor's friction by nothing, multiply it by
-      the ratio.
+    - `ratio`: turns of the motor per turn of the joint, whose square multiplies the armature. All
+      other numbers are those at the joint: give the motor's friction times the ratio.
     - `play`: rad, total angle from flank to flank; ``None`` for none.
     - `stiffness`: N m/rad, of the gear and shafts between rotor and link, with play of a pressed
       flank. ``None`` is rigid, and not possible with play.
@@ -55,6 +55,8 @@ class Drive:
     - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`).
     - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
       and the joint's first body.
+    - `loss`: further dry friction of the rotor, over the torque that flanks or compliance transmit:
+      0.1 for a gear that loses a tenth of it. Of a slider only with play.
     - `link_friction`: dry friction of the link, N m, beside that of the file.
     - `law`: law of both dry frictions, with speeds in rad/s; by default they stick.
 
@@ -71,6 +73,7 @@ class Drive:
     restitution: PyTree = None
     friction: PyTree = None
     viscosity: PyTree = None
+    loss: PyTree = None
     link_friction: PyTree = None
     law: FrictionLaw = FRICTION
 
@@ -84,6 +87,7 @@ UNITS = {
     "restitution": ("1", "1"),
     "friction": ("N m", "N"),
     "viscosity": ("N m s/rad", "N s/m"),
+    "loss": ("1", "1"),
     "link_friction": ("N m", "N"),
 }
 """Units of the numbers of a `Drive` of a hinge, and of a slider."""
@@ -95,7 +99,7 @@ class Train(NamedTuple):
 
     joint: HingeOrSlider
     elements: dict[str, Element]
-    rotor: Body | None = None
+    rotor: Rotor | None = None
 
 
 def rotor_name(joint: str) -> str:
@@ -116,33 +120,33 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     if "armature" in numbers:
         armature = numbers["armature"] * numbers["ratio"] ** 2
     is_elastic = "play" in numbers or "stiffness" in numbers
-    _require_together(name, numbers, armature, is_elastic)
+    is_slider = isinstance(joint, PrismaticJoint)
+    _require_together(name, numbers, armature, is_elastic, is_slider)
     if not is_elastic:
         driven = replace(joint, armature=armature)
         return Train(driven, {**_frictions(name, driven, driven, numbers, drive.law)})
-    # With its own inertia and no mass, the rotor acts on the first body only by the torque of its
-    # bearing, as if the link were on it.
+    # Beside the link, not before it: on the first body it then acts only by the torque of its
+    # bearing about the axis, and nothing but rotor and link depends on it.
     rotor = rotor_name(name)
-    with quiet():  # the body has an unusual density
-        body = Body(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
-        link = replace(joint, armature=None)
-        if isinstance(joint, RevoluteJoint):
-            axes = joint.axis_first, joint.axis_first
-            motor: HingeOrSlider = RevoluteJoint(
-                joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
-            )
-        else:
-            motor = PrismaticJoint(
-                joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
-            )
+    body = Rotor(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
+    link = replace(joint, armature=None)
+    if isinstance(joint, RevoluteJoint):
+        axes = joint.axis_first, joint.axis_first
+        motor: HingeOrSlider = RevoluteJoint(
+            joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
+        )
+    else:
+        motor = PrismaticJoint(
+            joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
+        )
     between = replace(link, first=rotor, point_first=np.zeros(3))
     elements: dict[str, Element] = {motor_name(name): motor}
     elements.update(_frictions(name, motor, link, numbers, drive.law))
     if "play" in numbers:
-        elements[f"{name} backlash"] = _flanks(between, numbers)
+        elements[f"{name} {BACKLASH}"] = _flanks(between, numbers)
     else:
         spring = spring_of(between, numbers["stiffness"], numbers.get("damping", 0.0), 0.0)
-        elements[f"{name} compliance"] = spring
+        elements[f"{name} {COMPLIANCE}"] = spring
     return Train(link, elements, body)
 
 
@@ -165,31 +169,53 @@ def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
 
 
 def _require_together(
-    name: str, numbers: Mapping[str, PyTree], armature: PyTree, is_elastic: bool
+    name: str,
+    numbers: Mapping[str, PyTree],
+    armature: PyTree,
+    is_elastic: bool,
+    is_slider: bool,
 ) -> None:
-    expected = f"given, since joint {name!r} has none in the file"
-    remedy = "give the moment of inertia of the rotor, or leave play and stiffness out"
-    require(not is_elastic or armature is not None, "drive.armature", None, expected, remedy)
-    stiffness = numbers.get("stiffness")
-    expected, remedy = "given with a play", "give that of a pressed flank"
-    require(
-        "play" not in numbers or stiffness is not None, "drive.stiffness", None, expected, remedy
+    has_play, is_rigid = "play" in numbers, not is_elastic
+    conditions = (
+        (
+            "armature",
+            is_rigid or armature is not None,
+            f"given, since joint {name!r} has none in the file",
+            "give the moment of inertia of the rotor, or leave play and stiffness out",
+        ),
+        (
+            "stiffness",
+            not has_play or "stiffness" in numbers,
+            "given with a play",
+            "give that of a pressed flank",
+        ),
+        (
+            "restitution",
+            has_play or "restitution" not in numbers,
+            "omitted without a play",
+            "leave it out, or give a play",
+        ),
+        (
+            "restitution",
+            "restitution" not in numbers or "damping" not in numbers,
+            "omitted with a damping",
+            "leave one of the two out",
+        ),
+        (
+            "damping",
+            "stiffness" in numbers or "damping" not in numbers,
+            "omitted without a stiffness",
+            "give a stiffness, or a viscosity in place of the damping",
+        ),
+        (
+            "loss",
+            "loss" not in numbers or has_play or (is_elastic and not is_slider),
+            "omitted without a play or, of a hinge, a stiffness",
+            "leave it out, or give one of them",
+        ),
     )
-    damping, restitution = numbers.get("damping"), numbers.get("restitution")
-    remedy = "leave it out, or give a play"
-    require(
-        restitution is None or "play" in numbers,
-        "drive.restitution",
-        restitution,
-        "omitted without a play",
-        remedy,
-    )
-    remedy = "leave one of the two out"
-    is_one = restitution is None or damping is None
-    require(is_one, "drive.restitution", restitution, "omitted with a damping", remedy)
-    remedy = "give a stiffness, or a viscosity in place of the damping"
-    is_parallel = damping is None or stiffness is not None
-    require(is_parallel, "drive.damping", damping, "omitted without a stiffness", remedy)
+    for argument, is_valid, expected, remedy in conditions:
+        require(is_valid, f"drive.{argument}", numbers.get(argument), expected, remedy)
 
 
 def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:
@@ -223,11 +249,17 @@ def _frictions(
     law: FrictionLaw,
 ) -> dict[str, JointFriction]:
     frictions = {}
-    if "friction" in numbers or "viscosity" in numbers:
-        load = numbers.get("friction", 0.0)
-        frictions[f"{motor_name(name)} friction"] = friction_of(
-            motor, law, load, numbers.get("viscosity")
-        )
+    if {"friction", "viscosity", "loss"} & numbers.keys():
+        load, loss = numbers.get("friction", 0.0), {}
+        if "loss" in numbers:
+            # The force of a flank of a hinge acts on its radius.
+            is_couple = "play" in numbers and isinstance(motor, RevoluteJoint)
+            loss = {
+                "pressed_by": f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}",
+                "load_ratio": numbers["loss"] * (DEFAULT_RADIUS if is_couple else 1.0),
+            }
+        own = friction_of(motor, law, load, viscosity=numbers.get("viscosity"), **loss)
+        frictions[f"{motor_name(name)} friction"] = own
     if "link_friction" in numbers:
         frictions[f"{name} link friction"] = friction_of(link, law, numbers["link_friction"])
     return frictions

@@ -344,14 +344,13 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 
 
 def friction_of(
-    joint: HingeOrSlider, law: FrictionLaw, load: PyTree, viscosity: PyTree = None
+    joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return the friction of a hinge, N m, or of a slider, N."""
+    """Return the friction of a hinge, N m, or of a slider, N; `options`: of `JointFriction`."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
-        return JointFriction(*ends, law, load, joint.axis_first, 1.0, viscosity=viscosity)
-    point = joint.point_second
-    return JointFriction(*ends, law, load, joint.axis, None, point, viscosity=viscosity)
+        return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)
+    return JointFriction(*ends, law, load, joint.axis, None, joint.point_second, **options)
 
 
 def spring_of(

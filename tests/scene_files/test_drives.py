@@ -272,6 +272,11 @@ def test_a_drive_acts_where_it_says(read):
             cj.Drive(1e-5, stiffness=5.0, restitution=0.5),
             "`drive.restitution` must be omi",
         ),
+        (
+            "slide",
+            cj.Drive(1.0, stiffness=5.0, loss=0.1),
+            "`drive.loss` must be omitted without a pl",
+        ),
         ("elbow", cj.Drive(True), "`drive.armature` must be a number"),
         ("elbow", None, "`drive` must be a Drive"),
     ],
@@ -290,3 +295,48 @@ def test_a_second_drive_and_a_taken_name_are_refused(read):
     played = {"elbow": {"backlash": 0.01}}
     with pytest.raises(ValueError, match="`elements` must be a name .*'elbow backlash'"):
         read(play=played).with_drive("elbow", DRIVE)
+
+
+LOSS, DRY, SMOOTH = 0.3, 0.5, 0.05
+
+
+@pytest.mark.parametrize("play", [None, "0.5 deg"])
+def test_the_loss_of_a_gear_is_friction_over_the_transmitted_torque(read, play):
+    law = cj.frictions.RegularisedCoulomb(1.0, regularisation_speed=SMOOTH)
+    numbers = {"armature": ARMATURE, "stiffness": STIFFNESS, "damping": 1e-6}
+    drive = cj.Drive(**numbers, play=play, friction=DRY, loss=LOSS, law=law)
+    robot = read(SWING).with_drive("elbow", drive)
+    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
+    robot = robot.with_elements({"torque": torque})
+    half = 0.0 if play is None else 0.5 * PLAY
+
+    def rates(t, y):
+        twist = y[1] - y[0]
+        elastic = STIFFNESS * np.sign(twist) * max(abs(twist) - half, 0.0)
+        friction = (DRY + LOSS * abs(elastic)) * np.tanh(y[2] / SMOOTH)
+        motor = TORQUE * np.sin(SPEED * t) + elastic - friction
+        return [y[2], y[3], motor / ARMATURE, (WEIGHT * np.cos(y[1]) - elastic) / INERTIA]
+
+    end = 0.5
+    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13, "max_step": 2e-4}
+    expected = solve_ivp(rates, (0.0, end), np.zeros(4), **options).y[:2, -1]
+    settings = cj.Settings(rtol=1e-9, ledger=True)
+    solution = cj.simulate(robot.scene, robot.state(), end, settings, progress=False)
+    angles = robot.angles(solution.final)
+    assert [angles["elbow motor"], angles["elbow"]] == pytest.approx(expected, abs=1e-6)
+    assert solution.final.work["friction"] > 1.0
+
+
+def test_the_element_that_presses_is_checked(read):
+    robot = read().with_drive("elbow", cj.Drive(1e-2, stiffness=9.0, loss=0.1))
+    pressed = robot.scene.joints["elbow motor friction"]
+    assert pressed.pressed_by == "elbow compliance"
+    with pytest.raises(
+        ValueError, match=r"`joints\['rub'\].pressed_by` must be .*'elbow comp.*'elbw'"
+    ):
+        robot.with_elements({"rub": cj.JointFriction(*FRICTION, pressed_by="elbw", load_ratio=0.1)})
+    with pytest.raises(ValueError, match="`pressed_by` must be given if and only if `load_ratio`"):
+        cj.JointFriction(*FRICTION, load_ratio=0.1)
+
+
+FRICTION = "ground", "upper", cj.frictions.Dahl(0.1), 1.0, (0, 1, 0), 1.0

@@ -28,10 +28,20 @@ from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
 
+import jax
 from typing_extensions import override
 
 from ..._math.vectors import ZERO, Matrix, Scalar, Vector, add
-from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
+from ..._model.bodies import (
+    GROUND,
+    GROUND_MOTION,
+    NO_WRENCH,
+    Body,
+    BodyState,
+    Motion,
+    Rotor,
+    Wrench,
+)
 from ..._model.joints.base import Motions, Row
 from ..._model.joints.motion_subspaces import REST, AbstractMotionSubspace, JointState, Twist
 from ..._model.scene import Scene
@@ -82,6 +92,11 @@ class JointMechanics(AbstractMechanics):
         self._branches = [branch for tree in trees for branch in tree]
         self.motions = motions = _motions(trees, variables)
         self._index = {branch.body: k for k, branch in enumerate(self._branches)}
+        # Zeros take no operations. The inertia of a rotor is the armature of its joint.
+        self._bodies = {
+            name: jax.tree.map(lambda _: 0.0, body) if isinstance(body, Rotor) else body
+            for name, body in scene.bodies.items()
+        }
         self._parents = [self._index.get(branch.parent) for branch in self._branches]
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
         # added to the accelerations (`_falls`). In a tree on the ground, gravity is a load on each
@@ -109,7 +124,7 @@ class JointMechanics(AbstractMechanics):
                     branch.nameless(),
                     carrier,
                     variables[branch.body],
-                    scene.bodies[branch.body],
+                    self._bodies[branch.body],
                     one_point,
                 )
                 self._links.append(link)
@@ -126,7 +141,7 @@ class JointMechanics(AbstractMechanics):
         solvers = []
         for i, j in pairwise(self._starts):
             parents = [None if parent is None else parent - i for parent in self._parents[i:j]]
-            bodies = [self._scene.bodies[branch.body] for branch in self._branches[i:j]]
+            bodies = [self._bodies[branch.body] for branch in self._branches[i:j]]
             solvers.append(tree_solver(self._links[i:j], parents, bodies, self._central[i:j]))
         return solvers
 
@@ -154,7 +169,7 @@ class JointMechanics(AbstractMechanics):
                 self._links[k],
                 self._axes[k],
                 self._central[k],
-                self._scene.bodies[branch.body].mass,
+                self._bodies[branch.body].mass,
                 self._weights[k],
             )
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))

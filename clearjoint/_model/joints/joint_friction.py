@@ -69,6 +69,10 @@ class JointFriction(AbstractPair, AbstractContactJoint):
       mass by default. It matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
       ``radius=1``); none by default.
+    - `pressed_by`, `load_ratio`: name of another element of the scene whose force presses the
+      surfaces together too, and the further load over this force. Take them for losses of a gear:
+      of a contact joint such as a `Backlash`, the elastic part of the normal forces, N, counts; of
+      a `TorsionalSpring` the magnitude of the elastic torque, N m.
 
     This hinge holds 0.6 N m at rest, and resists with 0.5 N m when it turns:
 
@@ -86,6 +90,8 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     radius: Single | None = optional_quantity("m", positive=True, remedy="give the radius in m")
     point_second: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
     viscosity: Single | None = optional_quantity("N s/m", positive=True, zero=True)
+    pressed_by: str | None = eqx.field(static=True, default=None)
+    load_ratio: Single | None = optional_quantity("1", positive=True, zero=True)
 
     @override
     def __check_init__(self):
@@ -96,6 +102,20 @@ class JointFriction(AbstractPair, AbstractContactJoint):
         expected = "given for a slider, or else a `radius` for a hinge or ball"
         remedy = "give the direction of the slider, (3,) in the first body's axes"
         require(not (self.axis is None and self.radius is None), "axis", None, expected, remedy)
+        are_both = (self.pressed_by is None) == (self.load_ratio is None)
+        expected = "given if and only if `load_ratio` is"
+        remedy = "name the element that presses, and give the load over its force"
+        require(are_both, "pressed_by", self.pressed_by, expected, remedy)
+
+    def pressed_with(self, force: Scalar) -> "JointFriction":
+        """Return this friction with the further load of a force, N, of the element that presses."""
+        load = self.load + self.load_ratio * force
+        # A constructor would convert vectors to arrays.
+        copy = object.__new__(JointFriction)
+        changed = {"load": load, "pressed_by": None, "load_ratio": None}
+        for name, value in (vars(self) | changed).items():
+            object.__setattr__(copy, name, value)
+        return copy
 
     @override
     def laws(self) -> dict[str, AbstractContactLaw]:
