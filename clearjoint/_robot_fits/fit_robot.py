@@ -16,7 +16,9 @@ from .._export.tables import aligned, number
 from .._fields.cautions import quiet
 from .._fields.checks import require
 from .._identification.fit import Fit
+from .._identification.goodness_of_fit import UNLIKELY
 from .._identification.identify import OnIteration, identify, warn_of
+from .._identification.levenberg_marquardt import Ending
 from .._information.analysis import Identifiability, identifiability
 from .._information.horizon import fit_horizon
 from .._measurements.robot_logs import RobotLog
@@ -71,7 +73,7 @@ class RobotFit(AbstractTabular):
 
     - `fit`: the `Fit` of the parameters that the log determines.
     - `robot`: the robot with the estimates.
-    - `log`, `drive`: as given.
+    - `log`, `driven_by`: as given.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
       Each was held at its start, `held`, in its unit.
 
@@ -85,7 +87,7 @@ class RobotFit(AbstractTabular):
     fit: Fit
     robot: Robot
     log: RobotLog
-    drive: Mapping[str, Mode]
+    driven_by: Mapping[str, Mode]
     undetermined: dict[str, str]
     held: dict[str, tuple[float, str]]
 
@@ -144,7 +146,7 @@ class RobotFit(AbstractTabular):
         joint that is driven by its position.
         """
         loops = {}
-        for joint, mode in self.drive.items():
+        for joint, mode in self.driven_by.items():
             if joint not in self.log.angles or joint not in self.log.torques:
                 continue
             angles, torques = self.log.angles[joint], self.log.torques[joint]
@@ -169,7 +171,7 @@ def fit_robot(
     robot: Robot,
     log: RobotLog,
     find: Find,
-    drive: Mapping[str, Mode],
+    driven_by: Mapping[str, Mode],
     *,
     parameters: Mapping[str, Parameter] = NO_PARAMETERS,
     settings: Settings | None = None,
@@ -211,7 +213,7 @@ def fit_robot(
           moments change in proportion. "mass", kg, of the link.
 
       Of sliders: "friction", N, and "mass".
-    - `drive`: how joints are driven, by name; other joints move freely.
+    - `driven_by`: how joints are driven, by name; other joints move freely.
         - "angle": the joint follows its logged position, smoothed by as much as its noise. Its
           logged torque is compared with the one that this takes.
         - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
@@ -229,7 +231,7 @@ def fit_robot(
     **Warns:** as `identify`.
     """
     settings = settings_or(settings, presets.identification)
-    problem = robot_problem(robot, log, find, drive)
+    problem = robot_problem(robot, log, find, driven_by)
     taken = sorted(set(parameters) & set(problem.parameters))
     expected = "of other names than those of the robot"
     require(not taken, "parameters", taken, expected, "rename them")
@@ -258,7 +260,8 @@ def fit_robot(
         base = changed(scene, state, {name: (free[name], value) for name, value in held.items()})
         with quiet():
             fit = identify(*base, measured, rest, settings, grow=grow or (), **options)
-        if grow is None and fit.advice:
+        is_poor = fit.ending is not Ending.CONVERGED or fit.p_value < UNLIKELY
+        if grow is None and is_poor:
             # Only a poor fit is worth the many runs that find out how long a record may be.
             windows = _windows(fit, rest, problem, settings)
             if windows:
@@ -270,12 +273,12 @@ def fit_robot(
     warn_of([fit])
     units = {name: free[name].variation.unit_in(scene, state) for name in undetermined}
     joints, forces = (
-        {n: e for n, e in family.items() if n not in map(drive_name, drive)}
+        {n: e for n, e in family.items() if n not in map(drive_name, driven_by)}
         for family in (fit.scene.joints, fit.scene.forces)
     )
     fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
     held = {name: (starts[name], unit) for name, unit in units.items()}
-    return RobotFit(fit, fitted, log, dict(drive), undetermined, held)
+    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, held)
 
 
 def changed(

@@ -190,7 +190,7 @@ class RobotProblem:
 
     robot: Robot
     log: RobotLog
-    drive: Mapping[str, Mode]
+    driven_by: Mapping[str, Mode]
     scene: Scene
     state: State
     parameters: dict[str, Parameter]
@@ -216,13 +216,13 @@ def motor_of(robot: Robot, joint: str) -> str:
 
 
 def robot_problem(
-    robot: Robot, log: RobotLog, find: Find, drive: Mapping[str, Mode]
+    robot: Robot, log: RobotLog, find: Find, driven_by: Mapping[str, Mode]
 ) -> RobotProblem:
     """Return the problem of a fit; raise a `ValueError` for what does not fit together."""
     sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
     for argument, part, names in (
         ("find", find, robot.joints),
-        ("drive", drive, robot.joints),
+        ("driven_by", driven_by, robot.joints),
         ("log.torques", log.torques, robot.joints),
         ("log.angles", log.angles, sides),
     ):
@@ -236,7 +236,7 @@ def robot_problem(
                 isinstance(ideal, HingeOrSlider), f"{argument}[{name!r}]", kind, expected, remedy
             )
     positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
-    driven = _driven(robot, log, drive, positions)
+    driven = _driven(robot, log, driven_by, positions)
     parameters: dict[str, Parameter] = {}
     subjects: dict[str, tuple[str, str]] = {}
     for joint, kinds in find.items():
@@ -260,7 +260,7 @@ def robot_problem(
     for name, samples in log.angles.items():
         # Where a joint is driven it follows the log from the start on. The start of another is
         # known as accurately as a single sample, so that it is a parameter.
-        if any(mode == "angle" and name == motor_of(robot, j) for j, mode in drive.items()):
+        if any(mode == "angle" and name == motor_of(robot, j) for j, mode in driven_by.items()):
             continue
         unit = "rad" if is_hinge(robot, name) else "m"
         noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
@@ -287,12 +287,12 @@ def robot_problem(
     return RobotProblem(
         driven,
         log,
-        drive,
+        driven_by,
         driven.scene,
         state,
         parameters,
         subjects,
-        _measured(robot, log, drive),
+        _measured(robot, log, driven_by),
     )
 
 
@@ -353,11 +353,11 @@ def _require_unit(argument: str, samples: Logged, unit: str) -> None:
 
 
 def _driven(
-    robot: Robot, log: RobotLog, drive: Mapping[str, Mode], positions: Mapping[str, Spline]
+    robot: Robot, log: RobotLog, driven_by: Mapping[str, Mode], positions: Mapping[str, Spline]
 ) -> Robot:
     """Return the robot with an element that drives each joint of `drive`."""
-    for joint, mode in drive.items():
-        argument, modes = f"drive[{joint!r}]", get_args(Mode)
+    for joint, mode in driven_by.items():
+        argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
         require(mode in modes, argument, mode, f"one of {', '.join(modes)}", "name one of them")
         motor = motor_of(robot, joint)
         part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
@@ -487,18 +487,18 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
     return Parameter.change(FlankStiffness(name), start, Log(), "N m/rad")
 
 
-def _measured(robot: Robot, log: RobotLog, drive: Mapping[str, Mode]) -> Measurements:
+def _measured(robot: Robot, log: RobotLog, driven_by: Mapping[str, Mode]) -> Measurements:
     """Return what a run predicts: positions that don't follow the log, and the torques that make
     others follow it."""
     channels: dict[str, tuple[Quantity, Logged, str]] = {}
-    following = {motor_of(robot, joint) for joint, mode in drive.items() if mode == "angle"}
+    following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     for name, samples in log.angles.items():
         if name not in following:
             hinge = is_hinge(robot, name)
             channel = JointAngle(name) if hinge else JointPosition(name)
             channels[f"{name} position"] = channel, samples, "rad" if hinge else "m"
     for joint, samples in log.torques.items():
-        if drive.get(joint) == "angle":
+        if driven_by.get(joint) == "angle":
             hinge = is_hinge(robot, joint)
             channel = Multiplier(drive_name(joint), "angle" if hinge else "distance")
             channels[f"{joint} torque"] = channel, samples, "N m" if hinge else "N"
