@@ -30,6 +30,7 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 | folded constant | vector component that is exactly 0 or 1 and compiled as such |
 | landing | the adjustment of a step so that it ends at an event |
 | lane | one run of a sweep, computed in a slot beside other runs |
+| memory | numbers that a sampled force, such as a servo, remembers between its instants |
 | onset | instant at which a contact's force begins |
 | output | named result of a run: a quantity at sample times, a reduction, a section or a table |
 | path | function that selects a number: `lambda scene: scene.joints["pin"].clearance` |
@@ -45,7 +46,7 @@ elements of your own in `clearjoint.extend`. All numbers are in SI units.
 | slot | position of a lane in a processor's vector |
 | step, attempt | an accepted time step; a trial that may be rejected |
 | tangent | derivative of a variable by a parameter, integrated with it |
-| variables | coordinates, velocities, bristles and work that the solver integrates |
+| variables | coordinates, velocities, bristles, memories and work that the solver integrates |
 
 **From a clearance to its force**
 
@@ -158,6 +159,8 @@ from ._model.drives.functions_of_time import PiecewiseConstant as PiecewiseConst
 from ._model.drives.functions_of_time import PiecewiseLinear as PiecewiseLinear
 from ._model.drives.functions_of_time import Polynomial as Polynomial
 from ._model.drives.functions_of_time import Spline as Spline
+from ._model.drives.servo import Encoder as Encoder
+from ._model.drives.servo import Servo as Servo
 from ._model.forces import AppliedLoad as AppliedLoad
 from ._model.forces import Bushing as Bushing
 from ._model.forces import SpringDamper as SpringDamper

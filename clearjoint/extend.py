@@ -83,6 +83,8 @@ from ._model.joints.motion_subspaces import AbstractMotionSubspace as AbstractMo
 from ._model.joints.motion_subspaces import JointState as JointState
 from ._model.joints.motion_subspaces import Relative as Relative
 from ._model.joints.motion_subspaces import Twist as Twist
+from ._model.joints.sampled_force import AbstractSampledForce as AbstractSampledForce
+from ._model.joints.sampled_force import Periodic as Periodic
 from ._model.pen import Marker as Marker
 from ._model.profiles import AbstractProfile as AbstractProfile
 from ._model.profiles import Deviation as Deviation

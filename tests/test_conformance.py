@@ -588,6 +588,7 @@ def test_bristles_between_faces_that_resist_rotation_are_refused():
             marks=pytest.mark.slow,
         ),
         cj.Motor("a", "b", (1.0, 2.0, 3.0), 2.0, 5.0, derivative=0.3, torque_limit=1.0),
+        cj.Servo("a", "b", (1.0, 2.0, 3.0), 2.0, 100.0, 5.0, 0.3, delay=0.01),
     ],
 )
 def test_forces_conform(force):

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from .._dynamics.formulation import Formulation
+from .._dynamics.sampled_forces import memory_names
 from .._export.datasets import to_frame, write_netcdf
 from .._fields.cautions import quiet
 from .._model.bodies import BodyState, State
@@ -24,6 +25,7 @@ from .._simulation.results.impact_table import IMPACT_UNITS, NAMED, Impacts
 from .._simulation.results.solution import (
     BRISTLES,
     CONTACTS,
+    MEMORY,
     STATE_PARTS,
     Crossings,
     Solution,
@@ -220,21 +222,23 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
     ledger, work = table.get(f"{prefix}ledger"), {}
     if ledger is not None:
         work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}
-    entry_speeds = _by_contact(scene, table.get(f"{prefix}entry_speed"), CONTACTS)
-    bristles = _by_contact(scene, table.get(f"{prefix}bristle_deflection"), BRISTLES)
-    return State(bodies, entry_speeds, work, bristles)
+    contacts = scene.laws()
+    entry_speeds = _by_label(contacts, table.get(f"{prefix}entry_speed"), CONTACTS)
+    bristles = _by_label(contacts, table.get(f"{prefix}bristle_deflection"), BRISTLES)
+    memory = _by_label(memory_names(scene), table.get(f"{prefix}memory"), MEMORY)
+    return State(bodies, entry_speeds, work, bristles, memory)
 
 
-def _by_contact(
-    scene: Scene, table: xr.DataArray | None, dim: str
+def _by_label(
+    names: Mapping[str, Iterable[str]], table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
-    by_joint: dict[str, dict[str, np.ndarray]] = {}
-    for joint, family in ({} if table is None else scene.laws()).items():
-        for contact in family:
-            if (label := contact_label(joint, contact)) in table[dim].values:  # pyright: ignore
+    by_element: dict[str, dict[str, np.ndarray]] = {}
+    for element, family in ({} if table is None else names).items():
+        for name in family:
+            if (label := contact_label(element, name)) in table[dim].values:  # pyright: ignore
                 values = table.sel({dim: label}).values  # pyright: ignore
-                by_joint.setdefault(joint, {})[contact] = values
-    return by_joint
+                by_element.setdefault(element, {})[name] = values
+    return by_element
 
 
 def _sections(folder: Path) -> dict[str, Crossings]:

@@ -87,7 +87,7 @@ def check_names(scene: Scene, state: State) -> None:
             expected = "Euler parameters of about unit norm, scalar part first"
             remedy = "make states with body_state(...), which checks them"
             require(is_near, argument, parameters, expected, remedy)
-    for part in ("entry_speeds", "work", "bristles"):
+    for part in ("entry_speeds", "work", "bristles", "memory"):
         for leaf in jax.tree.leaves(getattr(state, part)):
             require_finite(f"state.{part}", leaf)
 
@@ -131,7 +131,7 @@ def assemble(
       are those of the guess as far as the constraints allow. By default it is ``True`` if a driver
       moves at time `t`.
 
-    **Returns:** the assembled state, with the `work` and `bristles` of the guess, and its
+    **Returns:** the assembled state, with the `work`, `bristles` and `memory` of the guess, and its
     `entry_speeds` except for those of the joints in `resting`.
 
     **Raises:** `ValueError`

@@ -102,8 +102,8 @@ class Formulation(eqx.Module):
       accelerate if all bodies were free.
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
-    - `integrands`: further functions of a system, time, s, its variables, entry speeds and bristles
-      that are integrated with the state, by name.
+    - `integrands`: further functions of a system, time, s, its variables, entry speeds, bristles
+      and memories that are integrated with the state, by name.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates

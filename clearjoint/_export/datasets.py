@@ -131,7 +131,10 @@ def _variable(array: Labelled) -> tuple[tuple[str, ...], np.ndarray, dict[str, o
     return array.dims, np.asarray(array.values), attributes
 
 
-IN_FRONT = ("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact")
+IN_FRONT = (
+    *("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact"),
+    "remembered",
+)
 """Dimensions whose labels precede the name of the variable in the name of a column, as the body
 "arm" does in "arm.position.x". Labels of other dimensions follow it, as the component "x" does."""
 

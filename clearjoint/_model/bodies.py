@@ -357,6 +357,8 @@ class State(AbstractReadable):
       loads supplied it; empty unless the run has ``Settings(ledger=True)``.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
       zero without contact. Empty for scenes without bristle laws.
+    - `memory[force]`: numbers that a sampled force, such as a `Servo`, remembers, by name. A run
+      that starts without them, or without some of them, initialises them.
 
     **Raises:** `ValueError` if `bodies` is not a dictionary of `BodyState`s by non-empty names.
 
@@ -369,6 +371,7 @@ class State(AbstractReadable):
     entry_speeds: dict[str, dict[str, Single]]
     work: dict[str, Single]
     bristles: dict[str, dict[str, Triple]]
+    memory: dict[str, dict[str, Single]]
 
     def __init__(
         self,
@@ -376,6 +379,7 @@ class State(AbstractReadable):
         entry_speeds: dict[str, dict[str, Single]] | None = None,
         work: dict[str, Single] | None = None,
         bristles: dict[str, dict[str, Triple]] | None = None,
+        memory: dict[str, dict[str, Single]] | None = None,
     ):
         remedy = "pass State({name: body_state(...)})"
         # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
@@ -385,6 +389,7 @@ class State(AbstractReadable):
         self.entry_speeds = {} if entry_speeds is None else entry_speeds
         self.work = {} if work is None else work
         self.bristles = {} if bristles is None else bristles
+        self.memory = {} if memory is None else memory
 
 
 @jax.tree_util.register_dataclass

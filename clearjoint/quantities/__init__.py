@@ -17,7 +17,8 @@ compiled again for an equal quantity.
 | tachometer | `JointAngularVelocity`, `JointAngularAcceleration` |
 | displacement sensor | `Distance` |
 | load cell | `Reaction`, `ContactForce`, `FrictionForce`, `FilmForce` |
-| torque sensor | `ReactionMoment` |
+| torque sensor | `ReactionMoment`, `MotorTorque` |
+| current of a servo | `MotorCurrent` |
 | proximity probe on the bearing | `JournalOffset`, `Eccentricity`, `Penetration` |
 | other | a function of an `Instant`, with an explicit unit |
 
@@ -51,6 +52,8 @@ from .bodies import PointPosition as PointPosition
 from .bodies import PointVelocity as PointVelocity
 from .bodies import Position as Position
 from .bodies import Velocity as Velocity
+from .drives import MotorCurrent as MotorCurrent
+from .drives import MotorTorque as MotorTorque
 from .joints import BristleDeflection as BristleDeflection
 from .joints import ContactForce as ContactForce
 from .joints import Eccentricity as Eccentricity

@@ -18,6 +18,7 @@ from .._dynamics.contact_forces import NO_BRISTLES, Bristles, EntrySpeeds, Loade
 from .._dynamics.coordinates import Motions
 from .._dynamics.energy import bristle_energy
 from .._dynamics.equations_of_motion import Dynamics
+from .._dynamics.sampled_forces import NO_MEMORIES, Memories, holding, initial_memories
 from .._dynamics.system import System
 from .._fields.checks import as_number, errors_about, nearest, require
 from .._fields.types import ArrayLike
@@ -60,6 +61,7 @@ class Instant:
         entry_speeds: EntrySpeeds,
         work: dict[str, Scalar],
         bristles: Bristles = NO_BRISTLES,
+        memory: Memories = NO_MEMORIES,
         inside: "Callable[[Scalar], Instant] | None" = None,
     ):
         self.time, self.work = system.clock(own_time), work
@@ -78,10 +80,14 @@ class Instant:
         Each is a vector in the axes of the joint's first body. Contacts without bristles are left
         out.
         """
-        self._system, self._own_time, self._variables = system, own_time, variables
-        self._inside = inside
+        self.memory = memory or initial_memories(system, variables, own_time, {})
+        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; those
+        at the start of a run unless given."""
+        # The scene's forces do not know their memories.
+        self._system = holding(system, self.memory)
+        self._own_time, self._variables, self._inside = own_time, variables, inside
         # What JAX may trace of an instant.
-        self._parts = system, own_time, variables, entry_speeds, work, bristles
+        self._parts = system, own_time, variables, entry_speeds, work, bristles, self.memory
 
     def inside(self, fraction: Scalar) -> "Instant":
         """Return the instant at a fraction, 0 to 1, of the step that ends here, from the solver's
@@ -97,6 +103,12 @@ class Instant:
     def middle(self) -> "Instant":
         """The instant halfway through the step that ends here."""
         return self.inside(0.5)
+
+    @property
+    def just_before(self) -> "Instant":
+        """The same end of a step, but before sampled forces such as a `Servo` change there: forces
+        and accelerations may jump."""
+        return self.inside(1.0)
 
     @cached_property
     def motions(self) -> Motions:
@@ -154,7 +166,7 @@ class Instant:
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics
         formulation = replace(formulation, coordinates=coordinates)
-        absolute = System(self.scene, formulation, self._system.origin)
+        absolute = System(self._system.scene, formulation, self._system.origin)
         variables = absolute.encode(self.bodies)
         return absolute.dynamics(
             variables, self.entry_speeds, self._own_time, bristles=self.bristles

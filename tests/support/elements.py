@@ -162,6 +162,15 @@ def drives() -> dict[str, Case]:
             cj.DriveTorque(*about, cj.PiecewiseConstant(times, values), **turned)
         ),
         "motor": hinged(cj.Motor(*about, aimed, 3.0, 0.02, 2.0, ORIENTATION)),
+        "servo": hinged(
+            cj.Servo(
+                *(*about, aimed, 100.0, 3.0, 0.02, 2.0, 0.004, 2.0),
+                stall_torque=3.0,
+                no_load_speed=20.0,
+                encoder=cj.Encoder(*about, ORIENTATION),
+                orientation=ORIENTATION,
+            )
+        ),
         "prescribed rotation": hinged(cj.PrescribedRotation(*about, 3.0, 0.1, ORIENTATION)),
         "prescribed angle": hinged(
             cj.PrescribedAngle(*about, cj.Spline.through(times, values), ORIENTATION)

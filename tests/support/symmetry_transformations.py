@@ -19,6 +19,8 @@ ABOUT_AXIS = (
     cj.PrescribedAngle,
     cj.DriveTorque,
     cj.Motor,
+    cj.Servo,
+    cj.Encoder,
     cj.TorsionalSpring,
     cj.GearJoint,
     cj.GearBacklash,
@@ -96,6 +98,10 @@ def turned_state(
 def turned_element(element: Any, maps: Maps, moved: np.ndarray) -> Any:
     if isinstance(element, cj.LubricatedJoint):
         return with_fields(element, dry=turned_element(element.dry, maps, moved))
+    if isinstance(element, cj.Servo) and element.encoder is not None:
+        encoder = turned_element(element.encoder, maps, moved)
+        servo = turned_element(with_fields(element, encoder=None), maps, moved)
+        return with_fields(servo, encoder=encoder)
     flipped = round(np.linalg.det(maps["ground"]))
     if isinstance(element, cj.AppliedLoad):
         own, ground = maps[element.body], maps["ground"]

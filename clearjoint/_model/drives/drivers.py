@@ -60,6 +60,10 @@ class AbstractDrive(AbstractPair):
         """Return the second body's angle about the axis, rad in [-pi, pi], right-handed."""
         return angle_about(*self._between(motions), self.axis, self.orientation)
 
+    def speed(self, motions: Motions) -> Scalar:
+        """Return the rate of the angle of the second body relative to the first, rad/s."""
+        return rate_of(self.relative_angle(motions), motions)
+
 
 class AbstractDriveAboutAxis(AbstractDrive):
     """Base class of drives whose first fields are the names of the bodies and the axis.
@@ -177,16 +181,18 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
     @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        angle = self.relative_angle(motions)
-        torque = self.torque_at(angle.value, rate_of(angle, motions), t)
-        # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
-        return {
-            name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()
-        }
+        return torque_about(self.relative_angle(motions), self.present_torque(motions, t))
 
-    def speed(self, motions: Motions) -> Scalar:
-        """Return the rate of the angle of the second body relative to the first, rad/s."""
-        return rate_of(self.relative_angle(motions), motions)
+    def present_torque(self, motions: Motions, t: Scalar) -> Scalar:
+        """Return the torque on the second body in N m, at time `t` in s."""
+        angle = self.relative_angle(motions)
+        return self.torque_at(angle.value, rate_of(angle, motions), t)
+
+
+def torque_about(angle: Row, torque: Scalar) -> dict[str, Wrench]:
+    """Return the wrenches of a torque, N m, that acts on an angle."""
+    # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
+    return {name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()}
 
 
 class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):

@@ -20,6 +20,7 @@ from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.joint_coordinates.coordinates import JointCoordinates
 from ..._dynamics.journals import warn_of_journals_outside
+from ..._dynamics.sampled_forces import sampled_forces
 from ..._dynamics.system import System
 from ..._fields.checks import require, require_positive
 from ..._fields.objects import with_arrays
@@ -290,10 +291,10 @@ def simulate_nonsmooth(
     **Returns:** a `NonsmoothSolution`.
 
     **Raises:** `ValueError` for invalid arguments, such as a law without the method
-    `delivered_restitution`, or a thrust face whose friction has a moment, and if JAX computes in 32
-    bits; `SimulationError` for a run that fails, because the contact problem of a step was not
-    solved, a penetration exceeds the bearing's clearance, a driver has an undeclared kink or jump
-    inside a step, or the state is not finite.
+    `delivered_restitution`, a thrust face whose friction has a moment, or a sampled force, such as
+    a `Servo`, and if JAX computes in 32 bits; `SimulationError` for a run that fails, because the
+    contact problem of a step was not solved, a penetration exceeds the bearing's clearance, a
+    driver has an undeclared kink or jump inside a step, or the state is not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
     in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall
@@ -319,6 +320,9 @@ def simulate_nonsmooth(
         save.times_between(scene, start_time, end_time)
         check_numbers(scene, state)
         require_restitution(scene, restitution)
+        sampled, expected = sorted(sampled_forces(scene)), "without sampled forces"
+        remedy = "take simulate(): runs with rigid contacts carry no memories of forces"
+        require(not sampled, "scene.forces", sampled, expected, remedy)
 
     # Known numbers are checked now. Checks of traced numbers become a condition of the program.
     admissible = in_domain(check)

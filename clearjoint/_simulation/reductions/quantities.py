@@ -42,6 +42,11 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     def _value(self, now: Instant) -> Scalar:
         return jnp.asarray(self.quantity(now), dtype=float)
 
+    def _at_end(self, now: Instant) -> tuple[Scalar, Scalar]:
+        """Return the values at the end of a step: before and after sampled forces change there."""
+        value = self._value(now)
+        return self._value(now.just_before) if now.memory else value, value
+
 
 class PeakTally(NamedTuple):
     """Tally of `Peak`: the highest value in the window so far (minus infinity until the run reaches
@@ -121,7 +126,8 @@ class Peak(AbstractQuantityReduction):
         length = now.time - tally.end_time
         position = (tally.start_time - tally.end_time) / jnp.where(length > 0.0, length, 1.0)
         before = Point(position, tally.start_value)
-        start, end = Point(0.0, tally.end_value), Point(1.0, self._value(now))
+        value_before, value = self._at_end(now)
+        start, end = Point(0.0, tally.end_value), Point(1.0, value_before)
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window(now)
@@ -139,7 +145,7 @@ class Peak(AbstractQuantityReduction):
         return PeakTally(
             highest=jnp.where(rises, peak.value, tally.highest),
             time=jnp.where(rises, time, tally.time),
-            end_value=end.value,
+            end_value=value,
             end_time=now.time,
             start_value=start.value,
             start_time=tally.end_time,
@@ -183,10 +189,10 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
         """Return the tally after a step, its parabola, and where in the step, 0 to 1, its part in
         the window begins and ends."""
-        t0, t1, value = tally.time, now.time, self._value(now)
+        t0, t1, (end, value) = tally.time, now.time, self._at_end(now)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.
-        arc = Parabola.through(tally.value, self._value(now.middle), value)
+        arc = Parabola.through(tally.value, self._value(now.middle), end)
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
         a, b = self._window(now).fractions(t0, t1)
         h = jnp.where(b > a, (b - a) * length, 0.0)
@@ -381,7 +387,7 @@ class Quantiles(AbstractQuantityReduction):
     @override
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
         (before, value), duration, below = tally
-        end, length = self._value(now), now.time - before
+        (end, latest), length = self._at_end(now), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
         a, b = self._window(now).fractions(before, now.time)
         inside = jnp.where(b > a, length, 0.0)
@@ -389,7 +395,7 @@ class Quantiles(AbstractQuantityReduction):
         # each edge, `part_below` returns the fraction of the step that is between a and b and in
         # which the quantity is below the edge.
         added = inside * arc.part_below(jnp.asarray(self.edges), a, b)
-        return (now.time, end), duration + inside * (b - a), below + added
+        return (now.time, latest), duration + inside * (b - a), below + added
 
     @override
     def results(self, tally: QuantilesTally, now: Instant) -> dict[str, Scalar]:

@@ -21,6 +21,7 @@ from ..._dynamics.energy import bristle_energy, mechanical_energy
 from ..._dynamics.equations_of_motion import Dynamics
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.multipliers import row_rate
+from ..._dynamics.sampled_forces import holding, initial_memories
 from ..._dynamics.system import System
 from ..._export.datasets import (
     COMPONENT,
@@ -338,7 +339,7 @@ def observe(
     # run (`work`), so it is left out here and its entries are added at the end.
     times_and_states = (
         np.asarray(trajectory.times),
-        State(states.bodies, states.entry_speeds, bristles=states.bristles),
+        State(states.bodies, states.entry_speeds, bristles=states.bristles, memory=states.memory),
     )
     # The program is compiled for the exact zeros and ones of the scene, which need no operations.
     folded_scene, unique = fold_constants(with_arrays(scene)), not solution.redundant_constraints
@@ -399,7 +400,8 @@ def observe_compiled(
         # The deflections of bristles are those of the state, and zero for contacts without any.
         bristles = initial_bristles(scene, unpack(state.bristles))
         variables = system.encode(unpack(state.bodies))
-        dynamics = system.dynamics(variables, state.entry_speeds, t, bristles=bristles)
+        held = holding(system, initial_memories(system, variables, t, state.memory))
+        dynamics = held.dynamics(variables, state.entry_speeds, t, bristles=bristles)
         motions, forces = dynamics.motions, dynamics.contact_forces
         energies = mechanical_energy(scene, motions, t)
         if (elastic := bristle_energy(scene, motions, forces, bristles)) is not None:
@@ -505,8 +507,8 @@ def values_along(
 ) -> np.ndarray:
     """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
     total time derivatives along the motion, by the chain rule through time, positions and
-    velocities. Entry speeds, bristles and the energy ledger count as constant. Raise a `ValueError`
-    if the quantity names an element that the scene lacks."""
+    velocities. Entry speeds, bristles, memories and the energy ledger count as constant. Raise a
+    `ValueError` if the quantity names an element that the scene lacks."""
     check_quantity("quantity", quantity, scene)
     fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
     rows = np.asarray(trajectory.times), trajectory.states
@@ -529,14 +531,18 @@ def along_compiled(
     def at(t: Scalar, state: State) -> Numbers:
         variables = system.encode(unpack(state.bodies))
         bristles = initial_bristles(system.scene, unpack(state.bristles))
+        memory = initial_memories(system, variables, t, state.memory)
 
         def value(t: Scalar, variables: MotionVariables) -> Numbers:
-            now = Instant(system, t, variables, state.entry_speeds, unpack(state.work), bristles)
+            parts = state.entry_speeds, unpack(state.work), bristles, memory
+            now = Instant(system, t, variables, *parts)
             return jnp.asarray(quantity(now), dtype=float)
 
         if not rates:
             return value(t, variables)
-        speeds, _ = system.rates(variables, state.entry_speeds, t, bristles=bristles)
+        speeds, _ = holding(system, memory).rates(
+            variables, state.entry_speeds, t, bristles=bristles
+        )
         # The direction of the derivative is that of the motion: time advances at the rate 1, and
         # the variables at their rates. `jax.jvp` demands floats, but components may be Python
         # numbers.

@@ -45,7 +45,9 @@ STATE_PARTS = {
 LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
-"""Names of the dimensions along which contacts, and contacts with bristles, are listed."""
+MEMORY = "remembered"
+"""Names of the dimensions along which contacts, contacts with bristles, and numbers in memories of
+sampled forces are listed."""
 
 
 def contact_label(joint: str, contact: str) -> str:
@@ -81,6 +83,10 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
         dims = (*rows, BRISTLES, COMPONENT)
         values = np.stack([*bristles.values()], -2)
         arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
+    if memory := by_contact(states.memory):
+        values = np.stack([*memory.values()], -1)
+        text = "numbers that sampled forces remember, in SI units"
+        arrays[f"{prefix}memory"] = Labelled((*rows, MEMORY), values, None, text)
     if states.work:
         text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
         values = np.stack([np.asarray(integral) for integral in states.work.values()], -1)
@@ -93,6 +99,7 @@ def state_labels(states: State) -> dict[str, Labelled]:
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*by_contact(states.bristles)]
+    labels[MEMORY] = [*by_contact(states.memory)]
     labels["integral"] = [*states.work]
     return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}
 
@@ -154,11 +161,13 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
         y = x.reshape(-1, *[1] * (rows.ndim - 1))
         return (1.0 - y) * rows[left] + y * rows[left + 1]
 
-    entry_speeds = jax.tree.map(lambda rows: np.asarray(rows)[ends], states.entry_speeds)
+    entry_speeds, memory = jax.tree.map(
+        lambda rows: np.asarray(rows)[ends], (states.entry_speeds, states.memory)
+    )
     work, bristles = jax.tree.map(
         lambda rows: linear(np.asarray(rows)), (states.work, states.bristles)
     )
-    return State(bodies, entry_speeds, work, bristles)
+    return State(bodies, entry_speeds, work, bristles, memory)
 
 
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
@@ -229,9 +238,9 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
         Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
         far below the clearances, bristle deflections and the energy ledger linearly; entry speeds
-        keep their values until the end of the step. Call this method for `solution.steps` only:
-        between two states of `solution.saved` there may be impacts, at which velocities change
-        abruptly.
+        and memories keep their values until the end of the step. Call this method for
+        `solution.steps` only: between two states of `solution.saved` there may be impacts, at which
+        velocities change abruptly.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside steps in which a
@@ -264,7 +273,8 @@ class Trajectory(AbstractReadable, AbstractTabular):
           dimensions "time", "body" and "component" ("x", "y", "z").
         - `orientation` has "parameter" ("e0" to "e3", Euler parameters) instead of "component".
         - `entry_speed` in m/s along "contact", `bristle_deflection` in m along "bristle_contact",
-          and `ledger` in J along "integral" exist only if the states have them.
+          `memory` along "remembered", with labels such as "servo torque", and `ledger` in J along
+          "integral" exist only if the states have them.
         """
         rows, times = ("time",), Labelled(("time",), self.times, "s", "time")
         labels = {"time": times, **state_labels(self.states)}

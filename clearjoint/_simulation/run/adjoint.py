@@ -242,11 +242,11 @@ def _observed(
 ) -> Values:
     """Return the derivatives of quantities at a time, s since the start, in an accepted step."""
     dense = look_inside(method, systems.system(), tried, time)
-    along = look_at_tangents(method, tried, time, dense[1])
+    along = look_at_tangents(method, systems.system(), tried, time, dense[1])
 
     def observed(system: System, y: PyTree, entry_speeds: PyTree) -> tuple[Values, None]:
         y = stabilised(system, y, time)
-        instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
+        instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
         return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
     return systems.with_derivatives(observed, dense, along)[2]
@@ -273,7 +273,7 @@ def values_at(
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
         tried = _repeated(method, system, *_row_of(example, pair[0]))
         y, entry_speeds = look_inside(method, system, tried, pair[1])
-        instant = Instant(system, pair[1], y.motion, entry_speeds, y.work, y.bristles)
+        instant = Instant(system, pair[1], y.motion, entry_speeds, y.work, y.bristles, y.memory)
         return None, {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}
 
     return jax.lax.scan(at, None, (rows, times))[1]

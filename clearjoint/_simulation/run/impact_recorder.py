@@ -15,6 +15,7 @@ import numpy as np
 from typing_extensions import override
 
 from ..._compilation import shared_by_many
+from ..._dynamics.sampled_forces import holding
 from ..._dynamics.system import System
 from ..._math.interpolation import (
     Bend,
@@ -308,6 +309,7 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.
     motion = step.y.motion
+    system = holding(system, step.y.memory)
     rates, _ = system.rates(motion, step.entry_speeds, step.t, bristles=step.y.bristles)
     # A rate may be a Python number. Adding zero times the variable gives it the variable's type, as
     # `jax.jvp` demands.

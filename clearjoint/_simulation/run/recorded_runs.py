@@ -554,9 +554,15 @@ class Integrand(eqx.Module):
     quantity: Quantity = eqx.field(static=True)
 
     def __call__(
-        self, system: System, t: Scalar, motion: PyTree, entry_speeds: PyTree, bristles: PyTree
+        self,
+        system: System,
+        t: Scalar,
+        motion: PyTree,
+        entry_speeds: PyTree,
+        bristles: PyTree,
+        memory: PyTree,
     ) -> Scalar:
-        return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles))
+        return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles, memory))
 
 
 def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:

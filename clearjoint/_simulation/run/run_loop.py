@@ -204,16 +204,16 @@ def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
     """Return the complete state of a run before its first step, from a packed `state`, whose entry
-    speeds, bristles and ledger are initialised where it lacks them."""
+    speeds, bristles, memories and ledger are initialised where it lacks them."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
-    y = Variables(motion, work, unpack(state.bristles))
+    y = Variables(motion, work, unpack(state.bristles), state.memory)
     return start(method, system, t0, t_end, first_step, y, state.entry_speeds)
 
 
 def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
     """Return variables and entry speeds as a `State` in scalar form."""
-    return State(system.decode(y.motion), entry_speeds, y.work, y.bristles)
+    return State(system.decode(y.motion), entry_speeds, y.work, y.bristles, y.memory)
 
 
 def final_state(system: System, step: Step) -> State:

@@ -20,6 +20,7 @@ from ..._compilation import traced_once
 from ..._dynamics.bristles import initial_bristles
 from ..._dynamics.contact_events import initial_entry_speeds
 from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.sampled_forces import initial_memories
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
@@ -33,7 +34,7 @@ from ..._parametrisation.parametrised_scene import (
 )
 from ..._result_codes import RESULTS
 from ...quantities.base import Instant, Quantity
-from ..step.dense_output import dense_time, look_inside, stabilised
+from ..step.dense_output import at_end, dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
@@ -92,7 +93,8 @@ def start_with_tangents(
     def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
         state = family_of_scenes.start(values)
         motion = system.encode(state.bodies)
-        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles))
+        memory = initial_memories(system, motion, t0, state.memory)
+        y = Variables(motion, {}, initial_bristles(system.scene, state.bristles), memory)
         return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
 
     # `with_derivatives` evaluates a function of the system, and differentiates it along directions
@@ -135,7 +137,7 @@ def start_with_tangents(
 
 
 def look_at_tangents(
-    method: Method, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
+    method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
     run, in the accepted step of an `attempt`, where `look_inside` returns `entry_speeds`. Inside
@@ -144,14 +146,15 @@ def look_at_tangents(
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
-    y = choose(t >= end, last.y, dense.evaluate(dense_time(attempt, t)))
+    is_end = at_end(system, end, t)
+    y = choose(is_end, last.y, dense.evaluate(dense_time(attempt, t)))
 
     def speed_along(name: str, label: str) -> Gradients:
         # A contact that began in this step has its entry speed from the end of the step.
         before = attempt.entry_speeds_start[name][label]
         began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
         kept = inside.entry_speeds_start[name][label]
-        return jnp.where((t >= end) | began, last.entry_speeds[name][label], kept)
+        return jnp.where(is_end | began, last.entry_speeds[name][label], kept)
 
     return y, each_label(speed_along, entry_speeds)
 
@@ -200,12 +203,12 @@ def _sampled_from(
             # `look_at_tangents` are not. The correction is repeated here, where it is
             # differentiated.
             y = stabilised(system, y, time)
-            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles)
+            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
             return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
             dense = look_inside(method, systems.system(), latest, time)
-            along = look_at_tangents(method, latest, time, dense[1])
+            along = look_at_tangents(method, systems.system(), latest, time, dense[1])
             values, _, derivatives = systems.with_derivatives(observed, dense, along)
             return values, derivatives
 

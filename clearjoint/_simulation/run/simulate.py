@@ -74,8 +74,8 @@ def simulate(
 
     - `scene`: the mechanism.
     - `state`: its initial state, which must satisfy the constraints (see `assemble`). The run also
-      continues from the entry speeds, bristle deflections and energy ledger in the state, if there
-      are any (see `State`).
+      continues from the entry speeds, bristle deflections, memories and energy ledger in the state,
+      if there are any (see `State`).
     - `end_time`, `start_time`: s; the end must be after the start.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.default` unless given.
     - `save`: what to save besides the final state: states at given times or after every step, and

@@ -6,24 +6,38 @@ is added to the variables. This time is zero except for rounding, but it has der
 respect to the parameters on which the breakpoint depends.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 from typing import TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._dynamics.breakpoints import one_sided_time, since_breakpoints
+from ..._dynamics.breakpoints import (
+    SampledInstants,
+    one_sided_time,
+    sampled_instants,
+    since_breakpoints,
+)
 from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.kinds import Kinds
+from ..._dynamics.sampled_forces import (
+    HeldForce,
+    sampled_forces,
+    updated_memory,
+    with_forces,
+)
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import NO_WRENCH, Wrench
 from ..._model.joints.base import AbstractForce, Motions
-from .step_state import Variables
+from .saltation import constant
+from .step_state import Variables, choose
 from .trial_step import rates_of
 
 T = TypeVar("T")
@@ -71,12 +85,13 @@ def across_breakpoints(
     entry_speeds: EntrySpeeds,
     t: Scalar,
     keep: Condition,
+    differentiated: bool,
 ) -> Variables:
     """Return the variables at the end of a step from `start` to `t`, s, corrected if the step is
     accepted (`keep`) and ends at breakpoints.
 
     **Arguments:** `y`: variables at the end of the step; `entry_speeds`: entry speeds of contacts
-    at its start, m/s.
+    at its start, m/s; `differentiated`: whether the caller differentiates the result.
     """
     scene = system.scene
     since = since_breakpoints(system, start, t)
@@ -85,6 +100,7 @@ def across_breakpoints(
     forces = {name: since[name] for name in scene.forces if name in since}
     # Times just before and just after the breakpoint, at which elements are evaluated.
     before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
+    sampled = sampled_instants(system, start, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
@@ -113,10 +129,14 @@ def across_breakpoints(
             # breakpoint, is the sum of the changes of the rates times these times.
             times = {name: time for name, (_, time) in forces.items()}
             y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (no_shares,), (times,))[1], 1.0)
+        if sampled:
+            y = _past_samples(system, sampled, y, entry_speeds, before, t, after, differentiated)
         return y
 
     # Few steps land on a breakpoint; a single run computes the correction for these only.
-    lands = reduce(or_, [lands for lands, _ in since.values()], jnp.asarray(False))
+    landings = [lands for lands, _ in since.values()]
+    landings += [lands for instants in sampled.values() for lands, _ in instants.values()]
+    lands = reduce(or_, landings, jnp.asarray(False))
     return jax.lax.cond(keep & lands, corrected, lambda y: y, y)
 
 
@@ -126,15 +146,18 @@ def _with_shares(
     """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`."""
     forces = {
         name: SwitchedForce(force, system.clock(before), system.clock(after), shares[name])
-        if name in shares
-        else force
         for name, force in system.scene.forces.items()
+        if name in shares
     }
-    # A quantity does not recognise a `SwitchedForce` as the element that it names. Integrands are
-    # continuous, so that their changes at a breakpoint are zero.
+    # Integrands are continuous, so that their changes at a breakpoint are zero.
+    return _without_integrands(with_forces(system, forces))
+
+
+def _without_integrands(system: System) -> System:
+    """Return the system with integrands of zero: a quantity does not recognise a `SwitchedForce` or
+    `HeldForce` as the element that it names."""
     integrands = dict.fromkeys(system.formulation.integrands, _zero)
-    switched = system.with_scene(eqx.tree_at(lambda s: s.forces, system.scene, forces))
-    return replace(switched, formulation=replace(system.formulation, integrands=integrands))
+    return replace(system, formulation=replace(system.formulation, integrands=integrands))
 
 
 def _zero(*arguments: object) -> Scalar:
@@ -142,7 +165,69 @@ def _zero(*arguments: object) -> Scalar:
     return 0.0
 
 
-def _moved_on(y: Variables, rates: Variables, time: Scalar) -> Variables:
+def _past_samples(
+    system: System,
+    sampled: SampledInstants,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    before: Scalar,
+    t: Scalar,
+    after: Scalar,
+    differentiated: bool,
+) -> Variables:
+    """Return the variables with the memories that sampled forces have after their instants at the
+    time t, s. If an instant depends on parameters, so do the motion that is sampled there and the
+    time for which the changed forces have acted at t; both have only derivatives."""
+    fixed, still, speeds = constant((system, y, entry_speeds))
+
+    def motions_at(motion: MotionVariables) -> PyTree[Scalar]:
+        return jax.tree.map(partial(jnp.asarray, dtype=float), fixed.motions(motion))
+
+    forces, motions = sampled_forces(system.scene), system.motions(y.motion)
+    kinds = Kinds(system.scene)
+    if differentiated:
+        rates = rates_of(fixed, still, speeds, before).motion
+        motion_rates = jax.jvp(motions_at, (still.motion,), (rates,))[1]
+    now, changes = y.memory, []
+    for name, instants in sampled.items():
+        for key, (lands, at) in instants.items():
+            since, there = system.clock(t) - at, motions
+            if differentiated:
+                there = _moved_on(motions, motion_rates, -since)
+            updated = kinds.evaluate(updated_memory, forces[name], there, key, now[name], at)
+            earlier, now = now, {**now, name: choose(lands, updated, now[name])}
+            changes.append((name, earlier, now, since))
+    y = replace(y, memory=now)
+    if not differentiated:
+        return y
+    changes = [(*constant(change[:3]), change[3]) for change in changes]
+    forces = sampled_forces(fixed.scene)
+
+    # The rates depend linearly on the shares of the changes of forces, as above.
+    def changed_rates(shares: Sequence[Scalar]) -> Variables:
+        held = {
+            name: HeldForce(
+                forces[name],
+                still.memory[name],
+                tuple(
+                    (old[name], new[name], share)
+                    for (changed, old, new, _), share in zip(changes, shares, strict=True)
+                    if changed == name
+                ),
+            )
+            for name in sampled
+        }
+        return rates_of(_without_integrands(with_forces(fixed, held)), still, speeds, after)
+
+    times = [since for *_, since in changes]
+    along = jax.jvp(changed_rates, ([jnp.zeros(())] * len(times),), (times,))[1]
+    for name, integrand in fixed.formulation.integrands.items():
+        at = partial(integrand, fixed, after, still.motion, speeds, still.bristles)
+        along.work[name] = sum(since * (at(new) - at(old)) for _, old, new, since in changes)
+    return replace(_moved_on(y, along, 1.0), memory=now)
+
+
+def _moved_on(y: T, rates: T, time: Scalar) -> T:
     return jax.tree.map(lambda value, rate: value + time * rate, y, rates)
 
 

@@ -9,12 +9,14 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
+from ..._dynamics.breakpoints import coincide
 from ..._dynamics.contact_events import ContactGaps, entry_speeds_inside
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.coordinates import MotionVariables
+from ..._dynamics.sampled_forces import sampled_forces
 from ..._dynamics.system import System
 from ..._fields.checks import require
-from ..._math.vectors import Scalar
+from ..._math.vectors import Condition, Scalar
 from ...quantities.base import Instant, Quantity
 from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Variables, choose
@@ -30,10 +32,18 @@ def look_inside(
     contain the corrections for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
-    y = choose(t >= end, step.y, dense.evaluate(dense_time(attempt, t)))
+    is_end = at_end(system, end, t)
+    y = choose(is_end, step.y, dense.evaluate(dense_time(attempt, t)))
     ends = attempt.entry_speeds_start, step.entry_speeds
     inside = entry_speeds_inside(system.scene, step.contact_gaps, end - t, *ends)
-    return on_constraints(system, y, t), choose(t >= end, step.entry_speeds, inside)
+    return on_constraints(system, y, t), choose(is_end, step.entry_speeds, inside)
+
+
+def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
+    """Return whether a time t, s, is the `end` of the step in which it lies. Where memories of
+    sampled forces may jump, it may be earlier by a rounding error, so that sample times at the
+    instants of the jumps surely get the values after them."""
+    return coincide(system, end, t) if sampled_forces(system.scene) else t >= end
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
@@ -97,8 +107,9 @@ class Snapshot(eqx.Module):
         **Arguments:** `inside`: a function that returns the `Instant` after a part, 0 to 1, of the
         time of the step that ends here; ``None`` if quantities need no instants inside steps.
         """
-        motion, work = self.y.motion, self.y.work
-        return Instant(system, self.t, motion, self.entry_speeds, work, self.y.bristles, inside)
+        y = self.y
+        parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
+        return Instant(system, self.t, *parts, inside)
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """Return a row of a table of recorded states, by name of the column: the scene's time in s
@@ -151,7 +162,8 @@ class DenseStep(eqx.Module):
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)
-        y = on_constraints(system, choose(t >= end.t, end.y, self.inside(method, elapsed)), t)
+        is_end = at_end(system, end.t, t)
+        y = on_constraints(system, choose(is_end, end.y, self.inside(method, elapsed)), t)
         ends = start.entry_speeds, end.entry_speeds
         speeds = entry_speeds_inside(system.scene, self.gaps, end.t - t, *ends)
-        return Snapshot(t, y, choose(t >= end.t, end.entry_speeds, speeds))
+        return Snapshot(t, y, choose(is_end, end.entry_speeds, speeds))

@@ -15,19 +15,22 @@ visible if two contacts of a stiff spring begin a millionth of the contact time 
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 
 from ..._dynamics.contact_events import ContactGap, ContactGaps, any_of, contact_gaps
 from ..._dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
 from ..._dynamics.kinds import Kinds
+from ..._dynamics.sampled_forces import holding
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar, Vector
 from ..._model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions, each_label
 from ..._model.scene import Scene
 from .step_state import Variables
+
+T = TypeVar("T")
 
 
 def contacts_jump(scene: Scene) -> bool:
@@ -69,7 +72,7 @@ def across_contacts(
     # are left out: they are multiplied by the times, which are rounding errors, so that they are a
     # rounding error of the other term. They were 8 % of the text of a run with tangents of 30
     # joints.
-    fixed, motion = jax.tree.map(_constant, (system, y.motion))
+    fixed, motion = constant((holding(system, y.memory), y.motion))
     mechanics = fixed.mechanics(motion)
 
     def rates(times: ByLabel[Scalar]) -> Variables:
@@ -93,9 +96,12 @@ def across_contacts(
     return replace(y, motion=motion, work=work)
 
 
-def _constant(leaf: PyTree) -> PyTree:
+def constant(tree: T) -> T:
+    """Return a PyTree whose numbers have no derivatives."""
     # JAX would make arrays of the numbers that are folded into formulas.
-    return jax.lax.stop_gradient(leaf) if isinstance(leaf, jax.Array) else leaf
+    return jax.tree.map(
+        lambda leaf: jax.lax.stop_gradient(leaf) if isinstance(leaf, jax.Array) else leaf, tree
+    )
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:

@@ -55,11 +55,13 @@ class Variables(eqx.Module):
       units.
     - `work`: integrals of the energy ledger by name, J; empty without a ledger.
     - `bristles`: deflections, m, as `bristles[joint][contact]`.
+    - `memory`: memories of sampled forces, as `memory[force][name]`, whose rates are zero.
     """
 
     motion: MotionVariables
     work: dict[str, Scalar]
     bristles: Bristles = eqx.field(default_factory=dict)
+    memory: dict[str, dict[str, Scalar]] = eqx.field(default_factory=dict)
 
 
 class Tangents(eqx.Module):

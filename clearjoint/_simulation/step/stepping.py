@@ -28,6 +28,7 @@ from ..._dynamics.contact_events import (
 )
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.energy import bristle_energy
+from ..._dynamics.sampled_forces import initial_memories
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.joints.base import ByLabel, each_label
@@ -80,15 +81,16 @@ def start(
     **Arguments:**
 
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
-    - `y`: the motion and, to continue an earlier run, integrals of the energy ledger and bristle
-      deflections; missing ones are initialised.
+    - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
+      deflections and memories; missing ones are initialised.
     - `entry_speeds`: m/s; missing ones are derived from the contacts at `t0`, and those that no law
       uses are left out.
     - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
     entry_speeds = initial_entry_speeds(system.scene, contact_gaps, entry_speeds)
-    y = replace(y, bristles=initial_bristles(system.scene, y.bristles))
+    memory = initial_memories(system, y.motion, t0, y.memory)
+    y = replace(y, bristles=initial_bristles(system.scene, y.bristles), memory=memory)
     term, args = term_of(method), (system, entry_speeds)
     y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
     # `wrap(1)` tells diffrax's controller that time runs forward.
@@ -331,7 +333,8 @@ def _across_discontinuities(
     # Bristles come last, because they depend on the corrected motion.
     def others_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
         if has_breakpoints:
-            y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep)
+            differentiated = family is not None
+            y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep, differentiated)
         if y.bristles:
             before, after = step.contact_gaps, system.contact_gaps(y.motion)
             motions = system.motions(y.motion)

@@ -13,6 +13,7 @@ from ..._dynamics.breakpoints import breakpoints, one_sided_time
 from ..._dynamics.bristles import bristle_rates
 from ..._dynamics.contact_events import ContactGaps, closed, touches, uses_entry_speed
 from ..._dynamics.contact_forces import Closed, EntrySpeeds
+from ..._dynamics.sampled_forces import holding
 from ..._dynamics.system import System
 from ..._fields.types import Single
 from ..._math.stacked import Stacked, stacked, unstacked
@@ -36,13 +37,15 @@ def rates_of(
     """Return the rates of all integrated variables `y` at the time t, s, as arrays of the dtype of
     `t`; stacked if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
-    dynamics = system.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
+    held = holding(system, y.memory)
+    dynamics = held.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     integrands = {
-        name: integrand(system, t, y.motion, entry_speeds, y.bristles)
+        name: integrand(system, t, y.motion, entry_speeds, y.bristles, y.memory)
         for name, integrand in system.formulation.integrands.items()
     }
-    work = {**system.powers(dynamics, t), **integrands}
-    rates = Variables(dynamics.variable_rates, work, bristle_rates(dynamics))
+    work = {**held.powers(dynamics, t), **integrands}
+    no_rates = jax.tree.map(lambda _: 0.0, y.memory)
+    rates = Variables(dynamics.variable_rates, work, bristle_rates(dynamics), no_rates)
     # diffrax requires arrays in place of Python numbers.
     rates = jax.tree.map(lambda rate: jnp.asarray(rate, dtype=jnp.result_type(t)), rates)
     return stacked(rates) if are_stacked else rates

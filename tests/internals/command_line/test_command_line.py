@@ -661,6 +661,24 @@ def run_folder(folder):
     return folder
 
 
+def test_the_memory_of_a_servo_comes_back(folder):
+    """Also if the name of one servo begins with that of another."""
+    axes = (0, 0, 1), (0, 0, 1)
+    hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes)
+    servo = cj.Servo("ground", "arm", (0, 0, 1), 0.5, 200.0, 5.0, 0.1, delay=0.002)
+    forces = {"wrist": servo, "wrist command": servo}
+    scene = cj.Scene({"arm": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge}, forces)
+    state = cj.State({"arm": cj.body_state((0, 0, 0))})
+    solution = cj.simulate(scene, state, 0.02, save=cj.Saving([0.01, 0.02]), progress=False)
+    folders.write_scene(folder, scene, state)
+    formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
+    folders.write_table(folder, folders.MOTION, solution.to_xarray().assign_attrs(formulation))
+    _, read = read_run(folder)
+    assert set(read.final.memory["wrist"]) == set(solution.final.memory["wrist command"])
+    for memory in ((read.final, solution.final), (read.states, solution.states)):
+        jax.tree.map(np.testing.assert_array_equal, *(part.memory for part in memory))
+
+
 def without(folder, table, name):
     """Write the netCDF file of a table again without a variable, coordinate or attribute."""
     stored = folders.read_table(folder, table)

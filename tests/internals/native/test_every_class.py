@@ -54,12 +54,16 @@ def classes(module: Any, base: type) -> set[str]:
 
 
 def slider_crank() -> tuple[cj.Scene, cj.State]:
-    """More than 12 constraints, a joint with clearance and bristles, and an accelerometer."""
+    """More than 12 constraints, a joint with clearance and bristles, an accelerometer, a servo."""
     friction = cj.frictions.LuGre(0.2, 0.1, stribeck_speed=0.01, stiffness=1e5, damping=1e2)
     scene, state = cj.mechanisms.slider_crank(friction=friction)
     with quiet():
         sensor = cj.accelerometer(scene, state, "rod", axis=(1, 0, 0), frequency=1e4)
-    return sensor.scene, sensor.state
+    scene = sensor.scene
+    limits = {"stall_torque": 2.0, "no_load_speed": 50.0, "torque_constant": 0.5}
+    servo = cj.Servo("ground", "crank", ALONG, 0.5, 200.0, 5.0, **limits)
+    scene = cj.Scene(scene.bodies, scene.joints, {**scene.forces, "servo": servo}, scene.gravity)
+    return scene, sensor.state
 
 
 def rotor() -> tuple[cj.Scene, cj.State]:
@@ -88,6 +92,8 @@ QUANTITIES = {
     "JointAngularAcceleration": [Q.JointAngularAcceleration("crank bearing")],
     "JointAngularVelocity": [Q.JointAngularVelocity("crank bearing")],
     "JournalOffset": [Q.JournalOffset(PIN, "x")],
+    "MotorCurrent": [Q.MotorCurrent("servo")],
+    "MotorTorque": [Q.MotorTorque("servo")],
     "Multiplier": [Q.Multiplier("motor", "angle")],
     "Penetration": [Q.Penetration(PIN, CONTACT)],
     "PenetrationRate": [Q.PenetrationRate(PIN, CONTACT)],
@@ -118,7 +124,8 @@ def lower_at_an_instant(
         variables, work = system.encode(state.bodies), dict.fromkeys(sources, t)
 
         def now(fraction):
-            return cj.extend.Instant(system, t * fraction, variables, speeds, work, bristles, now)
+            parts = variables, speeds, work, bristles
+            return cj.extend.Instant(system, t * fraction, *parts, inside=now)
 
         return function(now(1.0))
 

@@ -84,6 +84,13 @@ EXAMPLES = {
         cj.PrismaticJoint("a", "b", (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1)),
         cj.Polynomial([0.1, -1 / 3]),
     ),
+    "Servo": lambda: cj.Servo(
+        *("a", "b", (0, 0, 1 / 3), cj.Polynomial([0.1, -1 / 3]), 1e3 / 3, 7 / 3, 0.1 / 3, 1 / 7),
+        *(1e-3 / 3, 2 / 3, 4 / 3, 5 / 3, 7 / 9, 0.1 / 7),
+        encoder=cj.Encoder("ground", "b", (0, 1 / 3, 0)),
+        speed_from="sensor",
+        delay_periods=2,
+    ),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),

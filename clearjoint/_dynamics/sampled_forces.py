@@ -1,0 +1,116 @@
+"""Memories of sampled forces in the course of a run: initial values, and forces that hold them."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+from typing_extensions import override
+
+from .._fields.checks import nearest, require
+from .._math.vectors import IDENTITY, ZERO, Scalar, unpack
+from .._model.bodies import NO_WRENCH, Motion, Wrench
+from .._model.joints.base import AbstractForce, Motions
+from .._model.joints.sampled_force import AbstractSampledForce, ForceMemory
+from .._model.scene import Scene
+from .coordinates import MotionVariables
+from .kinds import Kinds
+from .system import System
+
+Memories = Mapping[str, ForceMemory]
+"""Memory of each sampled force of a scene, by name."""
+NO_MEMORIES: Memories = {}
+
+
+class HeldForce(AbstractForce):
+    """A sampled force between two instants, with its memory.
+
+    `changes` are pairs of the memories before and after an instant, and shares from 0 to 1: each
+    share of the change of the wrenches at the instant is added.
+    """
+
+    force: AbstractSampledForce
+    memory: dict[str, Scalar]
+    changes: tuple[tuple[dict[str, Scalar], dict[str, Scalar], Scalar], ...] = ()
+
+    @override
+    def body_names(self) -> tuple[str, ...]:
+        return self.force.body_names()
+
+    @override
+    def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
+        total = self.force.held_wrenches(self.memory, motions, t)
+        for before, after, share in self.changes:
+            for memory, factor in ((after, share), (before, -share)):
+                for name, wrench in self.force.held_wrenches(memory, motions, t).items():
+                    total[name] = total.get(name, NO_WRENCH) + wrench * factor
+        return total
+
+
+def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
+    forces = scene.forces.items()
+    return {name: force for name, force in forces if isinstance(force, AbstractSampledForce)}
+
+
+def memory_names(scene: Scene) -> dict[str, list[str]]:
+    """Return the names of the numbers in the memory of each sampled force of a packed scene."""
+    still = Motion(ZERO, IDENTITY, ZERO, ZERO)
+    return {
+        name: list(force.initial_memory(dict.fromkeys(force.body_names(), still), 0.0))
+        for name, force in sampled_forces(unpack(scene)).items()
+    }
+
+
+def initial_memories(
+    system: System, variables: MotionVariables, t: Scalar, given: Memories
+) -> dict[str, dict[str, Scalar]]:
+    """Return the memory in `given` of each sampled force, in which missing numbers are those of a
+    run that starts at the time t.
+
+    **Raises:** `ValueError` for a name in `given` that the scene's memories do not have.
+    """
+    forces = sampled_forces(system.scene)
+    remedy = "correct the name, or leave it out of the state"
+    for name in given:
+        expected = f"of sampled forces of the scene, {sorted(forces)}"
+        require(name in forces, "state.memory", name, expected, nearest(name, forces, remedy))
+    if not forces:
+        return {}
+    kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
+    for name, force in forces.items():
+        memory = kinds.evaluate(_initial_memory, force, motions, system.clock(t))
+        own = given.get(name, {})
+        for key in own:
+            expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)
+            require(key in memory, f"state.memory[{name!r}]", key, expected, advice)
+        memories[name] = {
+            key: jnp.asarray(own.get(key, value), dtype=float) for key, value in memory.items()
+        }
+    return memories
+
+
+def _initial_memory(force: AbstractSampledForce, motions: Motions, t: Scalar) -> ForceMemory:
+    return force.initial_memory(motions, t)
+
+
+def updated_memory(
+    force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
+) -> ForceMemory:
+    """Return `force.updated_memory`, for `Kinds.evaluate`."""
+    return force.updated_memory(name, memory, motions, t)
+
+
+def holding(system: System, memories: Memories) -> System:
+    """Return the system with each sampled force replaced by one that holds its memory."""
+    if not memories:
+        return system
+    held = {
+        name: HeldForce(force, dict(memories[name]))
+        for name, force in sampled_forces(system.scene).items()
+    }
+    return with_forces(system, held)
+
+
+def with_forces(system: System, forces: Mapping[str, AbstractForce]) -> System:
+    """Return the system with other forces of the names in `forces`."""
+    scene = eqx.tree_at(lambda s: s.forces, system.scene, {**system.scene.forces, **forces})
+    return system.with_scene(scene)

@@ -1,0 +1,542 @@
+"""Servos against discrete linear systems, SciPy from sample to sample, and exact invariants."""
+
+import math
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import clearjoint as cj
+from tests.support.servo_reference import SampledPid
+
+Z, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+INERTIA = 0.02
+TIGHT = cj.Settings(rtol=1e-10)
+QUIET = {"progress": False}
+ABOUT = "ground", "arm", Z
+
+
+def one_inertia(servo, inertia=INERTIA, damping=None, **forces):
+    hinge = cj.RevoluteJoint("ground", "arm", ORIGIN, ORIGIN, Z, Z)
+    if damping is not None:
+        forces["oil"] = cj.TorsionalSpring(*ABOUT, 0.0, damping)
+    bodies = {"arm": cj.Body(1.0, (0.03, 0.03, inertia))}
+    return cj.Scene(bodies, {"hinge": hinge}, {"servo": servo, **forces})
+
+
+def turned(angle=0.0, speed=0.0):
+    orientation = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
+    return cj.body_state(ORIGIN, orientation, spin=(0.0, 0.0, speed))
+
+
+def at(angle=0.0, speed=0.0):
+    return cj.State({"arm": turned(angle, speed)})
+
+
+def motion(scene, state, end, times, settings=TIGHT, **options):
+    """Angle and speed of the arm at times, and the solution."""
+    outputs = {
+        "angle": cj.quantities.JointAngle("hinge"),
+        "speed": cj.quantities.JointAngularVelocity("hinge"),
+        "torque": cj.quantities.MotorTorque("servo"),
+    }
+    save = cj.Saving(times, states=False)
+    return cj.simulate(scene, state, end, settings, save, outputs=outputs, **options, **QUIET)
+
+
+@pytest.mark.parametrize("delayed", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_step_response_is_that_of_the_discrete_linear_system(delayed):
+    """A double integrator with zero-order hold, exactly discretised: x(k+1) = A x(k) + B u(k)."""
+    rate, p, d, goal = 200.0, 20.0, 0.3, 0.5
+    servo = cj.Servo(
+        *(*ABOUT, goal, rate, p, d), delay=1.0 / rate if delayed else None, speed_from="sensor"
+    )
+    count = 60
+    times = np.arange(count) / rate
+    outputs = motion(one_inertia(servo), at(), times[-1], times).outputs
+    exact = expm(np.array([[0, 1, 0], [0, 0, 1 / INERTIA], [0, 0, 0]]) / rate)
+    a, b = exact[:2, :2], exact[:2, 2]
+    x, states, held = np.zeros(2), [], p * goal
+    for _ in range(count):
+        states.append(x)
+        command = p * (goal - x[0]) - d * x[1]
+        u, held = (held, command) if delayed else (command, command)
+        x = a @ x + b * u
+    angles, speeds = np.transpose(states)
+    np.testing.assert_allclose(outputs["angle"], angles, atol=1e-9)
+    np.testing.assert_allclose(outputs["speed"], speeds, atol=1e-9 * np.abs(speeds).max())
+
+
+CASES = {
+    "difference": {},
+    "sensor": {"speed_from": "sensor"},
+    "less than a period": {"delay": 0.0031},
+    "one period": {"delay": 0.005},
+    "almost three periods": {"delay": 0.0149, "delay_periods": 3},
+    "integral": {"integral": 150.0, "delay": 0.002},
+    "saturated": {"integral": 40.0, "torque_limit": 1.1},
+    "limited speed": {"speed_limit": 1.7, "torque_limit": 3.0},
+}
+
+
+FAST = "one period", "saturated"
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
+)
+def test_it_moves_as_scipy_says_from_sample_to_sample(name):
+    """PD and PID of a damped inertia, with a goal that changes between samples."""
+    options = CASES[name]
+    target = cj.Polynomial([0.5, 0.6, -1.0])
+    goal = target.coefficients
+    servo = cj.Servo(*ABOUT, target, 200.0, 18.0, derivative=0.25, **options)
+    times = np.sort(np.random.default_rng(3).uniform(0.0, 0.4, 30))
+    scene = one_inertia(servo, damping=0.03)
+    found = motion(scene, at(0.1, 0.7), 0.4, times).outputs
+    law = SampledPid(
+        200.0,
+        18.0,
+        0.25,
+        options.get("integral", 0.0),
+        options.get("delay", 0.0),
+        options.get("torque_limit", np.inf),
+        lambda t: goal[0] + goal[1] * t + goal[2] * t**2,
+        lambda t: goal[1] + 2.0 * goal[2] * t,
+        options.get("speed_limit", np.inf) / 200.0,
+        by_difference=options.get("speed_from") != "sensor",
+    )
+
+    def rates(t, y, u):
+        return [y[1], (u - 0.03 * y[1]) / INERTIA]
+
+    states, torques = law.run(rates, [0.1, 0.7], 0.4, lambda y: (y[0], y[1]), times)
+    np.testing.assert_allclose(found["angle"], states[:, 0], atol=1e-9)
+    np.testing.assert_allclose(found["speed"], states[:, 1], atol=1e-8)
+    np.testing.assert_allclose(found["torque"], torques, atol=1e-8)
+    if name == "saturated":
+        assert (np.abs(torques) == 1.1).sum() > 3 and (np.abs(torques) < 1.0).sum() > 3
+
+
+PLAY, FLANK, DAMPED = math.radians(0.5), 4e3, 1.5 * 0.5 / 0.3
+ROTOR, LINK, WEIGHT = 0.004, 0.02, 0.6
+SPEED = 0.05
+
+
+def geared(servo, play=PLAY, drag=0.1):
+    """A rotor, play of half a degree, and a link with Stribeck friction and gravity."""
+    hinges = {
+        f"hinge of the {name}": cj.RevoluteJoint("ground", name, ORIGIN, ORIGIN, Z, Z)
+        for name in ("rotor", "link")
+    }
+    radius = 0.02
+    law = cj.laws.MemorylessHuntCrossley(
+        0.5, FLANK / radius**2, design_speed=0.3 * radius, exponent=1.0
+    )
+    rub = cj.frictions.BrownMcPhee(1.3, 1.0, SPEED)
+    joints = {
+        **hinges,
+        "gear": cj.Backlash("rotor", "link", play=play, radius=radius, law=law),
+        "friction": cj.JointFriction("ground", "link", rub, drag, Z, radius=1.0, viscosity=0.02),
+    }
+    bodies = {"rotor": cj.Body(0.1, (0.01, 0.01, ROTOR)), "link": cj.Body(1.0, (0.03, 0.03, LINK))}
+    # The spring stands for gravity: a constant moment would never reverse the flanks' load.
+    forces = {"servo": servo, "weight": cj.TorsionalSpring("ground", "link", Z, WEIGHT, 0.0)}
+    return cj.Scene(bodies, joints, forces)
+
+
+AT_REST = cj.State({"rotor": turned(), "link": turned()})
+
+
+def rates_with_play(t, y, u, play=PLAY, drag=0.1):
+    theta = y[1] - y[0], y[3] - y[2]
+    load = 0.0
+    for side in (1.0, -1.0):
+        depth, rate = side * theta[0] - 0.5 * play, side * theta[1]
+        if depth > 0.0:
+            load += side * FLANK * depth * max(1.0 + DAMPED * rate, 0.0)
+    x = y[3] / SPEED
+    rub = drag * (np.tanh(4.0 * x) + 0.3 * x / (0.25 * x * x + 0.75) ** 2)
+    return [
+        y[2],
+        y[3],
+        (u + load) / ROTOR,
+        (-load - rub - 0.02 * y[3] - WEIGHT * y[1]) / LINK,
+    ]
+
+
+def swing(t):
+    return 0.4 * np.sin(9.0 * t)
+
+
+TABLE = np.arange(0, 201) / 200.0
+"""Times of a log, at the samples of the servo."""
+
+
+def with_play(encoder, **options):
+    """The servo drives the rotor, by the steps of a log at its own rate."""
+    return cj.Servo(
+        *("ground", "rotor", Z, cj.PiecewiseConstant(TABLE, swing(TABLE)), 200.0),
+        *(8.0, 0.12),
+        delay=0.005,
+        torque_limit=1.5,
+        encoder=encoder,
+        **options,
+    )
+
+
+def scipy_with_play(of_link, times, drag=0.1, play=PLAY):
+    law = SampledPid(
+        200.0,
+        8.0,
+        0.12,
+        delay=0.005,
+        limit=1.5,
+        goal=lambda t: swing(math.floor(t * 200.0 + 1e-6) / 200.0),
+    )
+    read = (lambda y: (y[1], y[3])) if of_link else (lambda y: (y[0], y[2]))
+    return law.run(
+        lambda t, y, u: rates_with_play(t, y, u, play, drag),
+        np.zeros(4),
+        times[-1],
+        read,
+        times,
+        max_step=2e-4,
+    )
+
+
+@pytest.mark.parametrize("of_link", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_with_play_and_friction_behind_the_motor(of_link):
+    """The encoder sits on the link behind the play, or on the rotor before it."""
+    encoder = cj.Encoder("ground", "link", Z) if of_link else None
+    times = np.linspace(0.02, 0.4, 20)
+    outputs = {
+        "rotor": cj.quantities.JointAngle("hinge of the rotor"),
+        "link": cj.quantities.JointAngle("hinge of the link"),
+        "current": cj.quantities.MotorCurrent("servo"),
+    }
+    scene = geared(with_play(encoder, torque_constant=0.5))
+    saving = cj.Saving(times, states=False)
+    found = cj.simulate(scene, AT_REST, 0.4, TIGHT, saving, outputs=outputs, **QUIET).outputs
+    states, torques = scipy_with_play(of_link, times)
+    np.testing.assert_allclose(found["rotor"], states[:, 0], atol=1e-7)
+    np.testing.assert_allclose(found["link"], states[:, 1], atol=1e-7)
+    np.testing.assert_allclose(found["current"], torques / 0.5, atol=1e-5)
+    assert np.abs(states[:, 0] - states[:, 1]).max() > 0.4 * PLAY
+
+
+def angles(solution, body="arm"):
+    orientation = np.asarray(solution.states.bodies[body].orientation)
+    return 2.0 * np.arctan2(orientation[:, 3], orientation[:, 0])
+
+
+@pytest.mark.parametrize("coordinates", [cj.JointCoordinates(), cj.AbsoluteCoordinates()])
+def test_the_voltage_limits_the_torque_between_samples_too(coordinates):
+    """A slow servo whose motor reaches its no-load speed within a sample: w' = limit(w)/J."""
+    stall, no_load = 0.8, 3.0
+    servo = cj.Servo(
+        *(*ABOUT, 40.0, 10.0, 3.0), stall_torque=stall, no_load_speed=no_load, torque_limit=0.5
+    )
+    times = np.linspace(0.0, 0.09, 10)
+    settings = cj.Settings(rtol=1e-11, coordinates=coordinates)
+    found = motion(one_inertia(servo), at(), 0.09, times, settings)
+
+    def limited(speed):
+        """The command of 0.5 N m, below stall (1 - w/no-load), with a parabola at the kink."""
+        width, excess = 0.02 * stall, 0.5 - stall * (1.0 - speed / no_load)
+        if abs(excess) < width:
+            return 0.5 - (excess + width) ** 2 / (4.0 * width)
+        return 0.5 - max(excess, 0.0)
+
+    # With many small steps of Euler's midpoint rule the error is far below 1e-7.
+    count, speed, speeds = 90_000, 0.0, [0.0]
+    h = 0.09 / count
+    for k in range(1, count + 1):
+        half = speed + 0.5 * h * limited(speed) / INERTIA
+        speed += h * limited(half) / INERTIA
+        if k % 10_000 == 0:
+            speeds.append(speed)
+    np.testing.assert_allclose(found.outputs["speed"], speeds[: len(times)], atol=1e-6)
+    assert found.outputs["torque"][1] == 0.5 and found.outputs["torque"][-1] < 0.4
+
+
+SERVO = cj.Servo(*ABOUT, 0.5, 200.0, 18.0, 0.25, 60.0, delay=0.0031, torque_limit=6.0, offset=0.001)
+
+
+def changed(numbers, base=SERVO):
+    """The servo with other numbers, and the inertia of its arm."""
+    servo = base
+    for name, value in numbers.items():
+        if name != "inertia":
+            servo = cj.set_value(servo, lambda s, name=name: getattr(s, name), value)
+    return one_inertia(servo, numbers.get("inertia", INERTIA), damping=0.03)
+
+
+PATHS = {
+    name: partial(lambda scene, name: getattr(scene.forces["servo"], name), name=name)
+    for name in ("proportional", "derivative", "integral", "delay", "rate", "offset")
+} | {"inertia": lambda scene: scene.bodies["arm"].inertia[2]}
+START = 0.0137
+"""Between two samples."""
+
+
+def test_derivatives_are_those_of_the_sampled_motion():
+    """Central differences of runs, which SciPy confirms above; also by rate, delay and offset."""
+    times = np.array([0.08131, 0.14, 0.2007])
+    outputs = {"angle": cj.quantities.JointAngle("hinge")}
+    parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
+    start = {"start_time": START}
+    scene = changed({})
+    found = cj.sensitivities(
+        scene, at(0.1, 0.7), 0.21, parameters, outputs, times, TIGHT, **start, **QUIET
+    ).derivatives["angle"]
+    for k, (name, path) in enumerate(PATHS.items()):
+        middle = float(path(scene))
+        ends = []
+        for sign in (-1.0, 1.0):
+            other = changed({name: middle * (1.0 + sign * 1e-4)})
+            ends.append(motion(other, at(0.1, 0.7), 0.21, times, **start).outputs["angle"])
+        slope = (ends[1] - ends[0]) / (2e-4 * middle)
+        np.testing.assert_allclose(found[:, k], slope, rtol=1e-5, err_msg=name)
+
+
+@pytest.mark.slow
+def test_reverse_mode_has_the_same_derivatives():
+    """Also of the integral of the squared torque, which jumps at instants that parameters move."""
+    scene, times = changed({}), np.array([0.08131, 0.14, 0.2007])
+    torque = cj.quantities.MotorTorque("servo")
+
+    def square(now):
+        return torque(now) ** 2
+
+    outputs = {"angle": cj.quantities.JointAngle("hinge"), "torque": torque}
+    parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
+    options = {"settings": TIGHT, "start_time": START}
+    found = cj.sensitivities(
+        scene, at(0.1, 0.7), 0.21, parameters, outputs, times, **options, **QUIET
+    )
+    predict = cj.predictor(scene, at(0.1, 0.7), 0.21, PATHS, outputs, times, **options)
+    here = {name: jnp.asarray(path(scene)) for name, path in PATHS.items()}
+    backward = jax.jacrev(predict)(here)
+    for name in outputs:
+        for k, parameter in enumerate(PATHS):
+            np.testing.assert_allclose(
+                backward[name][parameter], found.derivatives[name][:, k], rtol=1e-8, atol=1e-9
+            )
+    effort = {"effort": cj.Integral(square, "N^2 m^2")}
+    predict = cj.predictor(scene, at(0.1, 0.7), 0.21, PATHS, effort, **options)
+    slopes = jax.grad(lambda values: predict(values)["effort"])(here)
+    for name in PATHS:
+        middle, ends = float(here[name]), []
+        for sign in (-1.0, 1.0):
+            other = changed({name: middle * (1.0 + sign * 1e-4)})
+            run = cj.simulate(other, at(0.1, 0.7), 0.21, TIGHT, outputs=effort, start_time=START)
+            ends.append(run.outputs["effort"])
+        slope = (ends[1] - ends[0]) / (2e-4 * middle)
+        assert slopes[name] == pytest.approx(slope, rel=2e-4), name
+
+
+@pytest.mark.slow
+def test_derivatives_with_play_are_those_of_scipy():
+    """By play and friction of the joint behind the motor, from the position of the link alone."""
+    times = np.linspace(0.0503, 0.4, 8)
+    scene = geared(with_play(cj.Encoder("ground", "link", Z)))
+    parameters = {
+        "play": cj.Parameter(lambda scene: scene.joints["gear"].play),
+        "drag": cj.Parameter(lambda scene: scene.joints["friction"].load),
+    }
+    outputs = {"link": cj.quantities.JointAngle("hinge of the link")}
+    settings = cj.Settings(rtol=1e-9)
+    found = cj.sensitivities(scene, AT_REST, 0.4, parameters, outputs, times, settings, **QUIET)
+    for k, (name, middle) in enumerate({"play": PLAY, "drag": 0.1}.items()):
+        ends = [scipy_with_play(True, times, **{name: middle * f})[0] for f in (0.9998, 1.0002)]
+        slope = (ends[1] - ends[0])[:, 1] / (4e-4 * middle)
+        scale = np.abs(slope).max()
+        np.testing.assert_allclose(found.derivatives["link"][:, k], slope, atol=2e-4 * scale)
+
+
+def test_a_run_continues_from_a_state_in_the_middle():
+    """Also at an instant of a sample, where the memory is that after the sample."""
+    scene, times = changed({}), np.array([0.05, 0.1, 0.2])
+    whole = motion(scene, at(0.1, 0.7), 0.2, times)
+    for middle in (0.0874, 0.086):
+        first = motion(scene, at(0.1, 0.7), middle, [middle])
+        second = motion(scene, first.final, 0.2, times[1:], start_time=middle)
+        for name, values in second.outputs.items():
+            np.testing.assert_allclose(values, whole.outputs[name][1:], rtol=1e-9)
+    # Without the memory it is a servo that is switched on.
+    other = cj.State(first.final.bodies)
+    assert motion(scene, other, 0.2, times[1:], start_time=middle).outputs["angle"][0] != (
+        pytest.approx(whole.outputs["angle"][1], rel=1e-6)
+    )
+    given = {"servo": {"torque": 0.0, "command 0": 0.0, "command 1": 0.0}}
+    idle = cj.State(at().bodies, memory=given)
+    assert motion(scene, idle, 0.003, [0.003]).outputs["angle"] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_lanes_of_a_sweep_equal_single_runs():
+    scene, times = changed({}), np.array([0.05, 0.101, 0.2])
+    rates = [90.0, 200.0, 310.0]
+    axes = {"rate": cj.Axis(PATHS["rate"], rates)}
+    outputs = {
+        "angle": cj.quantities.JointAngle("hinge"),
+        "torque": cj.quantities.MotorTorque("servo"),
+    }
+    save = cj.Saving(times, states=False)
+    swept = cj.sweep(scene, at(0.1, 0.7), 0.2, axes, outputs, TIGHT, save, **QUIET)
+    for k, rate in enumerate(rates):
+        alone = motion(changed({"rate": rate}), at(0.1, 0.7), 0.2, times).outputs
+        for name in outputs:
+            np.testing.assert_allclose(swept[name][k], alone[name], rtol=1e-9)
+
+
+def test_it_counts_revolutions():
+    """A servo that lags by more than half a revolution does not turn back."""
+    target = cj.PiecewiseLinear([0.0, 0.1, 0.6], [0.0, 0.0, 30.0])
+    scene = one_inertia(cj.Servo(*ABOUT, target, 200.0, 2.0, 1.0, torque_limit=0.3))
+    solution = motion(scene, at(), 8.0, [0.6, 8.0])
+    assert solution.final.memory["servo"]["angle"] == pytest.approx(30.0, abs=1e-3)
+    lagging, last = solution.outputs["angle"]
+    assert last == pytest.approx(30.0 - 10.0 * np.pi, abs=1e-3)
+    # After 0.5 s at 0.3 N m, as far as the target is known modulo a revolution it would be behind.
+    assert abs(lagging) < 0.5 * 0.3 / INERTIA * 0.5**2 + 1e-6 < 30.0 - 8.0 * np.pi
+
+
+def test_the_energy_ledger_counts_its_work():
+    servo = cj.Servo(*ABOUT, 2.0, 200.0, 18.0, 0.25, delay=0.0031)
+    settings = cj.Settings(rtol=1e-10, ledger=True)
+    outputs = {"supplied": lambda now: now.work["supplied"]}
+    times = np.linspace(0.0, 0.3, 40)
+    saving = cj.Saving(times)
+    scene = one_inertia(servo, damping=0.03)
+    solution = cj.simulate(scene, at(), 0.3, settings, saving, outputs=outputs, **QUIET)
+    residual = cj.observe(scene, solution).ledger_residual()
+    assert np.abs(residual).max() < 1e-8 < np.abs(solution.outputs["supplied"]).max()
+
+
+class SampledDamper(cj.extend.AbstractSampledForce):
+    """A user's element: a force against the speed that it read last."""
+
+    body: str
+    damping: float
+    period: float
+
+    def body_names(self):
+        return (self.body,)
+
+    def instants(self):
+        return {"sample": cj.extend.Periodic(self.period)}
+
+    def initial_memory(self, motions, t):
+        return {"force": -self.damping * motions[self.body].velocity.x}
+
+    def updated_memory(self, name, memory, motions, t):
+        return self.initial_memory(motions, t)
+
+    def held_wrenches(self, memory, motions, t):
+        force = cj.extend.Vector(memory["force"], 0.0, 0.0)
+        return {self.body: motions[self.body].wrench(force, cj.extend.ZERO)}
+
+
+def test_a_sampled_force_of_a_user():
+    """Of 30 bodies, each with its own period T: v(k+1) = v(k) (1 - c T/m)."""
+    names = [f"ball {k}" for k in np.random.default_rng(1).permutation(30)]
+    bodies = {name: cj.Body(2.0, (1.0, 1.0, 1.0)) for name in names}
+    periods = dict(zip(names, np.linspace(0.011, 0.05, 30), strict=True))
+    forces = {f"brake of {name}": SampledDamper(name, 3.0, t) for name, t in periods.items()}
+    state = cj.State({name: cj.body_state(ORIGIN, velocity=(1.0, 0.0, 0.0)) for name in names})
+    final = cj.simulate(cj.Scene(bodies, forces=forces), state, 0.2, **QUIET).final
+    for name, period in periods.items():
+        count, rest = divmod(0.2 + 1e-12, period)
+        expected = (1.0 - 1.5 * period) ** count * (1.0 - 1.5 * rest)
+        assert final.bodies[name].velocity[0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_wrong_arguments_are_refused():
+    for options, words in (
+        ({"delay": 0.011}, r"`delay` must be at most .* 1/\(200.0 Hz\), but is 0.011"),
+        ({"speed_from": "encoder"}, "`speed_from` must be in"),
+        ({"delay_periods": 0}, "`delay_periods` must be a whole number"),
+        ({"stall_torque": 1.0}, "`no_load_speed` must be given together with `stall_torque`"),
+        ({"no_load_speed": 1.0}, "`stall_torque` must be given together with `no_load_speed`"),
+        ({"torque_limit": -1.0}, "`torque_limit` must be positive"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            cj.Servo(*ABOUT, 0.5, 200.0, 18.0, **options)
+    scene = changed({})
+    with pytest.raises(ValueError, match="without sampled forces, but is .'servo'.: take simulate"):
+        cj.simulate_nonsmooth(scene, at(), 0.1, step=1e-3)
+    axes = {"delay": cj.Axis(PATHS["delay"], [0.001, 0.011])}
+    outputs = {"top": cj.Peak(cj.quantities.JointAngle("hinge"), "rad")}
+    with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most"):
+        cj.sweep(scene, at(), 0.1, axes, outputs, **QUIET)
+    for memory, words in (
+        (
+            {"servos": {}},
+            r"`state.memory` must be of sampled forces of the scene, \['servo'\].*did",
+        ),
+        (
+            {"servo": {"torqe": 0.0}},
+            r"`state.memory\['servo'\]` must be one of.*did you mean 'torque",
+        ),
+    ):
+        with pytest.raises(ValueError, match=words):
+            cj.simulate(scene, cj.State(at().bodies, memory=memory), 0.1, **QUIET)
+    for quantity in (cj.quantities.MotorCurrent("servo"), cj.quantities.MotorTorque("servos")):
+        with pytest.raises(ValueError, match="`drive` must be one of"):
+            quantity.check(scene)
+
+
+@pytest.mark.slow
+def test_play_and_friction_are_found_from_goal_and_position_alone():
+    """Six seconds at 200 Hz, simulated by SciPy and rounded to the 12 bits of an encoder."""
+
+    def goal(t):
+        return 0.35 * np.sin(5.0 * t) + 0.1 * np.sin(13.0 * t)
+
+    table = np.arange(0, 1201) / 200.0
+    law = SampledPid(
+        200.0,
+        8.0,
+        0.12,
+        delay=0.005,
+        limit=1.5,
+        goal=lambda t: goal(math.floor(t * 200.0 + 1e-6) / 200.0),
+    )
+    times, start = table[2:], np.zeros(4)
+    states, _ = law.run(
+        rates_with_play, start, 6.0, lambda y: (y[1], y[3]), times, max_step=1e-3, rtol=1e-9
+    )
+    count = 2.0 * np.pi / 4096
+    measured = np.round(states[:, 1] / count) * count
+    steps = cj.PiecewiseConstant(table, goal(table))
+    limits = {"delay": 0.005, "torque_limit": 1.5}
+    servo = cj.Servo(
+        *("ground", "rotor", Z, steps, 200.0, 8.0, 0.12),
+        **limits,
+        encoder=cj.Encoder("ground", "link", Z),
+    )
+    channel = cj.quantities.JointAngle("hinge of the link")
+    series = cj.Series(channel, times, measured, noise=count / math.sqrt(12.0))
+    truth = {"play": PLAY, "drag": 0.1, "viscosity": 0.02, "inertia": LINK}
+    paths = {
+        "play": lambda scene: scene.joints["gear"].play,
+        "drag": lambda scene: scene.joints["friction"].load,
+        "viscosity": lambda scene: scene.joints["friction"].viscosity,
+        "inertia": lambda scene: scene.bodies["link"].inertia[2],
+    }
+    fit = cj.identify(
+        geared(servo),
+        AT_REST,
+        cj.Measurements({"link": series}),
+        {name: cj.Parameter(path, cj.Log()) for name, path in paths.items()},
+        guess={n: truth[n] * f for n, f in zip(truth, (0.5, 1.3, 0.7, 1.2), strict=True)},
+        check_runs=0,
+        **QUIET,
+    )
+    for name, value in truth.items():
+        error, deviation = abs(fit.estimates[name] - value), fit.standard_errors[name]
+        assert error < 4.0 * deviation < 0.05 * value, name

@@ -1,0 +1,96 @@
+"""A joint with a servo, simulated by SciPy from sample to sample."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+Rates = Callable[[float, np.ndarray, float], Any]
+"""Rates of the state, given time, s, state, and the torque, N m, in effect."""
+COINCIDE = 1e-12
+"""Instants that differ by at most this time, s, are equal."""
+
+
+@dataclass(frozen=True)
+class SampledPid:
+    """The sampled law. The first command, which is computed at time zero, acts from there on until
+    the one of the first sample after it takes effect."""
+
+    rate: float
+    proportional: float
+    derivative: float
+    integral: float = 0.0
+    delay: float = 0.0
+    limit: float = np.inf
+    goal: Callable[[float], float] = lambda t: 0.0
+    goal_rate: Callable[[float], float] = lambda t: 0.0
+    largest_goal_step: float = np.inf
+    by_difference: bool = True
+    drivable: Callable[[float], tuple[float, float]] = lambda speed: (-np.inf, np.inf)
+    """Least and largest torque at a speed of the motor, for the integral only."""
+
+    def run(
+        self,
+        rates: Rates,
+        start: Sequence[float],
+        end: float,
+        read: Callable[[np.ndarray], tuple[float, float]],
+        times: Sequence[float],
+        motor_speed: Callable[[np.ndarray], float] = lambda y: 0.0,
+        **tolerances: float,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states at times, s, and the torque in effect there. `read` returns the angle,
+        rad, and the speed, rad/s, that the encoder measures."""
+        period, y = 1.0 / self.rate, np.array(start, float)
+        last = read(y)[0]
+        # With a limited goal, it starts at the present angle.
+        goal = last if np.isfinite(self.largest_goal_step) else self.goal(0.0)
+        integral = 0.0
+
+        def command(t: float, y: np.ndarray, angle: float, speed: float) -> float:
+            nonlocal goal, integral
+            wanted, goal_rate = self.goal(t), self.goal_rate(t)
+            if np.isfinite(self.largest_goal_step):
+                step = np.clip(wanted - goal, -self.largest_goal_step, self.largest_goal_step)
+                goal, goal_rate = goal + step, step * self.rate
+            else:
+                goal = wanted
+            error = goal - angle
+            torque = self.proportional * error + self.derivative * (goal_rate - speed)
+            grown = integral + self.integral * error * period
+            low, high = self.drivable(motor_speed(y))
+            low, high = max(low, -self.limit), min(high, self.limit)
+            pushes = (torque + grown > high and error > 0) or (torque + grown < low and error < 0)
+            integral = integral if pushes else grown
+            return float(np.clip(torque + integral, -self.limit, self.limit))
+
+        torque, commands = command(0.0, y, *read(y)), {}
+        count = int(np.ceil(end * self.rate)) + 1
+        # At the same instant, the sample comes before the command that takes effect.
+        instants = [(k * period, 0, k) for k in range(1, count)]
+        instants += [(k * period + self.delay, 1, k) for k in range(1, count)]
+        instants += [(end, 2, 0), *((t, 2, 0) for t in times)]
+        instants = sorted((round(t / COINCIDE) * COINCIDE, kind, k) for t, kind, k in instants)
+        now, states = 0.0, {}
+        for t, kind, k in instants:
+            if t > end + COINCIDE:
+                break
+            if t > now + COINCIDE:
+                options = {"rtol": 1e-11, "atol": 1e-13, **tolerances}
+                solution = solve_ivp(
+                    lambda t, y, u=torque: rates(t, y, u), (now, t), y, "DOP853", **options
+                )
+                y, now = solution.y[:, -1], t
+            if kind == 0:
+                angle, speed = read(y)
+                speed = (angle - last) * self.rate if self.by_difference else speed
+                last = angle
+                commands[k] = command(t, y, angle, speed)
+            elif kind == 1:
+                torque = commands[k]
+            else:
+                states[t] = y, torque
+        rows = [states[round(t / COINCIDE) * COINCIDE] for t in times]
+        return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
