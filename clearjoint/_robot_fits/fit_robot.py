@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -34,10 +34,11 @@ from .._simulation.run.simulate import simulate
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from .problem import (
+    IN_PLAY,
     OF_HINGES,
     STILL,
+    DrivenBy,
     Find,
-    Mode,
     RobotProblem,
     backlash_name,
     drive_name,
@@ -51,6 +52,8 @@ ROUNDS = 3
 """Largest number of fits, each with the parameters that the log determines at the estimates of the
 fit before."""
 NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
+ENDS = -0.7, 0.7
+"""Places in a play, from -1 to 1, from which a fit also starts."""
 PART = 0.3
 """Weight in an undetermined combination above which a parameter is named."""
 
@@ -87,7 +90,7 @@ class RobotFit(AbstractTabular):
     fit: Fit
     robot: Robot
     log: RobotLog
-    driven_by: Mapping[str, Mode]
+    driven_by: DrivenBy
     undetermined: dict[str, str]
     held: dict[str, tuple[float, str]]
 
@@ -145,19 +148,24 @@ class RobotFit(AbstractTabular):
         The torque of a joint that is driven by it is the logged one, and so is the position of a
         joint that is driven by its position.
         """
-        loops = {}
-        for joint, mode in self.driven_by.items():
-            if joint not in self.log.angles or joint not in self.log.torques:
+        loops, measured = {}, self.fit.measurements.series
+        for joint in self.driven_by:
+            if joint not in self.log.torques:
                 continue
-            angles, torques = self.log.angles[joint], self.log.torques[joint]
-            name = f"{joint} torque" if mode == "angle" else f"{joint} position"
-            predicted, times = self.predictions[name], np.asarray(self.fit.measurements[name].times)
-            if mode == "angle":
-                position = _between(times, angles.times, np.unwrap(angles.values))
-                loops[joint] = Hysteresis(position, torques.values, position, predicted)
-            else:
-                torque = _between(times, torques.times, torques.values)
-                loops[joint] = Hysteresis(angles.values, torque, predicted, torque)
+            torques, motor = self.log.torques[joint], f"{joint} motor"
+            side = joint if joint in self.log.angles else motor
+            if side not in self.log.angles:
+                continue
+            angles, position = self.log.angles[side], f"{side} position"
+            torque, by_name = f"{joint} torque", self.predictions
+            times = np.asarray(measured[position if position in measured else torque].times)
+            at = times, angles.times, np.unwrap(angles.values)
+            logged = _between(*at), _between(times, torques.times, torques.values)
+            predicted = [
+                _between(times, np.asarray(measured[n].times), by_name[n]) if n in by_name else own
+                for n, own in zip((position, torque), logged, strict=True)
+            ]
+            loops[joint] = Hysteresis(*logged, *predicted)
         return loops
 
 
@@ -171,7 +179,7 @@ def fit_robot(
     robot: Robot,
     log: RobotLog,
     find: Find,
-    driven_by: Mapping[str, Mode],
+    driven_by: DrivenBy,
     *,
     parameters: Mapping[str, Parameter] = NO_PARAMETERS,
     settings: Settings | None = None,
@@ -239,7 +247,7 @@ def fit_robot(
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = values = {name: float(value) for name, value in starts.items()}
-    options = {
+    options: dict[str, Any] = {
         "max_iterations": max_iterations,
         "check_runs": check_runs,
         "progress": progress,
@@ -258,6 +266,10 @@ def fit_robot(
         require(bool(rest), "find", [*find], expected, "log another motion")
         held = {name: starts[name] for name in reasons}
         base = changed(scene, state, {name: (free[name], value) for name, value in held.items()})
+        # Chi squared may have a minimum at either end of a play in which a side starts.
+        places = [name for name in rest if problem.subjects.get(name, ("", ""))[1] == IN_PLAY]
+        sides = (0.0, *ENDS) if places else (0.0,)
+        options["guess"] = [dict.fromkeys(places, side) for side in sides]
         with quiet():
             fit = identify(*base, measured, rest, settings, grow=grow or (), **options)
         is_poor = fit.ending is not Ending.CONVERGED or fit.p_value < UNLIKELY

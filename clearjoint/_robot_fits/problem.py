@@ -16,9 +16,16 @@ from .._measurements.series import Measurements, Series
 from .._model.bodies import State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.contact.friction import RegularisedCoulomb
-from .._model.drives.drivers import DriveTorque, PrescribedAngle, PrescribedTranslation
+from .._model.drives.drivers import (
+    AbstractDriveTorque,
+    DriveTorque,
+    PrescribedAngle,
+    PrescribedTranslation,
+)
 from .._model.drives.functions_of_time import PiecewiseConstant, Spline
+from .._model.drives.servo import Servo
 from .._model.forces import TorsionalSpring
+from .._model.joints.base import AbstractForce
 from .._model.joints.couplings import HingeOrSlider
 from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
@@ -29,8 +36,9 @@ from .._scene_files.documents import FileLocation
 from .._scene_files.drive_train import motor_name
 from .._scene_files.reading import number_of_text
 from .._scene_files.robot import Robot
-from .._scene_files.robot_elements import friction_of
+from .._scene_files.robot_elements import Element, friction_of
 from ..quantities.base import AbstractQuantity, Instant, Quantity, require_known
+from ..quantities.drives import MotorTorque
 from ..quantities.joints import JointAngle, Multiplier
 
 OF_HINGES = {
@@ -53,7 +61,9 @@ OF_SLIDERS = {
 }
 """What a fit finds of hinges and of sliders, with the units."""
 Mode = Literal["angle", "torque", "held torque"]
-"""How a joint is driven, see `fit_robot`."""
+"""How a joint follows the log, see `fit_robot`."""
+DrivenBy: TypeAlias = Mapping[str, Mode | AbstractForce]
+"""How joints are driven, by name."""
 Start: TypeAlias = float | str | None
 """Number or text with a unit from which a fit starts."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
@@ -70,6 +80,8 @@ STILL = 4.0
 """Range of positions, in multiples of their noise, up to which a joint counts as at rest."""
 REST = 10
 """Number of samples for which a joint must be at rest in the beginning to start at rest."""
+IN_PLAY = "start in the play"
+"""What a fit finds of the side of a drive train that is not logged, from -1 to 1."""
 CERTAIN = 10.0
 """Error of a position at the start, in multiples of its noise, with which the sign of a load must
 be the same to count as certain."""
@@ -190,7 +202,7 @@ class RobotProblem:
 
     robot: Robot
     log: RobotLog
-    driven_by: Mapping[str, Mode]
+    driven_by: DrivenBy
     scene: Scene
     state: State
     parameters: dict[str, Parameter]
@@ -215,9 +227,7 @@ def motor_of(robot: Robot, joint: str) -> str:
     return motor if joint in robot.drives and motor in robot.scene.joints else joint
 
 
-def robot_problem(
-    robot: Robot, log: RobotLog, find: Find, driven_by: Mapping[str, Mode]
-) -> RobotProblem:
+def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
     """Return the problem of a fit; raise a `ValueError` for what does not fit together."""
     sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
     for argument, part, names in (
@@ -280,9 +290,9 @@ def robot_problem(
         is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
         if follower is not None and load == 0.0 and is_loose:
             change = StartInPlay(robot, name, follower, backlash)
-            label = f"{follower} start in the play"
+            label = f"{follower} {IN_PLAY}"
             parameters[label] = Parameter.change(change, 0.0, Bounded(-1.0, 1.0))
-            subjects[label] = follower, "start in the play"
+            subjects[label] = follower, IN_PLAY
     state = robot.state(q, qd)
     return RobotProblem(
         driven,
@@ -353,31 +363,44 @@ def _require_unit(argument: str, samples: Logged, unit: str) -> None:
 
 
 def _driven(
-    robot: Robot, log: RobotLog, driven_by: Mapping[str, Mode], positions: Mapping[str, Spline]
+    robot: Robot, log: RobotLog, driven_by: DrivenBy, positions: Mapping[str, Spline]
 ) -> Robot:
     """Return the robot with an element that drives each joint of `drive`."""
     for joint, mode in driven_by.items():
-        argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
-        require(mode in modes, argument, mode, f"one of {', '.join(modes)}", "name one of them")
-        motor = motor_of(robot, joint)
-        part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
-        expected, remedy = f"what the log has for {name!r}", f"pass {part} of {name!r} to the log"
-        require(name in getattr(log, part), argument, mode, expected, remedy)
-        ideal, ends = robot.scene.joints[motor], robot.motor_side(joint)
-        if mode == "angle" and isinstance(ideal, PrismaticJoint):
-            points = ideal.point_first, ideal.point_second
-            element = PrescribedTranslation(*ends[:2], *points, ends[2], positions[motor])
-        elif mode == "angle":
-            element = PrescribedAngle(*ends, positions[motor])
+        element = mode
+        if isinstance(element, AbstractForce):
+            if joint in log.goals and hasattr(element, "target"):
+                times, goals, _, _ = log.goals[joint]
+                _require_unit(f"log.goals[{joint!r}]", log.goals[joint], "rad")
+                element = replace(element, target=PiecewiseConstant(times, goals))
         else:
-            _require_unit(f"log.torques[{joint!r}]", log.torques[joint], "N m")
-            expected = "of a hinge"
-            remedy = "drive the slider by its position, or add the load to the robot's scene"
-            require(is_hinge(robot, joint), argument, mode, expected, remedy)
-            make = PiecewiseConstant if mode == "held torque" else Spline.through
-            element = DriveTorque(*ends, make(log.torques[joint].times, log.torques[joint].values))
+            element = _following(robot, log, joint, element, positions)
         robot = robot.with_elements({drive_name(joint): element})
     return robot
+
+
+def _following(
+    robot: Robot, log: RobotLog, joint: str, mode: Mode, positions: Mapping[str, Spline]
+) -> Element:
+    """Return the element by which a joint follows its logged position or torque."""
+    argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
+    expected = f"one of {', '.join(modes)}, or a drive such as a Servo"
+    require(mode in modes, argument, mode, expected, "name one of them")
+    motor = motor_of(robot, joint)
+    part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
+    expected, remedy = f"what the log has for {name!r}", f"pass {part} of {name!r} to the log"
+    require(name in getattr(log, part), argument, mode, expected, remedy)
+    ideal, ends = robot.scene.joints[motor], robot.motor_side(joint)
+    if mode == "angle" and isinstance(ideal, PrismaticJoint):
+        points = ideal.point_first, ideal.point_second
+        return PrescribedTranslation(*ends[:2], *points, ends[2], positions[motor])
+    if mode == "angle":
+        return PrescribedAngle(*ends, positions[motor])
+    _require_unit(f"log.torques[{joint!r}]", log.torques[joint], "N m")
+    remedy = "drive the slider by its position, or add the load to the robot's scene"
+    require(is_hinge(robot, joint), argument, mode, "of a hinge", remedy)
+    make = PiecewiseConstant if mode == "held torque" else Spline.through
+    return DriveTorque(*ends, make(log.torques[joint].times, log.torques[joint].values))
 
 
 RESISTANCES = "friction", "damping", "link friction"
@@ -422,7 +445,7 @@ def _with_friction(robot: Robot, joint: str, kind: str, start: float | None) -> 
     ideal = robot.scene.joints[side]
     assert isinstance(ideal, HingeOrSlider)
     load, viscosity = (0.0, start) if kind == "damping" else (start, None)
-    return robot.with_elements({name: friction_of(ideal, COULOMB, load, viscosity)})
+    return robot.with_elements({name: friction_of(ideal, COULOMB, load, viscosity=viscosity)})
 
 
 def _damper(robot: Robot, joint: str) -> str | None:
@@ -487,7 +510,7 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
     return Parameter.change(FlankStiffness(name), start, Log(), "N m/rad")
 
 
-def _measured(robot: Robot, log: RobotLog, driven_by: Mapping[str, Mode]) -> Measurements:
+def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
     """Return what a run predicts: positions that don't follow the log, and the torques that make
     others follow it."""
     channels: dict[str, tuple[Quantity, Logged, str]] = {}
@@ -498,10 +521,13 @@ def _measured(robot: Robot, log: RobotLog, driven_by: Mapping[str, Mode]) -> Mea
             channel = JointAngle(name) if hinge else JointPosition(name)
             channels[f"{name} position"] = channel, samples, "rad" if hinge else "m"
     for joint, samples in log.torques.items():
-        if driven_by.get(joint) == "angle":
-            hinge = is_hinge(robot, joint)
-            channel = Multiplier(drive_name(joint), "angle" if hinge else "distance")
+        mode, name = driven_by.get(joint), drive_name(joint)
+        hinge = is_hinge(robot, joint)
+        if mode == "angle":
+            channel = Multiplier(name, "angle" if hinge else "distance")
             channels[f"{joint} torque"] = channel, samples, "N m" if hinge else "N"
+        elif isinstance(mode, AbstractDriveTorque | Servo) and samples.noise is not None:
+            channels[f"{joint} torque"] = MotorTorque(name), samples, "N m"
     remedy = "log the position of a joint that does not follow it, or the torque of one that does"
     require(bool(channels), "log", [*log.angles, *log.torques], "of what a run predicts", remedy)
     series = {}
