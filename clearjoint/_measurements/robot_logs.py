@@ -84,7 +84,7 @@ class LogColumn:
         require_positive("counts", counts, "give the counts per revolution")
         noise = 1.0 / math.sqrt(12.0) if noise is None else noise
         factor = (-TURN if reverse else TURN) / counts
-        return LogColumn(column, "1", noise, zero, factor, of="1")
+        return LogColumn(column, None, noise, zero, factor, of="1")
 
     @staticmethod
     def current(
@@ -93,19 +93,18 @@ class LogColumn:
         ratio: float = 1.0,
         zero: float = 0.0,
         noise: float | None = None,
-        unit: str = "A",
     ) -> "LogColumn":
         """Return a column of motor currents.
 
         **Arguments:** `torque_constant`: N m/A at the motor. `ratio`: revolutions of the motor for
         one of the joint, negative if they have opposite directions. `zero`, `noise`: in the unit of
-        the column, which is `unit` unless the header has one.
+        the column, A by default.
 
         >>> cj.LogColumn.current("i3 [mA]", torque_constant=0.05, ratio=100.0).factor  # N m/A
         5.0
         """
         require_positive("torque_constant", torque_constant, "give it in N m/A")
-        return LogColumn(column, unit, noise, zero, torque_constant * ratio, of="A")
+        return LogColumn(column, None, noise, zero, torque_constant * ratio, of="A")
 
 
 class Logged(NamedTuple):
@@ -241,7 +240,7 @@ def _logged(
     missing: Missing,
 ) -> Logged:
     written = content.unit, split_header(spec.column)[1], spec.unit
-    unit = next((unit for unit in written if unit is not None), None)
+    unit = next((unit for unit in (*written, spec.of) if unit is not None), None)
     if unit is None:
         raise ValueError(
             f"The unit of {content.label} must be known, but neither the table nor the argument "

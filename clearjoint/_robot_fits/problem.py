@@ -68,9 +68,9 @@ Start: TypeAlias = float | str | None
 """Number or text with a unit from which a fit starts."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
 """What to find, by the name of the joint."""
-COULOMB = RegularisedCoulomb(1.0, regularisation_speed=3e-4)
+COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
 """Law of a friction that the robot lacks, over its load. Steps are several times as long as with
-bristles, whose stiffness limits them at speed; a loaded joint creeps by less than 3e-4 rad/s."""
+bristles, whose stiffness limits them at speed; a loaded joint creeps by less than 1e-4 rad/s."""
 SHARE = 0.1
 """Share of the largest logged torque with which the fit of a friction or a damping starts, if
 neither the user nor the robot has one."""
