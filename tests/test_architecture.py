@@ -22,7 +22,7 @@ from tests.support.rooms import (
     syntax_tree,
 )
 
-HIGHEST_FLOOR = 9
+HIGHEST_FLOOR = 10
 MODULES_BESIDE_ROOMS = 12
 PLACES_OF_ANY = 43
 FLOORS = (

@@ -40,7 +40,7 @@ class RobotFitParts:
     - `grow`, `max_iterations`: see `clearjoint.identify`.
     """
 
-    find: Mapping[str, Mapping[str, Any] | Sequence[str]]
+    find: Mapping[str, Mapping[str, float | str] | Sequence[str]]
     driven_by: Mapping[str, Mode]
     angles: Mapping[str, LogColumn | str]
     torques: Mapping[str, LogColumn | str] = field(default_factory=dict)
@@ -92,7 +92,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
         with location.at("drives", joint).in_errors():
             robot = robot.with_drive(joint, drive)
     is_parquet = log_file.suffix == ".parquet"
-    options: dict[str, Any] = {} if parts.header or is_parquet else {"header": None}
+    options: dict[str, None] = {} if parts.header or is_parquet else {"header": None}
     with location.in_errors():
         log = RobotLog.read(
             log_file,

@@ -58,7 +58,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """One column of a table, with a label for error messages, and the table's unit, if any."""
 
     label: str
@@ -183,7 +183,7 @@ def function_from_csv(
 
 def columns_of(
     source: "str | Path | pd.DataFrame", options: dict[str, Any]
-) -> Callable[[str, str], Column]:
+) -> Callable[[str, str], TableColumn]:
     """Read a CSV or Parquet file, unless `source` is a table already, and return a function that
     finds one of its columns by its name, and for error messages the name of the argument in which
     the user has passed it."""
@@ -209,12 +209,12 @@ def columns_of(
     headers = [split_header(header) for header in table.columns]
     names = [name for name, _ in headers]
 
-    def column(name: str, argument: str) -> Column:
+    def column(name: str, argument: str) -> TableColumn:
         require_listed(argument, name, names, f"columns of {file}")
         once = max(names.count(name), written.count(name)) == 1
         require(once, argument, name, f"unique in {file}", "rename one of the columns")
         k = names.index(name)
-        return Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
+        return TableColumn(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
 
     return column
 
@@ -245,10 +245,10 @@ def from_xarray(
 
     require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
 
-    def column(name: Hashable) -> Column:
+    def column(name: Hashable) -> TableColumn:
         array = dataset[name]
         label = f"variable {name!r} of the dataset"
-        return Column(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
+        return TableColumn(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
     # Each variable may have a time coordinate of its own, so times are read for each of them.
     series = {}
@@ -331,7 +331,7 @@ def require_listed(argument: str, name: str, listed: list[str], kind: str) -> No
     require(name in listed, argument, name, f"among the {kind}, {listed}", "correct the name")
 
 
-def times_in(column: Column, unit: str) -> np.ndarray:
+def times_in(column: TableColumn, unit: str) -> np.ndarray:
     """Return the times in a column, s; `unit` is that of a table without one."""
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
@@ -344,7 +344,7 @@ def times_in(column: Column, unit: str) -> np.ndarray:
 def _series(
     name: str,
     channel: Channel,
-    column: Column,
+    column: TableColumn,
     times: np.ndarray,
     noise: ArrayLike | None,
     missing: Missing,

@@ -5,13 +5,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, PyTree
 
 from .._fields.checks import errors_about, require, require_positive
-from .readers import Column, Missing, columns_of, split_header, times_in
+from .readers import Missing, TableColumn, columns_of, split_header, times_in
 from .series import to_si
 
 if TYPE_CHECKING:
@@ -109,7 +109,11 @@ class LogColumn:
 
 class Logged(NamedTuple):
     """Samples of a joint's position or torque: times (N,), s, values (N,) in the SI unit `unit`,
-    which is ``None`` if a joint of any kind may have it, and their `noise`, if known."""
+    which is ``None`` if a joint of any kind may have it, and their `noise`, if known.
+
+    >>> cj.results.Logged(np.array([0.0, 0.1]), np.array([0.0, 0.3]), noise=None, unit="rad").unit
+    'rad'
+    """
 
     times: Float[np.ndarray, " N"]
     values: Float[np.ndarray, " N"]
@@ -151,7 +155,7 @@ class RobotLog:
         goals: Columns = NONE,
         missing: Missing = "refuse",
         largest_gap: Annotated[float | None, "s"] = None,
-        **options: Any,
+        **options: PyTree,
     ) -> "RobotLog":
         """Read a log from a CSV or Parquet file, or from a table of pandas.
 
@@ -234,7 +238,7 @@ class RobotLog:
 
 def _logged(
     spec: LogColumn,
-    content: Column,
+    content: TableColumn,
     units: tuple[str, ...],
     times: Float[np.ndarray, " N"],
     missing: Missing,
@@ -269,7 +273,7 @@ def _logged(
     return Logged(times[valid], values, noise, si if spec.of is None else None)
 
 
-def _require_no_gap(times: np.ndarray, content: Column, largest: float | None) -> None:
+def _require_no_gap(times: np.ndarray, content: TableColumn, largest: float | None) -> None:
     steps = np.diff(times)
     largest = GAP * float(np.median(steps)) if largest is None else largest
     k = int(steps.argmax())

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, PyTree
 from typing_extensions import override
 
 from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
@@ -62,6 +62,10 @@ class Hysteresis(NamedTuple):
     """Torque of a joint over its position, as logged and as predicted, at N times.
 
     Positions are in rad or m, torques in N m or N, all (N,).
+
+    >>> rising = np.linspace(0.0, 1.0, 5)
+    >>> cj.results.Hysteresis(rising, 2.0 * rising, rising, 2.1 * rising).torque.max().item()
+    2.0
     """
 
     position: Float[np.ndarray, " N"]
@@ -81,9 +85,20 @@ class RobotFit(AbstractTabular):
       Each was held at its start, `held`, in its unit.
 
     ```python
-    found = cj.fit_robot(robot, log, {"elbow": ["play", "friction"]}, {"elbow": "torque"})
-    print(found)
-    found.fit.intervals["elbow play"]  # rad
+    import clearjoint as cj
+    import numpy as np
+    import pandas as pd
+
+    t = np.linspace(0.0, 0.5, 101)
+    robot, still = cj.load_robot("arm.urdf"), np.zeros(101)
+    motion = {"elbow": 9.0 * t**2, "wrist": still}, {"elbow": 18.0 * t, "wrist": still}
+    tau = robot.torques(*motion, {"elbow": 18.0, "wrist": 0.0})["elbow"] + 0.2 * 18.0 * t
+    table = pd.DataFrame({"t": t, "q [rad]": 9.0 * t**2, "r [rad]": still, "tau [N m]": tau})
+    torque = {"elbow": cj.LogColumn("tau", noise=0.01)}
+    log = cj.RobotLog.read(table, angles={"elbow": "q", "wrist": "r"}, torques=torque)
+    driven_by = {"elbow": "angle", "wrist": "angle"}
+    found = cj.fit_robot(robot, log, {"elbow": ["damping"]}, driven_by)
+    print(found.fit.intervals["elbow damping"])  # N m s/rad, about 0.2
     ```
     """
 
@@ -192,15 +207,23 @@ def fit_robot(
 
     ```python
     import clearjoint as cj
+    import numpy as np
+    import pandas as pd
 
-    robot = cj.load_robot("arm.urdf", play={"elbow": {"backlash": "0.5 deg"}})
+    # A log: counts of an encoder on the motor's side, and currents.
+    t = np.arange(0.0, 0.5, 0.005)
+    counts = 2048 + np.round(400 * (1 - np.cos(12 * t)))
+    table = pd.DataFrame({"t": t, "counts": counts, "i [A]": 0.4 * np.cos(12 * t)})
+
+    gear = cj.Drive(armature=2e-6, ratio=100.0, play="0.5 deg", stiffness=800.0)
+    robot = cj.load_robot("arm.urdf").with_drive("elbow", gear)
     log = cj.RobotLog.read(
-        "log.csv",
-        time="t [ms]",
-        angles={"elbow": cj.LogColumn.encoder("counts", counts=4096, zero=2048)},
-        torques={"elbow": cj.LogColumn.current("i [A]", torque_constant=0.05, ratio=100.0)},
+        table,
+        angles={"elbow motor": cj.LogColumn.encoder("counts", counts=4096, zero=2048)},
+        torques={"elbow": cj.LogColumn.current("i", torque_constant=0.05, ratio=100.0)},
     )
-    print(cj.fit_robot(robot, log, {"elbow": ["play", "friction"]}, {"elbow": "torque"}))
+    find = {"elbow": {"play": "1 deg", "friction": None, "inertia": None}}
+    print(cj.fit_robot(robot, log, find, {"elbow": "torque"}, grow=(), max_iterations=3))
     ```
 
     Before the fit, the Fisher information of the log tells which parameters it determines. Others
@@ -215,17 +238,22 @@ def fit_robot(
       or texts with units, such as ``{"elbow": {"play": "1 deg", "friction": None}}``. By default a
       start is the number in the robot or, for a friction or damping that it lacks, a tenth of the
       largest logged torque. Of hinges:
-        - "play", rad, and "stiffness", N m/rad, of the flanks of a backlash.
-        - "friction", N m, independent of the speed, and "damping", N m s/rad.
+        - "play", rad, "stiffness", N m/rad, and "restitution" of the flanks of `Robot.with_drive`.
+        - "friction", N m, independent of the speed, and "damping", N m s/rad, of the motor's side,
+          and "link friction". A friction that the robot lacks is a
+          `RegularisedCoulomb`, under which a loaded joint creeps by at most 1e-4 rad/s.
+        - "armature", kg m^2, of the motor, at the joint.
         - "inertia", kg m^2, of the link about its centre of mass, along the joint's axis. Its other
           moments change in proportion. "mass", kg, of the link.
 
-      Of sliders: "friction", N, and "mass".
+      Of sliders: "friction", "damping", "link friction", "armature" and "mass".
     - `driven_by`: how joints are driven, by name; other joints move freely.
-        - "angle": the joint follows its logged position, smoothed by as much as its noise. Its
-          logged torque is compared with the one that this takes.
+        - "angle": the joint, or its motor if that turns apart, follows its logged position, smoothed
+          by as much as its noise. Its logged torque is compared with the one that this takes.
         - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
-          until the next. The logged position is compared with that of the run.
+          until the next. Logged positions are compared with those of the run.
+        - a `Servo` or `Motor`, made with ``robot.motor_side("elbow")``; logged goals replace its
+          target. Logged positions, and torques with noise, are compared.
     - `parameters`: further parameters by name, such as ``{"delay": cj.Parameter.delay("elbow
       position")}``. The series are named "elbow position" and "elbow torque".
     - `settings`, `max_iterations`, `check_runs`, `progress`: as in `identify`.
@@ -247,7 +275,7 @@ def fit_robot(
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = values = {name: float(value) for name, value in starts.items()}
-    options: dict[str, Any] = {
+    options: dict[str, PyTree] = {
         "max_iterations": max_iterations,
         "check_runs": check_runs,
         "progress": progress,

@@ -345,12 +345,14 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
     """Return a cubic spline through samples or, if their noise is known, a smoothing spline of few
     pieces that misses them by their noise (P. Dierckx, *Curve and Surface Fitting with Splines*,
     1993)."""
-    from scipy.interpolate import UnivariateSpline
+    from scipy.interpolate import CubicSpline, UnivariateSpline
 
     _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")
     values = np.unwrap(samples.values) if is_hinge(robot, joint) else samples.values
     if samples.noise is None or len(values) < 5:
-        return Spline.through(samples.times, values)
+        # A natural spline has no acceleration at its ends, where the joint may have one.
+        through = CubicSpline(samples.times, values)
+        return Spline(samples.times, values, through(samples.times, 1))
     weights = np.full(len(values), 1.0 / samples.noise)
     spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
     knots = spline.get_knots()

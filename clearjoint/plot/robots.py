@@ -11,7 +11,7 @@ from .._fields.checks import require
 from .style import BLUE, GREY, dress, legend_above
 
 
-class Loop(Protocol):
+class LoggedLoop(Protocol):
     """Torque of a joint over its position at N times, as `clearjoint.results.Hysteresis`."""
 
     @property
@@ -38,7 +38,7 @@ class Loop(Protocol):
 class FittedRobot(Protocol):
     """The method of `clearjoint.results.RobotFit` that the figure shows."""
 
-    def hysteresis(self) -> Mapping[str, Loop]:
+    def hysteresis(self) -> Mapping[str, LoggedLoop]:
         """Return torque over position, by name of the joint."""
         ...
 
@@ -52,9 +52,11 @@ def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
 
     **Raises:** `ValueError` if the log has torque and position of no driven joint.
 
-    ```python
-    axes = plot.joint_hysteresis(cj.fit_robot(robot, log, find, driven_by))
-    ```
+    >>> from types import SimpleNamespace
+    >>> angle = np.linspace(0.0, 1.0, 20)
+    >>> loop = cj.results.Hysteresis(angle, angle**2, angle, 1.1 * angle**2)
+    >>> result = SimpleNamespace(hysteresis=lambda: {"elbow": loop})  # or of cj.fit_robot
+    >>> axes = plot.joint_hysteresis(result)
     """
     loops = fit.hysteresis()
     remedy = "log both of them"
@@ -71,7 +73,7 @@ def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
     return axes[: len(loops)]
 
 
-def _draw(joint: str, loop: Loop, axes: Axes) -> None:
+def _draw(joint: str, loop: LoggedLoop, axes: Axes) -> None:
     axes.plot(loop.position, loop.torque, ".", color=GREY, markersize=3, label="logged")
     predicted = loop.predicted_position, loop.predicted_torque
     axes.plot(*predicted, color=BLUE, linewidth=0.8, label="predicted")
