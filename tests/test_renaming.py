@@ -469,6 +469,8 @@ def two_links(n: Names) -> Any:
 
 def urdf(n: Names) -> Any:
     robot = two_links(n)
+    robot = robot.with_drive(n["second"], cj.Drive(1e-3, 5.0, "1 deg", 20.0, loss=0.1))
+    robot = robot.with_elements({n["torque"]: cj.DriveTorque(*robot.motor_side(n["second"]), 1.0)})
     positions = {n["first"]: 0.3, n["second"]: -0.2}
     state = robot.state(positions, positions)
     return (

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
+
+from jaxtyping import PyTree
 
 from .._identification.identify import FitInterrupted
 from .._identification.levenberg_marquardt import Ending, Iteration
@@ -51,7 +53,7 @@ class RobotFitParts:
     start: Annotated[float | None, "s"] = None
     end: Annotated[float | None, "s"] = None
     drives: Mapping[str, Drive] = field(default_factory=dict)
-    play: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    play: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
     grow: Sequence[Annotated[float, "s"]] | None = None
     max_iterations: int = 100
     title: str = ""
@@ -92,7 +94,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
         with location.at("drives", joint).in_errors():
             robot = robot.with_drive(joint, drive)
     is_parquet = log_file.suffix == ".parquet"
-    options: dict[str, None] = {} if parts.header or is_parquet else {"header": None}
+    options: dict[str, PyTree] = {} if parts.header or is_parquet else {"header": None}
     with location.in_errors():
         log = RobotLog.read(
             log_file,

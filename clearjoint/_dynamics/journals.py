@@ -23,6 +23,7 @@ from .._model.joints.base import (
     Contact,
     Motions,
 )
+from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
 from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
@@ -152,10 +153,15 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """Return the scene with joints replaced by those of the same names in `ideal`."""
+    """Return the scene with joints replaced by those of the same names in `ideal`, whose reactions
+    press no friction."""
+    joints = {**scene.joints, **ideal}
+    for name, joint in joints.items():
+        if isinstance(joint, JointFriction) and joint.pressed_by in ideal:
+            joints[name] = replace(joint, pressed_by=None, load_ratio=None)
     # The user has had the warnings of the scene's constructor already.
     with quiet():
-        return replace(scene, joints={**scene.joints, **ideal})
+        return replace(scene, joints=joints)
 
 
 def require_in_bearings(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
+from jaxtyping import PyTree
 
 from .._fields.checks import errors_about, require, require_types
 from .._fields.types import ArrayLike
@@ -293,7 +294,7 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
             ) from error
 
 
-def _read_parquet(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
+def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame":
     """Read a Parquet file. A column of lists of equal lengths, such as "state", becomes the columns
     "state.0", "state.1" and so on."""
     import pandas as pd

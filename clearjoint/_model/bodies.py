@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -151,6 +152,9 @@ class Body(AbstractReadable):
     - `mass`: kg, positive.
     - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
       the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
+    - `is_rotor`: whether the body's inertia is the `armature` of the hinge or slider that holds it,
+      as for the motors of `Robot.with_drive`. Joint coordinates then take it as without mass. The
+      mass and inertia, which should be negligible, count in absolute coordinates only.
 
     **Raises:** `ValueError` if the mass or a principal moment is not positive, a principal moment
     exceeds the sum of the other two, the matrix is not symmetric, a shape is wrong, or a number is
@@ -165,11 +169,12 @@ class Body(AbstractReadable):
         "kg", positive=True, remedy='give the mass in kg, and use "ground" for a fixed body'
     )
     inertia: Triple | Square = quantity("kg m^2", check=_require_inertia)
+    is_rotor: bool = eqx.field(static=True, default=False, repr=False)
 
     @override
     def _caution_together(self) -> None:
         mass, inertia = concrete(self.mass), concrete(self.inertia)
-        if mass is not None and inertia is not None:
+        if mass is not None and inertia is not None and not self.is_rotor:
             density = _box_density(float(mass), inertia)
             least, most = DENSITIES
             is_usual = least <= density <= most
@@ -293,22 +298,6 @@ class Body(AbstractReadable):
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.componentwise_product(self.inertia)
-
-
-class Rotor(Body):
-    """A body whose inertia is the armature of the joint that holds it, and which carries no other.
-
-    Joint coordinates take it as without mass. Its own `mass` and `inertia` count only in absolute
-    coordinates, where a body needs some; they should be negligible.
-
-    >>> from clearjoint._model.bodies import Rotor
-    >>> Rotor(1e-12, (1e-12, 1e-12, 1e-12)).mass.item()
-    1e-12
-    """
-
-    @override
-    def _caution_together(self) -> None:
-        """Warn of nothing: the density means nothing."""
 
 
 def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:

@@ -99,6 +99,16 @@ class Scene(AbstractReadable):
             for name, element in getattr(self, family).items():
                 _check_names(f"{family}[{name!r}]", element, self.bodies)
                 _check_distances(f"{family}[{name!r}]", element, self.bodies)
+        for name, body in self.bodies.items():
+            armatures = [
+                getattr(joint, "armature", None)
+                for joint in self.joints.values()
+                if body.is_rotor and name in joint.body_names()
+            ]
+            is_held = not body.is_rotor or any(armature is not None for armature in armatures)
+            expected = "False without a hinge or slider that holds the body and has an armature"
+            argument, remedy = f"bodies[{name!r}].is_rotor", "give that joint an `armature`"
+            require(is_held, argument, body.is_rotor, expected, remedy)
         for name, joint in self.joints.items():
             if isinstance(joint, JointFriction) and joint.pressed_by is not None:
                 pressing = {

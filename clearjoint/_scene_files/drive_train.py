@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import PyTree
 
+from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
-from .._model.bodies import Rotor
+from .._model.bodies import Body
 from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
 from .._model.contact.dashpots import SpringDashpot
 from .._model.contact.friction import FrictionLaw
@@ -25,9 +26,8 @@ from .robot_elements import BACKLASH, FRICTION, Element, ends_of_travel, frictio
 NEGLIGIBLE = 1e-10
 """Inertia of a rotor's body over the armature. A body must have mass, but the rotor's belongs to
 the file's link, and its rotation about the axis to the joint. In absolute coordinates, as in
-`observe`, rounding errors relative to the rotor's acceleration are 1e-16 over the square root of
-this value."""
-ORIGIN = (0.0, 0.0, 0.0)
+`observe`, the rotor's acceleration is the difference of numbers that are larger by the inverse of
+this value, and `ConstraintEquations.corrected` corrects its rounding error."""
 COMPLIANCE = "compliance"
 """End of the name of the spring between rotor and link."""
 
@@ -36,23 +36,24 @@ COMPLIANCE = "compliance"
 class Drive:
     """The drive train of a joint: rotor - play or compliance - link, for `Robot.with_drive`.
 
-    With neither play nor stiffness, the rotor turns with the joint and only adds its inertia. A
-    stiffness without play makes the drive train a linear spring, which takes few steps; play adds
-    impacts of the flanks.
+    With neither play nor stiffness, the rotor turns with the joint and only adds its inertia. With
+    a stiffness, the drive train is a spring, whose oscillations the steps of a run must resolve;
+    play adds impacts of the flanks.
 
     Numbers may be texts with units, such as "0.5 deg". Those of a slider have m in place of rad,
     N in place of N m, and kg in place of kg m^2.
 
-    - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis; by default the
-      armature of the file, of which the joint's motion sees all.
+    - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis. ``None`` keeps the
+      armature of the file, which is not multiplied by the squared ratio.
     - `ratio`: turns of the motor per turn of the joint, whose square multiplies the armature. All
       other numbers are those at the joint: give the motor's friction times the ratio.
     - `play`: rad, total angle from flank to flank; ``None`` for none.
     - `stiffness`: N m/rad, of the gear and shafts between rotor and link, with play of a pressed
       flank. ``None`` is rigid, and not possible with play.
-    - `damping`: N m s/rad, parallel to the stiffness (with play, while a flank is pressed; the law
-      is a `SpringDashpot`).
-    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`).
+    - `damping`: N m s/rad, parallel to the stiffness; with play, while a flank is pressed, by the
+      law `SpringDashpot`.
+    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`). A run of
+      many joints takes several times as long with it as with a damping.
     - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
       and the joint's first body.
     - `loss`: further dry friction of the rotor, over the torque that flanks or compliance transmit:
@@ -99,7 +100,7 @@ class Train(NamedTuple):
 
     joint: HingeOrSlider
     elements: dict[str, Element]
-    rotor: Rotor | None = None
+    rotor: Body | None = None
 
 
 def rotor_name(joint: str) -> str:
@@ -128,17 +129,13 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     # Beside the link, not before it: on the first body it then acts only by the torque of its
     # bearing about the axis, and nothing but rotor and link depends on it.
     rotor = rotor_name(name)
-    body = Rotor(NEGLIGIBLE * armature, NEGLIGIBLE * armature * np.ones(3))
+    assert armature is not None
+    inertia = NEGLIGIBLE * armature
+    body = Body(inertia, inertia * np.ones(3), is_rotor=True)
     link = replace(joint, armature=None)
-    if isinstance(joint, RevoluteJoint):
-        axes = joint.axis_first, joint.axis_first
-        motor: HingeOrSlider = RevoluteJoint(
-            joint.first, rotor, joint.point_first, ORIGIN, *axes, armature
-        )
-    else:
-        motor = PrismaticJoint(
-            joint.first, rotor, joint.point_first, ORIGIN, joint.axis, armature=armature
-        )
+    motor = replace(joint, second=rotor, point_second=np.zeros(3), armature=armature)
+    if isinstance(motor, RevoluteJoint):
+        motor = replace(motor, axis_second=motor.axis_first)
     between = replace(link, first=rotor, point_first=np.zeros(3))
     elements: dict[str, Element] = {motor_name(name): motor}
     elements.update(_frictions(name, motor, link, numbers, drive.law))
@@ -224,10 +221,12 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
     # Stiffness and damping of a couple are those of a force times the square of the radius.
     square = DEFAULT_RADIUS**2 if is_hinge else 1.0
     stiffness, damping = numbers["stiffness"] / square, numbers.get("damping")
-    if damping is not None:
-        law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
-    else:
-        law = ExactRestitution(numbers.get("restitution", 0.5), stiffness, exponent=1.0)
+    with quiet():  # the stiffness for the arbitrary radius may be unusual
+        if damping is not None:
+            law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
+        else:
+            restitution = numbers.get("restitution", 0.5)
+            law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
     if isinstance(between, RevoluteJoint):
         return Backlash(
             between.first,

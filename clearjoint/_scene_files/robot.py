@@ -19,7 +19,7 @@ from .._fields.cautions import NotCarriedOverWarning, caution, quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, unpack
-from .._model.bodies import GROUND, GROUND_MOTION, BodyState, Motion, State
+from .._model.bodies import GROUND, GROUND_MOTION, Body, BodyState, Motion, State
 from .._model.contact.friction import FrictionLaw
 from .._model.joints.base import AbstractForce
 from .._model.joints.couplings import HingeOrSlider
@@ -30,7 +30,7 @@ from .documents import FileLocation, read_bytes
 from .drive_train import Drive, motor_name, rotor_name, train_of
 from .files import FilePath
 from .mjcf import read_mjcf
-from .robot_elements import FRICTION, Additions, Element, Elements, Play, scene_of
+from .robot_elements import FRICTION, Additions, Element, Elements, Joint, Play, scene_of
 from .robots import (
     FLOATING,
     HINGES,
@@ -146,27 +146,34 @@ class Robot:
             assert isinstance(motor, HingeOrSlider)
             subspace = unpack(motor).motion_subspace(motor.first)
             branches.append(JointedBranch(rotor, motor.first, name, subspace))
-        with quiet():
-            scene = Scene(bodies, joints, self.scene.forces, self.scene.gravity)
         drives = {**self.drives, joint: drive}
-        return replace(self, scene=scene, _branches=branches, drives=drives).with_elements(
-            train.elements
-        )
+        robot = replace(self, _branches=branches, drives=drives)
+        return robot._with(bodies, joints, train.elements)
 
     def with_elements(self, elements: Mapping[str, Element]) -> "Robot":
         """Return the robot with further joints and forces of its scene, by name.
 
         **Raises:** `ValueError` for a name that the scene has already.
         """
-        joints, forces = dict(self.scene.joints), dict(self.scene.forces)
+        return self._with(self.scene.bodies, self.scene.joints, elements)
+
+    def _with(
+        self,
+        bodies: Mapping[str, Body],
+        joints: Mapping[str, Joint],
+        elements: Mapping[str, Element],
+    ) -> "Robot":
+        joints, forces = dict(joints), dict(self.scene.forces)
         for name, element in elements.items():
             is_new = name not in joints and name not in forces
             expected = "a name that no joint or force of the scene has"
             require(is_new, "elements", name, expected, "choose another name")
-            (forces if isinstance(element, AbstractForce) else joints)[name] = element
+            if isinstance(element, AbstractForce):
+                forces[name] = element
+            else:
+                joints[name] = element
         with quiet():
-            scene = Scene(self.scene.bodies, joints, forces, self.scene.gravity)
-        return replace(self, scene=scene)
+            return replace(self, scene=Scene(bodies, joints, forces, self.scene.gravity))
 
     def motor_side(self, joint: str) -> tuple[str, str, np.ndarray]:
         """Return the names of the joint's first body and of its rotor, and the axis, (3,) in the

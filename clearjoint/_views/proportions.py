@@ -133,7 +133,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
     for name, body in scene.bodies.items():
         # Points that differ by rounding errors are one.
         joined = {tuple(np.round(m.point, 9)) for m in noted.markers if m.body == name}
-        if len(joined) <= 1:  # such a body is drawn as its equivalent solid
+        if len(joined) <= 1 and not body.is_rotor:  # drawn as its equivalent solid
             solid = equivalent_solid(body)
             ends = solid.axes * (0.5 * solid.sides)
             points += [poses.point(name, sign * end)[0] for end in ends.T for sign in (-1, 1)]

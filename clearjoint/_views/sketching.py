@@ -495,11 +495,12 @@ def sketch(
             element.draw(pen)
     # Bodies last: their hulls contain the points of all elements.
     for name, body in scene.bodies.items():
-        if name not in shapes:
+        # The negligible mass of a rotor says nothing of its size.
+        if name not in shapes and not body.is_rotor:
             pen.body(name, body)
         if centres:
             pen.centre_of_mass(name)
-        if solids:
+        if solids and not body.is_rotor:
             pen.solid(name, body)
     pen.ground(-proportions.up)
     return pen

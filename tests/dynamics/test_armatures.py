@@ -166,3 +166,23 @@ def test_an_armature_must_be_positive():
         cj.RevoluteJoint("ground", "arm", ORIGIN, ORIGIN, Z, Z, -1.0)
     with pytest.raises(ValueError, match="`armature` must be positive, but is 0.0: .*kg, or None"):
         cj.PrismaticJoint("ground", "arm", ORIGIN, ORIGIN, X, armature=0.0)
+
+
+def test_velocities_are_projected_with_the_inertia_of_the_rotor():
+    """A disc of 0.2 kg m^2 with a rotor of 0.5 kg m^2 turns at 3 rad/s; one of 0.3 kg m^2, which is
+    fixed to it, rests. Together they keep the angular momentum."""
+    discs = {
+        name: cj.Body(1.0, (inertia,) * 3) for name, inertia in (("first", 0.2), ("second", 0.3))
+    }
+    joints = {
+        "hinge": cj.RevoluteJoint("ground", "first", ORIGIN, ORIGIN, Z, Z, 0.5),
+        "weld": cj.FixedJoint("first", "second", ORIGIN, ORIGIN),
+    }
+    state = cj.State(
+        {"first": cj.body_state(ORIGIN, spin=(0, 0, 3.0)), "second": cj.body_state(ORIGIN)}
+    )
+    system = system_of(cj.Scene(discs, joints), cj.AbsoluteCoordinates())
+    variables = system.encode(cj.extend.unpack(state).bodies)
+    found = system.decode(system.project_velocities(variables, 0.0))
+    for body in found.values():
+        assert float(body.spin.z) == pytest.approx(0.7 * 3.0 / 1.0)

@@ -193,13 +193,13 @@ def test_an_arm_with_play_and_compliance_moves_as_in_scipy(read):
     robot = read(SWING).with_drive("elbow", drive)
     torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
     robot = robot.with_elements({"torque": torque})
-    times = np.linspace(0.05, 1.0, 20)
+    times = np.linspace(0.03, 0.6, 20)
     settings = cj.Settings(rtol=1e-9, ledger=True)
     save = cj.Saving(times, impacts=True)
-    solution = cj.simulate(robot.scene, robot.state(), 1.0, settings, save, progress=False)
+    solution = cj.simulate(robot.scene, robot.state(), 0.6, settings, save, progress=False)
     angles = robot.angles(solution)
     expected = reference(times)
-    assert len(solution.impacts) >= 10
+    assert len(solution.impacts) >= 5
     assert np.abs(angles["elbow motor"] - expected[0]).max() < 1e-6
     assert np.abs(angles["elbow"] - expected[1]).max() < 1e-6
     assert np.ptp(expected[0] - expected[1]) > 1.2 * PLAY
@@ -245,6 +245,24 @@ def test_a_drive_acts_where_it_says(read):
     assert driven["slide"] - plain["slide"] == pytest.approx(0.02 * qdd[1], abs=1e-8)
 
 
+def test_a_robot_with_drives_is_saved_and_assembled(read, tmp_path):
+    drive = cj.Drive(1e-5, 100.0, "0.5 deg", 900.0, friction=0.3, loss=0.1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        robot = read().with_drive("elbow", drive).with_drive("slide", cj.Drive(0.1, stiffness=9.0))
+        state = robot.state([0.3, 0.1], [2.0, 0.0])
+        cj.save(robot.scene, state, tmp_path / "robot.toml")
+        scene, again = cj.load(tmp_path / "robot.toml")
+    assert jax.tree.structure(scene) == jax.tree.structure(robot.scene)
+    for own, other in zip(
+        jax.tree.leaves((scene, again)), jax.tree.leaves((robot.scene, state)), strict=True
+    ):
+        assert own == pytest.approx(other, rel=1e-15)
+    found, expected = robot.angles(cj.assemble(robot.scene, state)), robot.angles(state)
+    assert [*found] == [*expected]
+    assert np.array([*found.values()]) == pytest.approx(np.array([*expected.values()]), abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("joint", "drive", "message"),
     [
@@ -284,6 +302,17 @@ def test_a_drive_acts_where_it_says(read):
 def test_errors_name_argument_and_remedy(read, joint, drive, message):
     with pytest.raises(ValueError, match=message):
         read().with_drive(joint, drive)
+
+
+def test_a_rotor_needs_an_armature_and_has_no_size(read):
+    pytest.importorskip("trimesh")
+    robot = read().with_drive("elbow", DRIVE)
+    joints = {**robot.scene.joints, "elbow motor": robot.scene.joints["elbow"]}
+    with pytest.raises(ValueError, match=r"`bodies\['elbow rotor'\].is_rotor` must be False"):
+        cj.Scene(robot.scene.bodies, joints)
+    views = [cj.view(each.scene, each.state(), inertias=True) for each in (read(), robot)]
+    sizes = [max(np.abs(part.mesh.vertices).max() for part in view.parts) for view in views]
+    assert sizes[0] == pytest.approx(sizes[1])
 
 
 def test_a_second_drive_and_a_taken_name_are_refused(read):

@@ -39,7 +39,6 @@ from ..._model.bodies import (
     Body,
     BodyState,
     Motion,
-    Rotor,
     Wrench,
 )
 from ..._model.joints.base import Motions, Row
@@ -94,7 +93,7 @@ class JointMechanics(AbstractMechanics):
         self._index = {branch.body: k for k, branch in enumerate(self._branches)}
         # Zeros take no operations. The inertia of a rotor is the armature of its joint.
         self._bodies = {
-            name: jax.tree.map(lambda _: 0.0, body) if isinstance(body, Rotor) else body
+            name: jax.tree.map(lambda _: 0.0, body) if body.is_rotor else body
             for name, body in scene.bodies.items()
         }
         self._parents = [self._index.get(branch.parent) for branch in self._branches]

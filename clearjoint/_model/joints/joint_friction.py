@@ -109,6 +109,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
 
     def pressed_with(self, force: Scalar) -> "JointFriction":
         """Return this friction with the further load of a force, N, of the element that presses."""
+        assert self.load_ratio is not None
         load = self.load + self.load_ratio * force
         # A constructor would convert vectors to arrays.
         copy = object.__new__(JointFriction)

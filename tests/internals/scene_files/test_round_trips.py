@@ -91,6 +91,11 @@ EXAMPLES = {
         speed_from="sensor",
         delay_periods=2,
     ),
+    "JointFriction": lambda: cj.JointFriction(
+        *("ground", "a", cj.frictions.Ambrosio(0.1), 1 / 3, (0, 1, 1 / 3), 0.1 / 3),
+        point_second=(0, 0, 1 / 3),
+        viscosity=0.2 / 3,
+    ),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),
