@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._compilation import traced_once
-from .._fields.types import ArrayLike
 from .._math.smoothing import wrapped
 from .._math.vectors import Condition, Scalar
 from .._model.drives.drivers import AbstractRotationDriver
@@ -47,11 +46,9 @@ m/s or rad/s. They occur if a driver computes differences of large values in a t
 intervals of time."""
 
 
-Breakpoints: TypeAlias = dict[str, list[Scalar | Increasing | Periodic]]
-
-
-def breakpoints(scene: Scene) -> Breakpoints:
-    """Return the breakpoints of each joint or force that has any, without empty arrays."""
+def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
+    """Return the breakpoints of each joint or force that has any, without empty arrays, and without
+    the instants of sampled forces."""
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {
         name: [
@@ -59,48 +56,47 @@ def breakpoints(scene: Scene) -> Breakpoints:
             jnp.asarray(at.times, dtype=float)
             if isinstance(at, Increasing) and np.size(at.times) <= FEW
             else at
-            for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_row)
-            if isinstance(at, Periodic) or np.size(_instants(at)) > 0
+            for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_increasing)
+            if np.size(at.times if isinstance(at, Increasing) else at) > 0
         ]
         for name, element in elements.items()
     }
     return {name: instants for name, instants in times.items() if instants}
 
 
-def _unsampled(scene: Scene) -> Breakpoints:
-    """Return the `breakpoints` without those of sampled forces."""
-    sampled = sampled_forces(scene)
-    return {name: times for name, times in breakpoints(scene).items() if name not in sampled}
+def has_breakpoints(scene: Scene) -> bool:
+    """Return whether a scene has breakpoints, or instants of sampled forces."""
+    return bool(breakpoints(scene) or sampled_forces(scene))
 
 
-def _is_row(node: PyTree) -> bool:
-    return isinstance(node, Increasing | Periodic)
-
-
-def _instants(at: Scalar | Increasing) -> ArrayLike:
-    return at.times if isinstance(at, Increasing) else at
+def _is_increasing(node: PyTree) -> bool:
+    return isinstance(node, Increasing)
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint after the time t by more than rounding errors, on the clock of t.
+    """Return the first breakpoint, or instant of a sampled force, after the time t by more than
+    rounding errors, on the clock of t.
 
     The result is infinity if no breakpoint is after t, and ``None`` if no element has a breakpoint.
     """
-    times = breakpoints(system.scene)
-    soonest = _extreme(system, times, system.clock(t), lambda at: at, after=True)
+    t = system.clock(t)
+    soonest = _extreme(system, t, lambda at: at, after=True)
+    for force in sampled_forces(system.scene).values():
+        for row in force.instants().values():
+            at = jax.lax.stop_gradient(jnp.asarray(_latest(system, row, t, later=1), dtype=float))
+            soonest = at if soonest is None else jnp.minimum(soonest, at)
     return None if soonest is None else system.own_time(soonest)
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     """Return the time t, clipped to the open interval of breakpoints in which a step begins at
-    `start`, since elements have the values there that hold inside of the step. The instants of
-    sampled forces do not count, since their memories have these values anyway."""
+    `start`, since elements have the values there that hold inside of the step. Instants of sampled
+    forces do not count, since memories have these values anyway."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
-    times = _unsampled(system.scene)
-    earliest = _extreme(system, times, start, lambda at: at + _rounding(system, at), after=False)
-    latest = _extreme(system, times, start, lambda at: at - _rounding(system, at), after=True)
+    earliest = _extreme(system, start, lambda at: at + _rounding(system, at), after=False)
+    latest = _extreme(system, start, lambda at: at - _rounding(system, at), after=True)
     if earliest is None:
         return t
     return system.own_time(jnp.clip(system.clock(t), earliest, latest))
@@ -109,21 +105,18 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
 def since_breakpoints(
     system: System, start: Scalar, t: Scalar
 ) -> dict[str, tuple[Condition, Scalar]]:
-    """Return, for each element with breakpoints, except sampled forces, whether a step ends at one
-    of them, and the time in s from this breakpoint (or the mean of equal ones in a table) to the
-    end of the step.
+    """Return, for each element with `breakpoints`, whether a step ends at one of them, and the time
+    in s from this breakpoint (or the mean of equal ones in a table) to the end of the step.
 
     The time is zero except for rounding. It is needed for its derivatives by the parameters on
     which the breakpoint depends.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
-    for name, times in _unsampled(system.scene).items():
+    for name, times in breakpoints(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
-            if isinstance(at, Periodic):
-                at = _latest(system, at, t)
-            elif isinstance(at, Increasing):
+            if isinstance(at, Increasing):
                 # The breakpoint at the end is the last one that is not after it.
                 passed = _passed(system, at, t)
                 instants = jnp.asarray(at.times, dtype=float)
@@ -216,16 +209,16 @@ def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
     return ~_is_after(system, system.clock(instant), system.clock(t))
 
 
-def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
-    return at > t + _rounding(system, at)
-
-
 def _latest(system: System, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
     """Return the latest of periodic instants that is not after the time t of the scene, s, or one
     that is `later` by some periods."""
     nearest = jnp.round((t - row.offset) / row.period)
     passed = jnp.where(_is_after(system, row.instant(nearest), t), nearest - 1.0, nearest)
     return row.instant(jax.lax.stop_gradient(passed) + later)
+
+
+def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
+    return at > t + _rounding(system, at)
 
 
 def _rounding(system: System, at: Scalar) -> jax.Array:
@@ -255,25 +248,20 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
 
 def _extreme(
     system: System,
-    breakpoints: Breakpoints,
     t: Scalar,
     function: Callable[[jax.Array], jax.Array],
     after: bool,
 ) -> Scalar | None:
-    """Return the least value of an increasing function at those breakpoints after the time t of the
+    """Return the least value of an increasing function at the breakpoints after the time t of the
     scene, or without `after` its largest value at the others; infinite if there are none of these,
-    and ``None`` if there are no breakpoints. It is not differentiated, since the solution does
+    and ``None`` if the scene has no breakpoints. It is not differentiated, since the solution does
     not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
-    for times in breakpoints.values():
+    for times in breakpoints(system.scene).values():
         for table in times:
-            if isinstance(table, Periodic):
-                nearest = _latest(system, table, t, int(after))
-                value = function(jax.lax.stop_gradient(jnp.asarray(nearest, dtype=float)))
-                extreme = value if extreme is None else choice(extreme, value)
-                continue
-            at = jax.lax.stop_gradient(jnp.asarray(_instants(table), dtype=float))
+            instants = table.times if isinstance(table, Increasing) else table
+            at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
             if isinstance(table, Increasing):
                 # Since the function increases, its value at the nearest breakpoint is the extreme.
                 passed, count = _passed(system, table, t), len(at)

@@ -80,14 +80,10 @@ class Instant:
         Each is a vector in the axes of the joint's first body. Contacts without bristles are left
         out.
         """
-        self.memory = memory or initial_memories(system, variables, own_time, {})
-        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; those
-        at the start of a run unless given."""
-        # The scene's forces do not know their memories.
-        self._system = holding(system, self.memory)
-        self._own_time, self._variables, self._inside = own_time, variables, inside
+        self._system, self._own_time, self._variables = system, own_time, variables
+        self._inside = inside
         # What JAX may trace of an instant.
-        self._parts = system, own_time, variables, entry_speeds, work, bristles, self.memory
+        self._parts = system, own_time, variables, entry_speeds, work, bristles, memory
 
     def inside(self, fraction: Scalar) -> "Instant":
         """Return the instant at a fraction, 0 to 1, of the step that ends here, from the solver's
@@ -109,6 +105,13 @@ class Instant:
         """The same end of a step, but before sampled forces such as a `Servo` change there: forces
         and accelerations may jump."""
         return self.inside(1.0)
+
+    @cached_property
+    def memory(self) -> Memories:
+        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; those
+        with which a run would start here if none are known."""
+        *_, memory = self._parts
+        return memory or initial_memories(self._system, self._variables, self._own_time, {})
 
     @cached_property
     def motions(self) -> Motions:
@@ -153,7 +156,7 @@ class Instant:
         In joint coordinates, `rows` and `multipliers` have only the joints that the coordinates do
         not satisfy by themselves.
         """
-        return self._system.dynamics(
+        return holding(self._system, self.memory).dynamics(
             self._variables, self.entry_speeds, self._own_time, bristles=self.bristles
         )
 
@@ -166,9 +169,9 @@ class Instant:
         if isinstance(formulation.coordinates, AbsoluteCoordinates):
             return self.dynamics
         formulation = replace(formulation, coordinates=coordinates)
-        absolute = System(self._system.scene, formulation, self._system.origin)
+        absolute = System(self.scene, formulation, self._system.origin)
         variables = absolute.encode(self.bodies)
-        return absolute.dynamics(
+        return holding(absolute, self.memory).dynamics(
             variables, self.entry_speeds, self._own_time, bristles=self.bristles
         )
 

@@ -48,10 +48,13 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     - **Start.** A run that starts without `State.memory` of the servo begins with a sample, whose
       torque acts at once, as if it had been commanded for longer than the delay.
     - **Speed.** "difference" takes the change of the angle since the last sample over the period,
-      as a servo with an encoder does; it lags by half a period. "sensor" reads the speed.
+      as a servo with an encoder does; it lags by half a period. "sensor" reads the speed. If the
+      delay is then a whole number of periods, the speed has a kink at the samples, and derivatives
+      by delay and rate are those towards a longer delay.
     - **Goal.** It is the target, whose rate is its derivative by time; zero for a
-      `PiecewiseConstant`. Steps need not end at the times of a table. With a `speed_limit`, the
-      goal starts at the present angle and follows the target by at most this speed.
+      `PiecewiseConstant`. Steps need not end at the times of a table. If these are rounded, a small
+      `offset` makes each sample read the row of its own time. With a `speed_limit`, the goal starts
+      at the present angle and follows the target by at most this speed.
     - **Torque limits.** The commanded torque is limited to `torque_limit`, or else to the
       `stall_torque`, if there is one. The voltage of a motor with a `stall_torque` T and a
       `no_load_speed` v can drive torques from -T (1 + w/v) to T (1 - w/v) against the back EMF at
@@ -62,8 +65,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
       a fit, count the resolution r, rad, as noise of the measured angle, r/sqrt(12).
 
     The memory, ``state.memory[servo]``, has "torque", the commanded torque in effect, N m; "angle",
-    the last reading, rad; "time", its time, s; with an integral, "integral", N m; with a speed
-    limit, "goal", rad; with a delay, "command 0" (the newest), "command 1", ..., N m.
+    the last reading, rad; with an integral, "integral", N m; with a speed limit, "goal", rad; with
+    a delay, "command 0" (the newest), "command 1", ..., N m.
 
     **Arguments:**
 
@@ -157,7 +160,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         angle = target - wrapped(target - angle, TURN)
         time = self.instants()["sample"].latest(t)
         # The last sample was before the start: there the angle was another one.
-        memory = {"angle": angle - speed * (t - time), "time": time}
+        memory = {"angle": angle - speed * (t - time)}
         if self.integral is not None:
             memory["integral"] = 0.0 * angle
         if self.speed_limit is not None:
@@ -175,9 +178,10 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     ) -> dict[str, Scalar]:
         commands = self._commands()
         if name == "command":
-            # By how many samples the command that takes effect is older than the newest one.
+            # Number of samples in the delay, with one that is later by a rounding error: by so many
+            # the command that takes effect is older than the newest one.
             assert self.delay is not None
-            age = jnp.round((memory["time"] - (t - self.delay)) * self.rate)
+            age = jnp.floor(self.delay * self.rate + 1e-12)
             torque = memory[commands[0]]
             for k, command in enumerate(commands[1:]):
                 torque = jnp.where(age > k, memory[command], torque)
@@ -189,7 +193,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         if self.speed_from == "difference":
             speed = (angle - memory["angle"]) * self.rate
         torque, changed = self._commanded(memory, angle, speed, motions, t)
-        memory = {**memory, **changed, "angle": angle, "time": t}
+        memory = {**memory, **changed, "angle": angle}
         if self.delay is None:
             return {**memory, "torque": torque}
         newer = [torque, *(memory[command] for command in commands[:-1])]

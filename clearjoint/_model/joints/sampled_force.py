@@ -6,7 +6,6 @@ from typing import TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._math.vectors import Scalar
@@ -101,5 +100,6 @@ class AbstractSampledForce(AbstractForce):
         return self.held_wrenches(self.initial_memory(motions, t), motions, t)
 
     @override
-    def breakpoints(self) -> PyTree:
-        return tuple(self.instants().values())
+    def breakpoints(self) -> tuple[()]:
+        """Return none: `instants` declare when the force jumps."""
+        return ()

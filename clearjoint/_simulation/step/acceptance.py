@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, PyTree
 
-from ..._dynamics.breakpoints import breakpoints, drivers_are_smooth, one_sided_time
+from ..._dynamics.breakpoints import drivers_are_smooth, has_breakpoints, one_sided_time
 from ..._dynamics.contact_events import changes, time_since_onset, too_deep
 from ..._dynamics.system import System
 from ..._fields.types import Single
@@ -102,7 +102,7 @@ def decide_step(
         decision, full_length, begins_contact, entry_length = _landed(
             decision, method.landing, step, trial, full_length
         )
-    elif breakpoints(system.scene) or method.rotating:
+    elif has_breakpoints(system.scene) or method.rotating:
         full_length = length_after_breakpoints(step, t1, decision.keep, full_length)
         start = jnp.where(decision.keep, t1, step.t)
         decision = decision._replace(t_next=start + full_length)

@@ -16,7 +16,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
-from ..._dynamics.breakpoints import breakpoints, one_sided_time
+from ..._dynamics.breakpoints import breakpoints, has_breakpoints, one_sided_time
 from ..._dynamics.bristles import initial_bristles, updated_bristles
 from ..._dynamics.contact_events import (
     ContactGaps,
@@ -308,8 +308,8 @@ def _across_discontinuities(
     slopes = family is not None and slopes_jump(system.scene)
     lands = method.landing is not None
     contacts = lands and (slopes or contacts_jump(system.scene))
-    has_breakpoints = bool(breakpoints(system.scene))
-    if not contacts and not has_breakpoints and not y1.bristles:
+    jumps = has_breakpoints(system.scene)
+    if not contacts and not jumps and not y1.bristles:
         return y1, y_tangents
     t1 = trial.t1
 
@@ -332,7 +332,7 @@ def _across_discontinuities(
 
     # Bristles come last, because they depend on the corrected motion.
     def others_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
-        if has_breakpoints:
+        if jumps:
             differentiated = family is not None
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep, differentiated)
         if y.bristles:
@@ -349,7 +349,7 @@ def _across_discontinuities(
         ends = jax.lax.cond(
             changes, partial(corrected, contacts_corrected), lambda ends: ends, ends
         )
-    if has_breakpoints or y1.bristles:
+    if jumps or y1.bristles:
         ends = corrected(others_corrected, ends)
     return ends
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..._compilation import traced_once
-from ..._dynamics.breakpoints import breakpoints, one_sided_time
+from ..._dynamics.breakpoints import has_breakpoints, one_sided_time
 from ..._dynamics.bristles import bristle_rates
 from ..._dynamics.contact_events import ContactGaps, closed, touches, uses_entry_speed
 from ..._dynamics.contact_forces import Closed, EntrySpeeds
@@ -230,7 +230,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     are also discontinuous where a force jumps at the onset or end of a contact; if the force does
     not jump, it is still zero at the onset, and a new entry speed does not change the rates. If
     steps go across contact events, a new entry speed changes them."""
-    if bool(breakpoints(scene)) or bool(scene.bristle_laws()):
+    if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
 
