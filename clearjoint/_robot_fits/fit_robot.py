@@ -248,8 +248,8 @@ def fit_robot(
 
       Of sliders: "friction", "damping", "link friction", "armature" and "mass".
     - `driven_by`: how joints are driven, by name; other joints move freely.
-        - "angle": the joint, or its motor if that turns apart, follows its logged position, which is
-          smoothed by as much as its noise. Its logged torque is compared with the one that this
+        - "angle": the joint, or its motor if that turns apart, follows its logged position, which
+          is smoothed by as much as its noise. Its logged torque is compared with the one that this
           takes.
         - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
           until the next. Logged positions are compared with those of the run.

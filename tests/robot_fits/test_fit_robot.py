@@ -1,6 +1,7 @@
 """Play, friction and inertia of robots from logs that SciPy simulates."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import clearjoint as cj
@@ -116,8 +117,6 @@ def test_torques_of_a_joint_that_follows_its_angle(tmp_path):
     resisting = JOINT.friction * np.sign(qd) + JOINT.damping * qd
     noise = 0.02 * np.random.default_rng(0).standard_normal(len(times))
     torques = about_joint * qdd + weight + resisting + noise
-    import pandas as pd
-
     table = pd.DataFrame({"t": times, "q [rad]": q, "tau [N m]": torques})
     torque = cj.LogColumn("tau", noise=0.02)
     log = cj.RobotLog.read(table, angles={"elbow": "q"}, torques={"elbow": torque})
