@@ -125,6 +125,8 @@ from ._measurements.readers import Channel as Channel
 from ._measurements.readers import from_xarray as from_xarray
 from ._measurements.readers import function_from_csv as function_from_csv
 from ._measurements.readers import read_csv as read_csv
+from ._measurements.robot_logs import LogColumn as LogColumn
+from ._measurements.robot_logs import RobotLog as RobotLog
 from ._measurements.series import Measurements as Measurements
 from ._measurements.series import Series as Series
 from ._model import densities as densities
@@ -186,6 +188,7 @@ from ._parametrisation.parameter import Parameter as Parameter
 from ._parametrisation.paths import parameters as parameters
 from ._parametrisation.paths import set_value as set_value
 from ._result_codes import RESULTS as RESULTS
+from ._robot_fits.fit_robot import fit_robot as fit_robot
 from ._runtime import XLA_FLAGS as XLA_FLAGS
 from ._runtime import configure as configure
 from ._scene_files.drive_train import Drive as Drive

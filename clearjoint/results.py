@@ -8,7 +8,10 @@ from ._identification.posterior.result import Posterior as Posterior
 from ._identification.screening.screening import Screened as Screened
 from ._information.analysis import Identifiability as Identifiability
 from ._information.horizon import FitHorizon as FitHorizon
+from ._measurements.robot_logs import Logged as Logged
 from ._model.clearance_joints.lubricated import CarriedJournal as CarriedJournal
+from ._robot_fits.fit_robot import Hysteresis as Hysteresis
+from ._robot_fits.fit_robot import RobotFit as RobotFit
 from ._scene_files.mujoco_comparison import MujocoComparison as MujocoComparison
 from ._scene_files.robot import Robot as Robot
 from ._scene_files.robots import Actuator as Actuator

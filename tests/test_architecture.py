@@ -22,7 +22,7 @@ from tests.support.rooms import (
     syntax_tree,
 )
 
-HIGHEST_FLOOR = 9
+HIGHEST_FLOOR = 10
 MODULES_BESIDE_ROOMS = 12
 PLACES_OF_ANY = 43
 FLOORS = (
@@ -34,7 +34,7 @@ FLOORS = (
     ("measurements", "simulation"),
     ("information", "sweeps"),
     ("durability", "identification", "scene_files", "statistics", "testing"),
-    ("plot", "reference", "views"),
+    ("plot", "reference", "robot_fits", "views"),
     ("command_line",),
 )
 """A room may import from those on floors below."""
@@ -55,6 +55,7 @@ THIRD_PARTY = {
         "identification",
         "model",
         "plot",
+        "robot_fits",
         "scene_files",
         "statistics",
         "sweeps",
@@ -67,6 +68,7 @@ THIRD_PARTY = {
         "identification",
         "measurements",
         "plot",
+        "robot_fits",
         "simulation",
         "statistics",
         "sweeps",

@@ -16,6 +16,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib import pyplot as plt
@@ -440,7 +441,9 @@ def files(n: Names) -> Any:
         return json.load(file), cj.parameters(read), cj.parameters(start), orders
 
 
-def urdf(n: Names) -> Any:
+def two_links(n: Names) -> Any:
+    """A robot of two hinges, from a file."""
+
     def link(name: str, mass: float) -> str:
         inertia = '<inertia ixx="0.1" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/>'
         return f'<link name="{n[name]}"><inertial><mass value="{mass}"/>{inertia}</inertial></link>'
@@ -461,7 +464,11 @@ def urdf(n: Names) -> Any:
     ]
     with open("robot.urdf", "w") as file:
         file.write(f'<robot name="robot">{"".join(parts)}</robot>')
-    robot = cj.load_robot("robot.urdf")
+    return cj.load_robot("robot.urdf")
+
+
+def urdf(n: Names) -> Any:
+    robot = two_links(n)
     robot = robot.with_drive(n["second"], cj.Drive(1e-3, 5.0, "1 deg", 20.0, loss=0.1))
     robot = robot.with_elements({n["torque"]: cj.DriveTorque(*robot.motor_side(n["second"]), 1.0)})
     positions = {n["first"]: 0.3, n["second"]: -0.2}
@@ -495,6 +502,28 @@ def mjcf(n: Names) -> Any:
     orders = [list(part) for part in (read.bodies, read.joints)]
     found = cj.compare_with_mujoco(scene, state, 0.02)
     return cj.parameters(read), orders, found.positions, found.in_mujoco, found.largest_difference
+
+
+def fit_robot(n: Names) -> Any:
+    robot, times = two_links(n), np.linspace(0.0, 0.2, 60)
+    size = {n["first"]: 0.3, n["second"]: -0.2}
+    q, qd, qdd = (
+        {name: wave * s for name, s in size.items()}
+        for wave in (np.sin(9.0 * times), 9.0 * np.cos(9.0 * times), -81.0 * np.sin(9.0 * times))
+    )
+    torques = robot.torques(q, qd, qdd)
+    table = pd.DataFrame({"t": times})
+    for name in size:
+        table[f"q {name}"], table[f"tau {name}"] = q[name], torques[name] + 0.4 * qd[name]
+    log = cj.RobotLog.read(
+        table,
+        angles={name: f"q {name} [rad]" for name in size},
+        torques={name: cj.LogColumn(f"tau {name} [N m]", noise=0.1) for name in size},
+    )
+    find = {name: {"damping": 0.3, "inertia": None} for name in size}
+    found = cj.fit_robot(robot, log, find, dict.fromkeys(size, "angle"), **QUIET)
+    results = found.fit.estimates, found.fit.intervals, found.to_xarray(), found.hysteresis()
+    return [*results, found.undetermined, found.held]
 
 
 def beyond_law_ranges(n: Names) -> Any:
@@ -561,6 +590,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "figures of fits": (figures_of_fits, SEARCHED),
     "figures of runs": (figures_of_runs, 1e-6),
     "fit_horizon": (fit_horizon, SEARCHED),
+    "fit_robot": (fit_robot, SEARCHED),
     "identifiability": (identifiability, 1e-7),
     "identify": (identify, SEARCHED),
     "identify_many": (identify_many, SEARCHED),

@@ -63,7 +63,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
 
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
-    _write(result, folder)
+    write_fit(result, folder)
     summary = {
         "ended": "interrupted" if interrupted else result.ending.value,
         "samples": result.samples,
@@ -132,7 +132,8 @@ def _say_iteration(
     )
 
 
-def _write(result: Fit, folder: Path) -> None:
+def write_fit(result: Fit, folder: Path) -> None:
+    """Write the estimates, the fitted scene and series, and the report of a fit to a folder."""
     write_scene(folder, result.scene, result.state, "fitted.toml")
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 from zlib import crc32
 
 import numpy as np
@@ -32,7 +33,7 @@ from .._simulation.results.solution import (
     Trajectory,
     contact_label,
 )
-from .study import CLASSES, Study
+from .study import CLASSES
 
 SUMMARY = "summary.json"
 """File of the summary: kind, title and ending of the results."""
@@ -61,11 +62,22 @@ PAGE = "index.html"
 Summary = Mapping[str, str | int | float]
 
 
-def write_summary(folder: Path, kind: str, study: Study, results: Summary) -> None:
+class Titled(Protocol):
+    """A study: its title, the path of its file, and the value of `time.perf_counter` when the file
+    was read."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def path(self) -> Path: ...
+    @property
+    def started(self) -> float: ...
+
+
+def write_summary(folder: Path, kind: str, study: Titled, results: Summary) -> None:
     """Write the results of the command `kind`, and the time, s, since the study's file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
-    title = study.parts.title or study.path.stem
-    head = {"kind": kind, "title": title, "file": str(study.path)}
+    head = {"kind": kind, "title": study.title, "file": str(study.path)}
     text = json.dumps({**head, **results, "seconds": seconds}, indent=2, ensure_ascii=False)
     (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
 

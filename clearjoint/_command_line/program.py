@@ -52,6 +52,7 @@ def clearjoint() -> None:
       clearjoint run four_bar.toml --end 2
       clearjoint sweep study.toml
       clearjoint fit study.toml
+      clearjoint fit-robot arm.urdf log.csv elbow.toml
       clearjoint wear study.toml
       clearjoint report results/study/run
     """
@@ -179,6 +180,34 @@ def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
 
 
 @command(
+    "fit-robot",
+    "clearjoint fit-robot arm.urdf log.csv elbow.toml",
+    "clearjoint schema robot-fit --example > elbow.toml",
+)
+@click.argument("robot", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("log", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@FILE
+@OUT
+def fit_robot(robot: Path, log: Path, file: Path, out: Path | None) -> None:
+    """Estimate play, friction and inertia of a robot's joints from a log.
+
+    ROBOT is a URDF or MJCF file, LOG a CSV or Parquet file. FILE, TOML or JSON, names the columns
+    of the log, how joints are driven, and what to find. The folder of the results contains
+    report.txt, which also says what the log cannot determine and why, estimates.csv with 95 %
+    intervals, the fitted series, figures, among them the torque of each joint over its position,
+    the page index.html, and fitted.toml, the scene with the estimates.
+    """
+    _prepare()
+    from .folders import PAGE
+    from .robot_fitting import fit_robot_of, read_robot_fit
+
+    folder = out or Path("results") / file.stem / "fit-robot"
+    result = fit_robot_of(read_robot_fit(robot, log, file), folder)
+    click.echo(f"{result.line}: {folder / PAGE if result.wrote else 'nothing was written'}")
+    raise click.exceptions.Exit(result.code)
+
+
+@command(
     "wear",
     "clearjoint wear study.toml",
     'clearjoint wear study.toml --set wear.depth="20 um" --out results/deep',
@@ -222,19 +251,25 @@ def report(folder: Path) -> None:
     "clearjoint schema > scene.schema.json",
     "clearjoint schema study",
     "clearjoint schema study --example",
+    "clearjoint schema robot-fit --example",
 )
-@click.argument("kind", type=click.Choice(["scene", "study"]), default="scene")
+@click.argument("kind", type=click.Choice(["scene", "study", "robot-fit"]), default="scene")
 @click.option("--example", is_flag=True, help="Print an example of a file instead.")
 def schema(kind: str, example: bool) -> None:
-    """Print the JSON Schema of scene files or study files, with which editors complete and check
-    them."""
+    """Print the JSON Schema of scene files, study files or files of robot fits, with which editors
+    complete and check them."""
     import json
 
     from .._scene_files.schema import scene_schema
     from .checking import example_texts
     from .study import study_schema
 
-    if example:
+    if kind == "robot-fit":
+        from .robot_fitting import TEMPLATE, robot_fit_schema
+
+        text = TEMPLATE.read_text(encoding="utf-8")
+        click.echo(text if example else json.dumps(robot_fit_schema(), indent=2), nl=not example)
+    elif example:
         texts = example_texts("four_bar", "four_bar.toml", "four_bar_study.toml")
         click.echo(texts[kind == "study"], nl=False)
     else:

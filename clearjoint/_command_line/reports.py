@@ -19,6 +19,7 @@ from .._export.datasets import to_frame
 from .._identification.fit import Fit
 from .._model.clearance_joints.journal_bases import HasJournal
 from .._model.scene import Scene
+from .._robot_fits.fit_robot import RobotFit
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import observe
 from .._simulation.results.solution import Solution
@@ -209,6 +210,14 @@ def write_fit_report(folder: Path, fit: Fit) -> None:
     if len(fit.parameters) > 1:
         _save(folder, "correlations", plot.correlations(fit))
     write_page(folder)
+
+
+def write_robot_report(folder: Path, result: RobotFit) -> None:
+    """Draw the fitted series, their correlations and the hysteresis of joints, and write the page
+    of a robot's fit."""
+    if result.hysteresis():
+        _save(folder, "hysteresis", plot.joint_hysteresis(result)[0])
+    write_fit_report(folder, result.fit)
 
 
 def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:

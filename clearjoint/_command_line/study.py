@@ -381,6 +381,10 @@ class Study:
         """Path of the file."""
         return Path(self.location.file)
 
+    @property
+    def title(self) -> str:
+        return self.parts.title or self.path.stem
+
     def settings(self, section: str) -> Settings:
         """Return the settings in a section: those of its preset, with the entries of its
         `settings`. A section [sweep] without either has those of [run]. The energy ledger is

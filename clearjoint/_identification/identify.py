@@ -217,7 +217,7 @@ def identify_many(
             fits += [] if fit is None else [fit]
             if stopped:
                 raise FitInterrupted(fits, fit is not None)
-    _warn(fits)
+    warn_of(fits)
     return fits
 
 
@@ -347,7 +347,8 @@ class _Problem:
         return Search(start, tuple(windows), best)
 
 
-def _warn(fits: Sequence[Fit]) -> None:
+def warn_of(fits: Sequence[Fit]) -> None:
+    """Issue the warnings of poor fits."""
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "

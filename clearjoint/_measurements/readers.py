@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
+from jaxtyping import PyTree
 
 from .._fields.checks import errors_about, require, require_types
 from .._fields.types import ArrayLike
@@ -58,7 +59,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class _Column:
+class TableColumn:
     """One column of a table, with a label for error messages and, if the table has it, its unit."""
 
     label: str
@@ -129,8 +130,8 @@ def read_csv(
     """
     require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
     # The second argument of `column` is the argument that error messages name.
-    column = _columns_of(path, options)
-    times = _times(column(time, "time"), time_unit)
+    column = columns_of(path, options)
+    times = times_in(column(time, "time"), time_unit)
     series = {
         name: _series(name, channel, column(name, "channels"), times, noise, missing)
         for name, channel in channels.items()
@@ -171,8 +172,8 @@ def function_from_csv(
     1.2500 N m
     """
     # The second argument of `column_named` is the argument that error messages name.
-    column_named = _columns_of(path, options)
-    times = _times(column_named(time, "time"), time_unit)
+    column_named = columns_of(path, options)
+    times = times_in(column_named(time, "time"), time_unit)
     content = column_named(column, "column")
     values = content.numbers()
     content.require_each(np.isfinite(values), "a finite number", "correct it, or leave the row out")
@@ -181,27 +182,38 @@ def function_from_csv(
     return kind(times, values * factor)
 
 
-def _columns_of(path: str | Path, options: dict[str, Any]) -> Callable[[str, str], _Column]:
-    """Read a CSV file, and return the function ``column(name, argument)``, which finds a column by
-    its name. `argument` is the user's argument that errors about the name mention."""
-    options = {"index_col": False, "skipinitialspace": True, **options}
-    table = _read(path, options)
-    headers = [_split(header) for header in table.columns]
-    names, names_in_file = [name for name, _ in headers], []
-    if {"header", "names"}.isdisjoint(options) and names:
-        # pandas renames repeated columns, so the header is read again as a row of texts, in which a
-        # name that occurs twice can be recognised. With the user's options `header` or `names`, the
-        # names are not simply in the first row, so this check is left out.
-        first_row = _read(path, options | _FIRST_LINE).iloc[0]
-        names_in_file = [_split(header)[0] for header in first_row]
-    file = f"{str(path)!r}"
+def columns_of(
+    source: "str | Path | pd.DataFrame", options: dict[str, Any]
+) -> Callable[[str, str], TableColumn]:
+    """Read a CSV or Parquet file, unless `source` is a table already, and return the function
+    ``column(name, argument)``, which finds a column by its name. `argument` is the user's argument
+    that errors about the name mention."""
+    import pandas as pd
 
-    def column(name: str, argument: str) -> _Column:
-        _require_listed(argument, name, names, f"columns of {file}")
+    file, names_in_file = "the table", []
+    if isinstance(source, pd.DataFrame):
+        table = source
+    elif Path(source).suffix == ".parquet":
+        file, table = f"{str(source)!r}", _read_parquet(source, options)
+    else:
+        file = f"{str(source)!r}"
+        options = {"index_col": False, "skipinitialspace": True, **options}
+        table = _read(source, options)
+        if {"header", "names"}.isdisjoint(options) and len(table.columns):
+            # pandas renames repeated columns, so the header is read again as a row of texts, in
+            # which a name that occurs twice can be recognised. With the user's options `header` or
+            # `names`, the names are not simply in the first row, so this check is left out.
+            first_row = _read(source, options | _FIRST_LINE).iloc[0]
+            names_in_file = [split_header(header)[0] for header in first_row]
+    headers = [split_header(header) for header in table.columns]
+    names = [name for name, _ in headers]
+
+    def column(name: str, argument: str) -> TableColumn:
+        require_listed(argument, name, names, f"columns of {file}")
         once = max(names.count(name), names_in_file.count(name)) == 1
         require(once, argument, name, f"unique in {file}", "rename one of the columns")
         k = names.index(name)
-        return _Column(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
+        return TableColumn(f"column {name!r} of {file}", table.iloc[:, k], headers[k][1])
 
     return column
 
@@ -232,16 +244,16 @@ def from_xarray(
 
     require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
 
-    def column(name: Hashable) -> _Column:
+    def column(name: Hashable) -> TableColumn:
         array = dataset[name]
         label = f"variable {name!r} of the dataset"
-        return _Column(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
+        return TableColumn(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
     # Each variable may have a time coordinate of its own, so times are read for each of them.
     series = {}
     for name, channel in channels.items():
         variables = [str(variable) for variable in dataset.data_vars]
-        _require_listed("channels", name, variables, "variables of the dataset")
+        require_listed("channels", name, variables, "variables of the dataset")
         dims = dataset[name].dims
         remedy = "select one series along the other dimensions"
         require(len(dims) == 1, f"channels[{name!r}]", dims, "of one dimension, time", remedy)
@@ -249,7 +261,7 @@ def from_xarray(
         remedy = "add a coordinate with the times"
         expected = f"a variable along one of the coordinates {coordinates}"
         require(dims[0] in coordinates, f"channels[{name!r}]", dims, expected, remedy)
-        times = _times(column(dims[0]), "s")
+        times = times_in(column(dims[0]), "s")
         series[name] = _series(name, channel, column(name), times, noise, missing)
     return Measurements(series)
 
@@ -280,7 +292,33 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
             ) from error
 
 
-def _split(header: Hashable) -> tuple[str, str | None]:
+def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame":
+    """Read a Parquet file. A column of lists of equal lengths, such as "state", becomes the columns
+    "state.0", "state.1" and so on."""
+    import pandas as pd
+
+    try:
+        table = pd.read_parquet(path, **options)
+    except ImportError as error:
+        raise ImportError(
+            f"File {str(path)!r} needs a reader of Parquet for pandas: `pip install pyarrow`, or "
+            "convert the file to CSV."
+        ) from error
+    parts = []
+    for name, values in table.items():
+        if len(values) and isinstance(values.iloc[0], list | np.ndarray):
+            lengths = {np.size(entry) for entry in values}
+            expected, remedy = "of lists of one length", "convert the file to plain columns"
+            require(len(lengths) == 1, f"column {name!r} of {path}", lengths, expected, remedy)
+            rows = np.stack([np.ravel(entry) for entry in values])
+            names = [f"{name}.{k}" for k in range(rows.shape[1])]
+            parts.append(pd.DataFrame(rows, columns=pd.Index(names)))
+        else:
+            parts.append(values.reset_index(drop=True))
+    return pd.concat(parts, axis=1)
+
+
+def split_header(header: Hashable) -> tuple[str, str | None]:
     """Return the name and the unit, ``None`` if there is none, of a header such as "x [mm]"."""
     name, bracket, rest = str(header).strip().rpartition("[")
     if not bracket or not rest.endswith("]"):
@@ -288,11 +326,11 @@ def _split(header: Hashable) -> tuple[str, str | None]:
     return name.strip(), rest.removesuffix("]").strip()
 
 
-def _require_listed(argument: str, name: str, listed: list[str], kind: str) -> None:
+def require_listed(argument: str, name: str, listed: list[str], kind: str) -> None:
     require(name in listed, argument, name, f"among the {kind}, {listed}", "correct the name")
 
 
-def _times(column: _Column, unit: str) -> np.ndarray:
+def times_in(column: TableColumn, unit: str) -> np.ndarray:
     """Return the times in a column, converted to s; `unit` is their unit if the table has none."""
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
@@ -305,7 +343,7 @@ def _times(column: _Column, unit: str) -> np.ndarray:
 def _series(
     name: str,
     channel: Channel,
-    column: _Column,
+    column: TableColumn,
     times: np.ndarray,
     noise: ArrayLike | None,
     missing: Missing,

@@ -62,16 +62,16 @@ class Drive:
     '0.5 deg'
     """
 
-    armature: PyTree = None
-    ratio: PyTree = 1.0
-    play: PyTree = None
-    stiffness: PyTree = None
-    damping: PyTree = None
-    restitution: PyTree = None
-    friction: PyTree = None
-    viscosity: PyTree = None
-    loss: PyTree = None
-    link_friction: PyTree = None
+    armature: PyTree | str = None
+    ratio: PyTree | str = 1.0
+    play: PyTree | str = None
+    stiffness: PyTree | str = None
+    damping: PyTree | str = None
+    restitution: PyTree | str = None
+    friction: PyTree | str = None
+    viscosity: PyTree | str = None
+    loss: PyTree | str = None
+    link_friction: PyTree | str = None
     law: FrictionLaw = FRICTION
 
 

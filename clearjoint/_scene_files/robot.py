@@ -253,6 +253,24 @@ class Robot:
         stack = partial(_stacked, shape=shape)
         return State({name: BodyState(*map(stack, parts[name])) for name in self.scene.bodies})
 
+    def moved(self, state: State, q: Positions = None, qd: Positions = None) -> State:
+        """Return a state in which some joints have other positions or speeds than in `state`.
+
+        **Arguments:** `state`: JAX may trace it. `q`, `qd`: as in `state`; joints without an entry
+        keep their positions, or their speeds.
+
+        **Raises:** `ValueError` as `state`.
+        """
+        new = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
+        kept = self._coordinates(state)
+        positions, speeds = (
+            {n: value for n, value in part.items() if n not in self._mimics}
+            | {n: _number(value) for n, value in changed.items()}
+            for part, changed in zip(kept, new, strict=True)
+        )
+        free = [b.body for b in self._branches if isinstance(b, FreeBranch)]
+        return self.state(positions, speeds, free={body: state.bodies[body] for body in free})
+
     def angles(self, motion: State | HasStates) -> dict[str, np.ndarray]:
         """Return the positions of all joints by name, rad or m: the inverse of `state`.
 

@@ -22,6 +22,7 @@
 | of a fit or its planning | functions |
 |---|---|
 | measurements and the fitted model | `fitted`, `correlations` |
+| torque of a robot's joints over position | `joint_hysteresis` |
 | accuracy over the length of a record | `record_length`, `growth`, `integration_error` |
 
 The functions draw existing data into the given matplotlib `axes`, or into new ones, and return the
@@ -103,6 +104,7 @@ from .polar import contact_rose as contact_rose
 from .polar import wear as wear
 from .polar import worn_profile as worn_profile
 from .report_page import report as report
+from .robots import joint_hysteresis as joint_hysteresis
 from .sections import bifurcation as bifurcation
 from .sections import poincare_map as poincare_map
 from .sections import poincare_section as poincare_section

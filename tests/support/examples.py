@@ -10,7 +10,7 @@ import clearjoint
 from tests.support.public_names import PublicName, public_names
 
 COMPILES = re.compile(
-    r"\b(simulate\w*|sweep|sensitivities|predictor|identif\w+|minimise|\w*horizon"
+    r"\b(simulate\w*|sweep|fit_robot|sensitivities|predictor|identif\w+|minimise|\w*horizon"
     r"|assemble|constraint_report|free_impact|carried_journal|check_\w+|animate_journal"
     r"|settle|compare_with_mujoco|largest\w*|ensemble|sobol_indices|statistics_derivatives"
     r"|optimise_programs|view|report|movie|wear|posterior)\("

@@ -1,0 +1,156 @@
+"""`clearjoint fit-robot`: fit a robot's joints to its log."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from jaxtyping import PyTree
+
+from .._identification.identify import FitInterrupted
+from .._identification.levenberg_marquardt import Ending, Iteration
+from .._measurements.readers import Missing
+from .._measurements.robot_logs import LogColumn, RobotLog
+from .._robot_fits.fit_robot import fit_robot
+from .._robot_fits.problem import Mode
+from .._scene_files.documents import FileLocation, read_document
+from .._scene_files.drive_train import Drive
+from .._scene_files.reading import Reader
+from .._scene_files.robot import Robot, load_robot
+from .._scene_files.schema import Catalogue, Schema
+from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
+from .fitting import REPORT, SERIES, write_fit
+from .folders import remove_old, write_summary, write_table
+from .study import CLASSES
+
+TEMPLATE = Path(__file__).parent / "templates" / "robot_fit.toml"
+
+
+@dataclass(frozen=True)
+class RobotFitParts:
+    """What a file says about the fit of a robot.
+
+    - `find`: what to find of each joint, a list such as ["play", "friction"], or a table with
+      starts; `driven_by`: how joints are driven: see `clearjoint.fit_robot`.
+    - `angles`, `torques`: columns of the log by joint: "name [unit]", or tables of a `LogColumn`;
+      `time`: column of the times. `header`: whether the first row has the names; without, columns
+      have numbers. `missing`, `largest_gap`: see `clearjoint.RobotLog.read`.
+    - `start`, `end`: part of the log that is used, s.
+    - `drives`: drive trains by joint, see `clearjoint.Drive`; `play`: see `clearjoint.load_robot`.
+    - `grow`, `max_iterations`: see `clearjoint.identify`.
+    """
+
+    find: Mapping[str, Mapping[str, float | str] | Sequence[str]]
+    driven_by: Mapping[str, Mode]
+    angles: Mapping[str, LogColumn | str]
+    torques: Mapping[str, LogColumn | str] = field(default_factory=dict)
+    time: str = "t"
+    header: bool = True
+    missing: Missing = "refuse"
+    largest_gap: Annotated[float | None, "s"] = None
+    start: Annotated[float | None, "s"] = None
+    end: Annotated[float | None, "s"] = None
+    drives: Mapping[str, Drive] = field(default_factory=dict)
+    play: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    grow: Sequence[Annotated[float, "s"]] | None = None
+    max_iterations: int = 100
+    title: str = ""
+
+
+def robot_fit_schema() -> Schema:
+    """Return the JSON Schema (2020-12) of the files of robot fits, as a dictionary."""
+    catalogue = Catalogue(CLASSES)
+    properties = catalogue.properties(RobotFitParts)
+    return catalogue.document("robot fit", properties, ["find", "driven_by", "angles"])
+
+
+@dataclass(frozen=True)
+class RobotFitStudy:
+    """A robot with its log, and what the file at `path` says about the fit."""
+
+    robot: Robot
+    log: RobotLog
+    parts: RobotFitParts
+    path: Path
+    started: float
+
+    @property
+    def title(self) -> str:
+        return self.parts.title or self.path.stem
+
+
+def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStudy:
+    """Read the file of a robot, its log, and the file of the fit.
+
+    **Raises:** `ValueError` for a file that is not valid.
+    """
+    started = time.perf_counter()
+    document, location = read_document(path)
+    parts: RobotFitParts = Reader(CLASSES).instance(RobotFitParts, document, location)
+    robot = load_robot(robot_file, play=parts.play)
+    for joint, drive in parts.drives.items():
+        with location.at("drives", joint).in_errors():
+            robot = robot.with_drive(joint, drive)
+    is_parquet = log_file.suffix == ".parquet"
+    options: dict[str, PyTree] = {} if parts.header or is_parquet else {"header": None}
+    with location.in_errors():
+        log = RobotLog.read(
+            log_file,
+            time=parts.time,
+            angles=parts.angles,
+            torques=parts.torques,
+            missing=parts.missing,
+            largest_gap=parts.largest_gap,
+            **options,
+        )
+        start = log.start if parts.start is None else parts.start
+        end = log.end if parts.end is None else parts.end
+        return RobotFitStudy(robot, log.between(start, end), parts, path, started)
+
+
+def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
+    """Fit the joints of a robot to its log, and write estimates, report, figures and a page. After
+    Ctrl-C nothing is written."""
+    parts = study.parts
+    try:
+        with FileLocation(str(study.path)).in_errors():
+            result = fit_robot(
+                study.robot,
+                study.log,
+                parts.find,
+                parts.driven_by,
+                grow=parts.grow,
+                max_iterations=parts.max_iterations,
+                progress=partial(_say_iteration, parts.max_iterations),
+            )
+    except FitInterrupted:
+        return CommandResult(INTERRUPTED, "interrupted", wrote=False)
+    from .reports import write_robot_report
+
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_old(folder, [f"{SERIES}*"])
+    write_fit(result.fit, folder)
+    write_table(folder, "estimates", result.to_xarray())
+    (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
+    ended = result.fit.ending
+    summary = {
+        "ended": ended.value,
+        "samples": result.fit.samples,
+        "chi_squared": result.fit.chi_squared,
+        "degrees_of_freedom": result.fit.degrees_of_freedom,
+        "not_identifiable": ", ".join(result.undetermined) or "none",
+    }
+    write_summary(folder, "fit of a robot", study, summary)
+    write_robot_report(folder, result)
+    for sentence in result.undetermined.values():
+        say(f"note: {sentence}")
+    fit = result.fit
+    estimates = [f"{name} {fit.estimates[name]:.5g} {fit.units[name]}" for name in fit.parameters]
+    line = f"{ended.value}, chi squared {fit.chi_squared:.4g}, {', '.join(estimates)}"
+    return CommandResult(WELL if ended is Ending.CONVERGED else FAILED, line)
+
+
+def _say_iteration(most: int, iteration: Iteration) -> None:
+    say(f"iteration {iteration.number} of at most {most}: chi squared {iteration.chi_squared:.6g}")

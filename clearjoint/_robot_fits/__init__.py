@@ -1,0 +1,1 @@
+"""Play, friction and inertia of a robot's joints from its log."""

@@ -1,0 +1,436 @@
+"""Fit of a robot's joints to its log: what the log determines, and the estimates."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, PyTree
+from typing_extensions import override
+
+from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from .._export.tables import aligned, number
+from .._fields.cautions import quiet
+from .._fields.checks import require
+from .._identification.fit import Fit
+from .._identification.goodness_of_fit import UNLIKELY
+from .._identification.identify import OnIteration, identify, warn_of
+from .._identification.levenberg_marquardt import Ending
+from .._information.analysis import Identifiability, identifiability
+from .._information.horizon import fit_horizon
+from .._measurements.robot_logs import RobotLog
+from .._model.bodies import State
+from .._model.scene import Scene
+from .._parametrisation.parameter import Parameter
+from .._parametrisation.variations import AbstractSeriesVariation
+from .._scene_files.robot import Robot
+from .._simulation.results.observe import observe
+from .._simulation.results.solution import SimulationError
+from .._simulation.run.saving import Saving
+from .._simulation.run.simulate import simulate
+from .._simulation.step import presets
+from .._simulation.step.settings import Settings, settings_or
+from .problem import (
+    IN_PLAY,
+    OF_HINGES,
+    STILL,
+    DrivenBy,
+    Find,
+    RobotProblem,
+    backlash_name,
+    drive_name,
+    robot_problem,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+ROUNDS = 3
+"""Largest number of fits, each with the parameters that the log determines at the estimates of the
+fit before."""
+NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
+ENDS = -0.7, 0.7
+"""Places in a play, from -1 to 1, from which a fit also starts."""
+PART = 0.3
+"""Weight in an undetermined combination above which a parameter is named."""
+
+
+class Hysteresis(NamedTuple):
+    """Torque of a joint over its position, as logged and as predicted, at N times.
+
+    Positions are in rad or m, torques in N m or N, all (N,).
+
+    >>> rising = np.linspace(0.0, 1.0, 5)
+    >>> cj.results.Hysteresis(rising, 2.0 * rising, rising, 2.1 * rising).torque.max().item()
+    2.0
+    """
+
+    position: Float[np.ndarray, " N"]
+    torque: Float[np.ndarray, " N"]
+    predicted_position: Float[np.ndarray, " N"]
+    predicted_torque: Float[np.ndarray, " N"]
+
+
+@dataclass(frozen=True)
+class RobotFit(AbstractTabular):
+    """Result of `fit_robot`.
+
+    - `fit`: the `Fit` of the parameters that the log determines.
+    - `robot`: the robot with the estimates.
+    - `log`, `driven_by`: as given.
+    - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
+      Each was held at its start, `held`, in its unit.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+    import pandas as pd
+
+    t = np.linspace(0.0, 0.5, 101)
+    robot, still = cj.load_robot("arm.urdf"), np.zeros(101)
+    motion = {"elbow": 9.0 * t**2, "wrist": still}, {"elbow": 18.0 * t, "wrist": still}
+    tau = robot.torques(*motion, {"elbow": 18.0, "wrist": 0.0})["elbow"] + 0.2 * 18.0 * t
+    table = pd.DataFrame({"t": t, "q [rad]": 9.0 * t**2, "r [rad]": still, "tau [N m]": tau})
+    torque = {"elbow": cj.LogColumn("tau", noise=0.01)}
+    log = cj.RobotLog.read(table, angles={"elbow": "q", "wrist": "r"}, torques=torque)
+    driven_by = {"elbow": "angle", "wrist": "angle"}
+    found = cj.fit_robot(robot, log, {"elbow": ["damping"]}, driven_by)
+    print(found.fit.intervals["elbow damping"])  # N m s/rad, about 0.2
+    ```
+    """
+
+    fit: Fit
+    robot: Robot
+    log: RobotLog
+    driven_by: DrivenBy
+    undetermined: dict[str, str]
+    held: dict[str, tuple[float, str]]
+
+    @override
+    def to_xarray(self) -> "xr.Dataset":
+        """Return estimates and held values along "parameter", with the bounds of the 95 % interval,
+        NaN for held ones, and the unit."""
+        rows = self._rows()
+        names, along = [*rows], ("parameter",)
+        variables = {
+            "estimate": Labelled(along, [row[0] for row in rows.values()]),
+            "low": Labelled(along, [row[1] for row in rows.values()]),
+            "high": Labelled(along, [row[2] for row in rows.values()]),
+            "unit": Labelled(along, texts([row[3] for row in rows.values()])),
+            "determined": Labelled(along, texts([str(n not in self.held).lower() for n in names])),
+        }
+        labels = {"parameter": Labelled(along, texts(names))}
+        return labelled_dataset("fit of a robot", variables, labels)
+
+    def _rows(self) -> dict[str, tuple[float, float, float, str]]:
+        """Return value, bounds and unit of each parameter."""
+        fit, nan = self.fit, math.nan
+        intervals = fit.intervals
+        rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
+        return rows | {name: (value, nan, nan, unit) for name, (value, unit) in self.held.items()}
+
+    @override
+    def __str__(self) -> str:
+        table: list[tuple[str, ...]] = [("parameter", "estimate", "95 % from", "to", "unit")]
+        for name, (value, low, high, unit) in self._rows().items():
+            ends = ("not identifiable", "") if name in self.held else (f"{low:.4g}", f"{high:.4g}")
+            table.append((name, f"{value:.4g}", *ends, unit))
+        return "\n\n".join(
+            part
+            for part in (
+                "\n".join(aligned(table)),
+                "\n".join(self.undetermined.values()),
+                str(self.fit),
+            )
+            if part
+        )
+
+    @cached_property
+    def predictions(self) -> dict[str, Float[np.ndarray, " N"]]:
+        """Predicted values of each measured series, (N,), in rad, m, N m or N. Angles differ from
+        the measured ones by less than half a revolution."""
+        series = self.fit.measurements.series
+        return {
+            n: np.asarray(s.values + self.fit.residuals[n] * s.noise) for n, s in series.items()
+        }
+
+    def hysteresis(self) -> dict[str, Hysteresis]:
+        """Return torque over position of each driven joint with a logged torque and position.
+
+        The torque of a joint that is driven by it is the logged one, and so is the position of a
+        joint that is driven by its position.
+        """
+        loops, measured = {}, self.fit.measurements.series
+        for joint in self.driven_by:
+            if joint not in self.log.torques:
+                continue
+            torques, motor = self.log.torques[joint], f"{joint} motor"
+            side = joint if joint in self.log.angles else motor
+            if side not in self.log.angles:
+                continue
+            angles, position = self.log.angles[side], f"{side} position"
+            torque, by_name = f"{joint} torque", self.predictions
+            times = np.asarray(measured[position if position in measured else torque].times)
+            at = times, angles.times, np.unwrap(angles.values)
+            logged = _between(*at), _between(times, torques.times, torques.values)
+            predicted = [
+                _between(times, np.asarray(measured[n].times), by_name[n]) if n in by_name else own
+                for n, own in zip((position, torque), logged, strict=True)
+            ]
+            loops[joint] = Hysteresis(*logged, *predicted)
+        return loops
+
+
+def _between(
+    at: Float[np.ndarray, " N"], times: Float[np.ndarray, " M"], values: Float[np.ndarray, " M"]
+) -> Float[np.ndarray, " N"]:
+    return np.asarray(np.interp(at, times, values))
+
+
+def fit_robot(
+    robot: Robot,
+    log: RobotLog,
+    find: Find,
+    driven_by: DrivenBy,
+    *,
+    parameters: Mapping[str, Parameter] = NO_PARAMETERS,
+    settings: Settings | None = None,
+    grow: Sequence[float] | None = None,
+    max_iterations: int = 100,
+    check_runs: int | None = 0,
+    progress: bool | OnIteration = True,
+) -> RobotFit:
+    """Estimate play, friction, damping and inertia of a robot's joints from a log.
+
+    ```python
+    import clearjoint as cj
+    import numpy as np
+    import pandas as pd
+
+    # A log: counts of an encoder on the motor's side, and currents.
+    t = np.arange(0.0, 0.5, 0.005)
+    counts = 2048 + np.round(400 * (1 - np.cos(12 * t)))
+    table = pd.DataFrame({"t": t, "counts": counts, "i [A]": 0.4 * np.cos(12 * t)})
+
+    gear = cj.Drive(armature=2e-6, ratio=100.0, play="0.5 deg", stiffness=800.0)
+    robot = cj.load_robot("arm.urdf").with_drive("elbow", gear)
+    log = cj.RobotLog.read(
+        table,
+        angles={"elbow motor": cj.LogColumn.encoder("counts", counts=4096, zero=2048)},
+        torques={"elbow": cj.LogColumn.current("i", torque_constant=0.05, ratio=100.0)},
+    )
+    find = {"elbow": {"play": "1 deg", "friction": None, "inertia": None}}
+    print(cj.fit_robot(robot, log, find, {"elbow": "torque"}, grow=(), max_iterations=3))
+    ```
+
+    Before the fit, the Fisher information of the log tells which parameters it determines. Others
+    are held at their start, and the result says why. The fit compares the log with one run from its
+    first time, whose initial positions and speeds are parameters too, named "elbow start position"
+    and "elbow start speed".
+
+    **Arguments:**
+
+    - `robot`: from `load_robot`, with a play in each joint whose play is to be found.
+    - `find`: what to find of each joint, by its name: a list, or a dictionary with starts, numbers
+      or texts with units, such as ``{"elbow": {"play": "1 deg", "friction": None}}``. By default a
+      start is the number in the robot or, for a friction or damping that it lacks, a tenth of the
+      largest logged torque. Of hinges:
+        - "play", rad, "stiffness", N m/rad, and "restitution" of the flanks of `Robot.with_drive`.
+        - "friction", N m, independent of the speed, and "damping", N m s/rad, of the motor's side,
+          and "link friction". A friction that the robot lacks is a
+          `RegularisedCoulomb`, under which a loaded joint creeps by at most 1e-4 rad/s.
+        - "armature", kg m^2, of the motor, at the joint.
+        - "inertia", kg m^2, of the link about its centre of mass, along the joint's axis. Its other
+          moments change in proportion. "mass", kg, of the link.
+
+      Of sliders: "friction", "damping", "link friction", "armature" and "mass".
+    - `driven_by`: how joints are driven, by name; other joints move freely.
+        - "angle": the joint, or its motor if that turns apart, follows its logged position, which
+          is smoothed by as much as its noise. Its logged torque is compared with the one that this
+          takes.
+        - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
+          until the next. Logged positions are compared with those of the run.
+        - a `Servo` or `Motor`, made with ``robot.motor_side("elbow")``; logged goals replace its
+          target. Logged positions, and torques with noise, are compared.
+    - `parameters`: further parameters by name, such as ``{"delay": cj.Parameter.delay("elbow
+      position")}``. The series are named "elbow position" and "elbow torque".
+    - `settings`, `max_iterations`, `check_runs`, `progress`: as in `identify`.
+    - `grow`: ends of growing windows, s, as in `identify`. By default they come from `fit_horizon`,
+      for starts that are wrong by a factor of two.
+
+    **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
+    is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
+    with the starts fails. Otherwise as `identify`.
+
+    **Warns:** as `identify`.
+    """
+    settings = settings_or(settings, presets.identification)
+    problem = robot_problem(robot, log, find, driven_by)
+    taken = sorted(set(parameters) & set(problem.parameters))
+    expected = "of other names than those of the robot"
+    require(not taken, "parameters", taken, expected, "rename them")
+    free = {**problem.parameters, **parameters}
+    scene, state, measured = problem.scene, problem.state, problem.measurements
+    starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
+    starts = values = {name: float(value) for name, value in starts.items()}
+    options: dict[str, PyTree] = {
+        "max_iterations": max_iterations,
+        "check_runs": check_runs,
+        "progress": progress,
+        "start_time": log.start,
+    }
+    fit, undetermined = None, {}
+    for _ in range(ROUNDS):
+        present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
+        report = identifiability(scene, state, present, measured, settings, start_time=log.start)
+        reasons = _undetermined(report, problem, present)
+        if fit is not None and reasons.keys() == undetermined.keys():
+            break
+        undetermined = reasons
+        rest = {name: p for name, p in present.items() if name not in reasons}
+        expected = f"determined by the log. {' '.join(reasons.values())}"
+        require(bool(rest), "find", [*find], expected, "log another motion")
+        held = {name: starts[name] for name in reasons}
+        base = changed(scene, state, {name: (free[name], value) for name, value in held.items()})
+        # Chi squared may have a minimum at either end of a play in which a side starts.
+        places = [name for name in rest if problem.subjects.get(name, ("", ""))[1] == IN_PLAY]
+        sides = (0.0, *ENDS) if places else (0.0,)
+        options["guess"] = [dict.fromkeys(places, side) for side in sides]
+        with quiet():
+            fit = identify(*base, measured, rest, settings, grow=grow or (), **options)
+        is_poor = fit.ending is not Ending.CONVERGED or fit.p_value < UNLIKELY
+        if grow is None and is_poor:
+            # Only a poor fit is worth the many runs that find out how long a record may be.
+            windows = _windows(fit, rest, problem, settings)
+            if windows:
+                with quiet():
+                    other = identify(*base, measured, rest, settings, grow=windows, **options)
+                fit = min(fit, other, key=lambda fit: fit.chi_squared)
+        values = {**starts, **fit.estimates}
+    assert fit is not None
+    warn_of([fit])
+    units = {name: free[name].variation.unit_in(scene, state) for name in undetermined}
+    joints, forces = (
+        {n: e for n, e in family.items() if n not in map(drive_name, driven_by)}
+        for family in (fit.scene.joints, fit.scene.forces)
+    )
+    fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
+    held = {name: (starts[name], unit) for name, unit in units.items()}
+    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, held)
+
+
+def changed(
+    scene: Scene, state: State, parameters: Mapping[str, tuple[Parameter, float]]
+) -> tuple[Scene, State]:
+    """Return scene and state with values of parameters; errors of sensors change neither."""
+    for parameter, value in parameters.values():
+        if not isinstance(parameter.variation, AbstractSeriesVariation):
+            scene, state = parameter.variation.setter(scene, state, 0.0)(scene, state, value)
+    return scene, state
+
+
+def _windows(
+    fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
+) -> list[float]:
+    """Return the ends of growing windows, each twice as long as the one before; none if a single
+    run can fit the whole log."""
+    uncertainty = {
+        name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in OF_HINGES else 1.0
+        for name in parameters
+    }
+    start, end = problem.log.start, float(problem.measurements.times()[-1])
+    try:
+        limits = fit_horizon(
+            *(fit.scene, fit.state, parameters, problem.measurements, settings),
+            uncertainty=uncertainty,
+            start_time=start,
+        )
+        length = 0.9 * (min(limits.single_shot, end) - start)
+    except SimulationError:  # the run with the estimates fails
+        length = (end - start) / 16.0
+    ends = []
+    while length > 0.0 and start + length < end:
+        ends.append(start + length)
+        length *= 2.0
+    return ends
+
+
+def _undetermined(
+    report: Identifiability, problem: RobotProblem, parameters: Mapping[str, Parameter]
+) -> dict[str, str]:
+    """Return, for each parameter that the log does not determine, a sentence that says why."""
+    names, reasons = [*report.names], {}
+    flanks: dict[str, set[str]] | None = None
+    while names:
+        columns = [report.names.index(name) for name in names]
+        part = replace(
+            report,
+            names=tuple(names),
+            scales=tuple(report.scales[k] for k in columns),
+            coordinates=report.coordinates[columns],
+            rows=report.rows[:, columns],
+        )
+        ratios = part.deviations / part.limits
+        if (ratios <= 1.0).all():
+            break
+        # Of several parameters that only together are undetermined, that with the smallest effect
+        # of its own is left out first: the others may be determined without it.
+        alone = np.where(ratios > 1.0, part.deviations_alone / part.limits, 0.0)
+        k = int(alone.argmax())
+        if flanks is None:
+            flanks = _touched(problem, parameters)
+        reasons[names[k]] = _reason(names[k], part, k, problem, flanks)
+        del names[k]
+    return reasons
+
+
+def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
+    """Return which flanks of each backlash touch in a run."""
+    values = {name: (p, float(p.value or 0.0)) for name, p in parameters.items()}
+    scene, state = changed(problem.scene, problem.state, values)
+    times, start = problem.measurements.times(), problem.log.start
+    options = {"save": Saving(times), "start_time": start, "progress": False}
+    solution = simulate(scene, state, float(times[-1]), **options)
+    contacts = observe(scene, solution).contacts
+    return {
+        joint: {label for label, c in contacts[joint].items() if np.any(c.normal_force > 0.0)}
+        for joint in contacts
+    }
+
+
+def _reason(
+    name: str,
+    report: Identifiability,
+    k: int,
+    problem: RobotProblem,
+    flanks: Mapping[str, set[str]],
+) -> str:
+    joint, kind = problem.subjects.get(name, ("", name))
+    subject = f"The {kind} of {joint}" if joint else f"Parameter {name!r}"
+    head = f"{subject} cannot be determined"
+    touched = flanks.get(backlash_name(joint))
+    if kind in ("play", "stiffness") and touched is not None and len(touched) < 2:
+        if not touched:
+            return f"{head}: its flanks never touch in the motion."
+        if kind == "play":
+            return f"{head}: the motion never reverses its load."
+    samples = problem.log.angles.get(joint)
+    noise = 0.0 if samples is None or samples.noise is None else samples.noise
+    if samples is not None and np.ptp(samples.values) <= STILL * noise:
+        return f"{head}: the joint does not move."
+    if report.deviations_alone[k] > report.limits[k]:
+        size = number(float(report.deviations_alone[k]))
+        return (
+            f"{head}: the log hardly depends on it (the noise allows a standard deviation of "
+            f"{report.labels[k]} of {size})."
+        )
+    worst = max(report.combinations, key=lambda c: abs(c.weights[k]) * c.standard_deviation)
+    others = [
+        other
+        for other, weight in zip(report.names, worst.weights, strict=True)
+        if other != name and abs(weight) > PART * abs(worst.weights[k])
+    ]
+    return f"{head}: its effect can't be told from that of {' and '.join(others)}."

@@ -1,0 +1,543 @@
+"""The scene, the parameters and the measurements of the fit of a robot to its log."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias, get_args
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from typing_extensions import override
+
+from .._fields.checks import as_number, nearest, require
+from .._math.vectors import Scalar
+from .._measurements.robot_logs import Logged, RobotLog
+from .._measurements.series import Measurements, Series
+from .._model.bodies import State
+from .._model.clearance_joints.backlash import Backlash
+from .._model.contact.friction import RegularisedCoulomb
+from .._model.drives.drivers import (
+    AbstractDriveTorque,
+    DriveTorque,
+    PrescribedAngle,
+    PrescribedTranslation,
+)
+from .._model.drives.functions_of_time import PiecewiseConstant, Spline
+from .._model.drives.servo import Servo
+from .._model.forces import TorsionalSpring
+from .._model.joints.base import AbstractForce
+from .._model.joints.couplings import HingeOrSlider
+from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
+from .._model.joints.joint_friction import JointFriction
+from .._model.scene import Scene
+from .._parametrisation.parameter import AbstractScale, Bounded, Linear, Log, Parameter
+from .._parametrisation.paths import set_value
+from .._scene_files.documents import FileLocation
+from .._scene_files.drive_train import motor_name
+from .._scene_files.reading import number_of_text
+from .._scene_files.robot import Robot
+from .._scene_files.robot_elements import Element, friction_of
+from ..quantities.base import AbstractQuantity, Instant, Quantity, require_known
+from ..quantities.drives import MotorTorque
+from ..quantities.joints import JointAngle, Multiplier
+
+OF_HINGES = {
+    "play": "rad",
+    "stiffness": "N m/rad",
+    "restitution": "1",
+    "friction": "N m",
+    "damping": "N m s/rad",
+    "link friction": "N m",
+    "armature": "kg m^2",
+    "inertia": "kg m^2",
+    "mass": "kg",
+}
+OF_SLIDERS = {
+    "friction": "N",
+    "damping": "N s/m",
+    "link friction": "N",
+    "armature": "kg",
+    "mass": "kg",
+}
+"""What a fit finds of hinges and of sliders, with the units."""
+Mode = Literal["angle", "torque", "held torque"]
+"""How a joint follows the log, see `fit_robot`."""
+DrivenBy: TypeAlias = Mapping[str, Mode | AbstractForce]
+"""How joints are driven, by name."""
+Start: TypeAlias = float | str | None
+"""Number or text with a unit from which a fit starts."""
+Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
+"""What to find, by the name of the joint."""
+COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
+"""Law of a friction that the robot lacks, over its load. Steps are several times as long as with
+bristles, whose stiffness limits them at speed; a loaded joint creeps by less than 1e-4 rad/s."""
+SHARE = 0.1
+"""Share of the largest logged torque with which the fit of a friction or a damping starts, if
+neither the user nor the robot has one."""
+FACTOR = 100.0
+"""Change of a speed at the start, 1/s, that counts as typical, over the noise of the position."""
+STILL = 4.0
+"""Range of positions, in multiples of their noise, up to which a joint counts as at rest."""
+REST = 10
+"""Number of samples for which a joint must be at rest in the beginning to start at rest."""
+IN_PLAY = "start in the play"
+"""What a fit finds of the side of a drive train that is not logged, from -1 to 1."""
+CERTAIN = 10.0
+"""Error of a position at the start, in multiples of its noise, with which the sign of a load must
+be the same to count as certain."""
+UNKNOWN_NOISE = 1e-3
+"""Noise, rad or m, that stands for an unknown one in the scale of a position at the start."""
+
+
+class JointPosition(AbstractQuantity):
+    """Position of a slider, m."""
+
+    joint: str = eqx.field(static=True)
+    unit = "m"
+
+    @override
+    def check(self, scene: Scene) -> None:
+        sliders = [n for n, joint in scene.joints.items() if isinstance(joint, PrismaticJoint)]
+        require_known("joint", self.joint, sliders)
+
+    @override
+    def __call__(self, now: Instant) -> Scalar:
+        joint = now.scene.joints[self.joint]
+        assert isinstance(joint, PrismaticJoint)
+        return joint.position(now.motions).value
+
+
+@dataclass(frozen=True)
+class LinkInertia:
+    """Function that scales a body's inertia so that its moment about an axis through the centre of
+    mass has a given value, kg m^2."""
+
+    body: str
+    axis: tuple[float, ...]
+
+    def moment(self, scene: Scene) -> Scalar:
+        inertia, axis = jnp.asarray(scene.bodies[self.body].inertia), jnp.asarray(self.axis)
+        return axis @ (inertia * axis if inertia.ndim == 1 else inertia @ axis)
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        inertia = jnp.asarray(scene.bodies[self.body].inertia) * (value / self.moment(scene))
+        return set_value(scene, lambda s: s.bodies[self.body].inertia, inertia), state
+
+
+@dataclass(frozen=True)
+class FlankStiffness:
+    """Function that gives the flanks of a backlash a torsional stiffness, N m/rad."""
+
+    joint: str
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        backlash = scene.joints[self.joint]
+        assert isinstance(backlash, Backlash)
+        stiffness = value / jnp.asarray(backlash.radius) ** 2
+
+        def path(scene: Scene) -> Scalar:
+            return scene.joints[self.joint].law.stiffness.stiffness  # pyright: ignore
+
+        return set_value(scene, path, stiffness), state
+
+
+@dataclass(frozen=True)
+class StartOfJoint:
+    """Function that gives a joint a position, or a speed, at the start.
+
+    `follower` is the other side of its drive train, if the log has only one of the two: it starts
+    where it carries the `load`, N m or N, which presses it against `play` or compliance.
+    """
+
+    robot: Robot
+    joint: str
+    of_speed: bool
+    follower: str | None
+    load: float
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        numbers = {self.joint: value}
+        if self.follower is not None:
+            lag = 0.0 if self.of_speed else wind_up(scene, self.follower, self.joint, self.load)
+            numbers[self.follower] = value + lag
+        q, qd = (None, numbers) if self.of_speed else (numbers, None)
+        return scene, self.robot.moved(state, q, qd)
+
+
+@dataclass(frozen=True)
+class StartInPlay:
+    """Function that gives the side of a drive train that is not logged its place in the play at the
+    start, from -1, at the lower end, to 1."""
+
+    robot: Robot
+    joint: str
+    follower: str
+    backlash: str
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        half = 0.5 * scene.joints[self.backlash].play  # pyright: ignore
+        place = self.robot.angles(state)[self.joint] + value * half
+        return scene, self.robot.moved(state, {self.follower: place})
+
+
+def wind_up(scene: Scene, follower: str, leader: str, load: float) -> Scalar:
+    """Return by how much one side of a drive train is ahead of the other under the load, N m, with
+    which the motor holds the link; zero, the middle of the play, without load."""
+    joint, sign = (follower, -1.0) if follower + " motor" == leader else (leader, 1.0)
+    backlash = scene.joints.get(f"{joint} backlash")
+    if isinstance(backlash, Backlash):
+        stiffness = backlash.law.stiffness.stiffness * backlash.radius**2  # pyright: ignore
+        return sign * (np.sign(load) * 0.5 * backlash.play + load / stiffness)
+    compliance = scene.forces.get(f"{joint} compliance")
+    return sign * load / compliance.stiffness if isinstance(compliance, TorsionalSpring) else 0.0
+
+
+@dataclass(frozen=True)
+class RobotProblem:
+    """A driven robot at the start of its log, its parameters, and what the log measures.
+
+    - `scene`, `state`: of the driven robot at the start.
+    - `subjects`: the joint of each parameter, and what it is of it, such as "play".
+    """
+
+    robot: Robot
+    log: RobotLog
+    driven_by: DrivenBy
+    scene: Scene
+    state: State
+    parameters: dict[str, Parameter]
+    subjects: dict[str, tuple[str, str]]
+    measurements: Measurements
+
+
+def drive_name(joint: str) -> str:
+    """Return the name of the element of the scene that drives a joint."""
+    return f"{joint} drive"
+
+
+def backlash_name(joint: str) -> str:
+    """Return the name of the backlash of a joint in the scene."""
+    return f"{joint} backlash"
+
+
+def motor_of(robot: Robot, joint: str) -> str:
+    """Return the name of the joint of the motor, which is the joint itself if the two don't turn
+    apart."""
+    motor = motor_name(joint)
+    return motor if joint in robot.drives and motor in robot.scene.joints else joint
+
+
+def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
+    """Return the problem of a fit; raise a `ValueError` for what does not fit together."""
+    sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
+    for argument, part, names in (
+        ("find", find, robot.joints),
+        ("driven_by", driven_by, robot.joints),
+        ("log.torques", log.torques, robot.joints),
+        ("log.angles", log.angles, sides),
+    ):
+        for name in part:
+            expected, remedy = f"one of {', '.join(names)}", nearest(name, names, "leave it out")
+            require(name in names, argument, name, expected, remedy)
+            ideal = robot.scene.joints[name]
+            expected, remedy = "an ideal hinge or slider", "leave it out"
+            kind = type(ideal).__name__
+            require(
+                isinstance(ideal, HingeOrSlider), f"{argument}[{name!r}]", kind, expected, remedy
+            )
+    positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
+    driven = _driven(robot, log, driven_by, positions)
+    parameters: dict[str, Parameter] = {}
+    subjects: dict[str, tuple[str, str]] = {}
+    for joint, kinds in find.items():
+        units = OF_HINGES if is_hinge(robot, joint) else OF_SLIDERS
+        for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
+            expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
+            require(kind in units, f"find[{joint!r}]", kind, expected, remedy)
+            if isinstance(start, str):
+                start = number_of_text(start, units[kind], FileLocation("find", (joint, kind)))
+            name = f"{joint} {kind}"
+            if kind in RESISTANCES:
+                guess = _guess(log, positions, motor_of(robot, joint), joint, kind)
+                driven = _with_friction(driven, joint, kind, guess if start is None else start)
+            parameters[name] = _parameter(driven, joint, kind, start, units[kind])
+            subjects[name] = joint, kind
+    q = {name: float(spline.values[0]) for name, spline in positions.items()}
+    qd = {
+        name: 0.0 if _begins_at_rest(log.angles[name]) else float(spline.rates[0])
+        for name, spline in positions.items()
+    }
+    for name, samples in log.angles.items():
+        # Where a joint is driven it follows the log from the start on. The start of another is
+        # known as accurately as a single sample, so that it is a parameter.
+        if any(mode == "angle" and name == motor_of(robot, j) for j, mode in driven_by.items()):
+            continue
+        unit = "rad" if is_hinge(robot, name) else "m"
+        noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
+        follower, load = _other_side(robot, log, name), 0.0
+        if follower is not None:
+            load = _load_at_start(robot, q, name, follower, noise)
+        for of_speed, value, size in ((False, q[name], noise), (True, qd[name], FACTOR * noise)):
+            change = StartOfJoint(robot, name, of_speed, follower, load)
+            if of_speed and value == 0.0:
+                continue
+            kind = f"start {'speed' if of_speed else 'position'}"
+            unit_of = f"{unit}/s" if of_speed else unit
+            parameters[f"{name} {kind}"] = Parameter.change(change, value, Linear(size), unit_of)
+            subjects[f"{name} {kind}"] = name, kind
+        joint = name if name in robot.drives else follower
+        backlash = backlash_name(joint or "")
+        is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
+        if follower is not None and load == 0.0 and is_loose:
+            change = StartInPlay(robot, name, follower, backlash)
+            label = f"{follower} {IN_PLAY}"
+            parameters[label] = Parameter.change(change, 0.0, Bounded(-1.0, 1.0))
+            subjects[label] = follower, IN_PLAY
+    state = robot.state(q, qd)
+    return RobotProblem(
+        driven,
+        log,
+        driven_by,
+        driven.scene,
+        state,
+        parameters,
+        subjects,
+        _measured(robot, log, driven_by),
+    )
+
+
+def is_hinge(robot: Robot, joint: str) -> bool:
+    """Return whether a joint is no slider."""
+    return not isinstance(robot.scene.joints[joint], PrismaticJoint)
+
+
+def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
+    """Return the motor of a joint, or the joint of a motor, whose position is not logged; ``None``
+    if there is none."""
+    for joint in robot.drives:
+        pair = joint, motor_of(robot, joint)
+        if name in pair and pair[0] != pair[1]:
+            other = pair[1] if name == joint else joint
+            return None if other in log.angles else other
+    return None
+
+
+def _begins_at_rest(samples: Logged) -> bool:
+    first = samples.values[:REST]
+    return samples.noise is not None and bool(np.ptp(first) <= STILL * samples.noise)
+
+
+def _load_at_start(
+    robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
+) -> float:
+    """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
+    its sign is uncertain."""
+    joint = name if name in robot.drives else follower
+    angles = {n: value for n, value in q.items() if n in robot.joints}
+    loads = [
+        float(robot.torques({**angles, joint: q[name] + error})[joint])
+        for error in (0.0, -CERTAIN * noise, CERTAIN * noise)
+    ]
+    return loads[0] if min(loads) > 0.0 or max(loads) < 0.0 else 0.0
+
+
+def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
+    """Return a cubic spline through samples or, if their noise is known, a smoothing spline of few
+    pieces that misses them by their noise (P. Dierckx, *Curve and Surface Fitting with Splines*,
+    1993)."""
+    from scipy.interpolate import CubicSpline, UnivariateSpline
+
+    _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")
+    values = np.unwrap(samples.values) if is_hinge(robot, joint) else samples.values
+    if samples.noise is None or len(values) < 5:
+        # A natural spline has no acceleration at its ends, where the joint may have one.
+        through = CubicSpline(samples.times, values)
+        return Spline(samples.times, values, through(samples.times, 1))
+    weights = np.full(len(values), 1.0 / samples.noise)
+    spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
+    knots = spline.get_knots()
+    return Spline(knots, spline(knots), spline.derivative()(knots))
+
+
+def _require_unit(argument: str, samples: Logged, unit: str) -> None:
+    remedy = "correct the unit of its column"
+    require(samples.unit in (unit, None), argument, samples.unit, f"in {unit}", remedy)
+
+
+def _driven(
+    robot: Robot, log: RobotLog, driven_by: DrivenBy, positions: Mapping[str, Spline]
+) -> Robot:
+    """Return the robot with an element that drives each joint of `drive`."""
+    for joint, mode in driven_by.items():
+        element = mode
+        if isinstance(element, AbstractForce):
+            if joint in log.goals and hasattr(element, "target"):
+                times, goals, _, _ = log.goals[joint]
+                _require_unit(f"log.goals[{joint!r}]", log.goals[joint], "rad")
+                element = replace(element, target=PiecewiseConstant(times, goals))
+        else:
+            element = _following(robot, log, joint, element, positions)
+        robot = robot.with_elements({drive_name(joint): element})
+    return robot
+
+
+def _following(
+    robot: Robot, log: RobotLog, joint: str, mode: Mode, positions: Mapping[str, Spline]
+) -> Element:
+    """Return the element by which a joint follows its logged position or torque."""
+    argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
+    expected = f"one of {', '.join(modes)}, or a drive such as a Servo"
+    require(mode in modes, argument, mode, expected, "name one of them")
+    motor = motor_of(robot, joint)
+    part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
+    expected, remedy = f"what the log has for {name!r}", f"pass {part} of {name!r} to the log"
+    require(name in getattr(log, part), argument, mode, expected, remedy)
+    ideal, ends = robot.scene.joints[motor], robot.motor_side(joint)
+    if mode == "angle" and isinstance(ideal, PrismaticJoint):
+        points = ideal.point_first, ideal.point_second
+        return PrescribedTranslation(*ends[:2], *points, ends[2], positions[motor])
+    if mode == "angle":
+        return PrescribedAngle(*ends, positions[motor])
+    _require_unit(f"log.torques[{joint!r}]", log.torques[joint], "N m")
+    remedy = "drive the slider by its position, or add the load to the robot's scene"
+    require(is_hinge(robot, joint), argument, mode, "of a hinge", remedy)
+    make = PiecewiseConstant if mode == "held torque" else Spline.through
+    return DriveTorque(*ends, make(log.torques[joint].times, log.torques[joint].values))
+
+
+RESISTANCES = "friction", "damping", "link friction"
+
+
+def _guess(
+    log: RobotLog, positions: Mapping[str, Spline], motor: str, joint: str, kind: str
+) -> float | None:
+    """Return a start of a friction or damping that the robot lacks, ``None`` without torques."""
+    if joint not in log.torques:
+        return None
+    torque = SHARE * float(np.abs(log.torques[joint].values).max())
+    moving = positions.get(motor, positions.get(joint))
+    if kind != "damping" or moving is None:
+        return torque
+    return torque / max(float(np.abs(moving.rates).max()), 1e-12)
+
+
+def _friction_name(robot: Robot, joint: str, kind: str) -> str:
+    apart = motor_of(robot, joint) != joint
+    if kind == "link friction":
+        names = f"{joint} friction", f"{joint} link friction"
+        return next((name for name in names if name in robot.scene.joints), names[1])
+    return f"{motor_of(robot, joint)} friction" if apart else f"{joint} friction"
+
+
+def _with_friction(robot: Robot, joint: str, kind: str, start: float | None) -> Robot:
+    """Return the robot with friction or damping of a joint, if it has none."""
+    name = _friction_name(robot, joint, kind)
+    present = robot.scene.joints.get(name)
+    has_damper = kind == "damping" and _damper(robot, joint) is not None
+    if has_damper or (isinstance(present, JointFriction) and kind != "damping"):
+        return robot
+    expected = "given, since the robot has none and the log no torque of the joint"
+    remedy = f'pass {{"{kind}": start}}'
+    require(start is not None, f"find[{joint!r}][{kind!r}]", start, expected, remedy)
+    if isinstance(present, JointFriction):
+        viscosity = start if present.viscosity is None else present.viscosity
+        joints = {**robot.scene.joints, name: replace(present, viscosity=viscosity)}
+        return replace(robot, scene=replace(robot.scene, joints=joints))
+    side = joint if kind == "link friction" else motor_of(robot, joint)
+    ideal = robot.scene.joints[side]
+    assert isinstance(ideal, HingeOrSlider)
+    load, viscosity = (0.0, start) if kind == "damping" else (start, None)
+    return robot.with_elements({name: friction_of(ideal, COULOMB, load, viscosity=viscosity)})
+
+
+def _damper(robot: Robot, joint: str) -> str | None:
+    """Return the name of the damper of the robot's file that acts on the motor's side."""
+    if motor_of(robot, joint) != joint or not is_hinge(robot, joint):
+        return None
+    names = f"{joint} damping", f"{joint} spring"
+    return next((name for name in names if name in robot.scene.forces), None)
+
+
+def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: str) -> Parameter:
+    """Return the parameter of a joint; raise a `ValueError` if the robot has no such number."""
+    scene, argument, scale = robot.scene, f"find[{joint!r}]", Log()
+    ideal, motor = scene.joints[joint], scene.joints[motor_of(robot, joint)]
+    if kind in ("play", "stiffness", "restitution"):
+        return _of_gear(robot, joint, kind, start)
+    if kind in RESISTANCES:
+        name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
+        if kind != "damping":
+            return Parameter(lambda s: s.joints[name].load, scale, value=start, unit=unit)
+        if damper is not None:
+            return Parameter(lambda s: s.forces[damper].damping, scale, value=start, unit=unit)
+        return Parameter(lambda s: s.joints[name].viscosity, scale, value=start, unit=unit)
+    assert isinstance(ideal, HingeOrSlider) and isinstance(motor, HingeOrSlider)
+    if kind == "armature":
+        name, remedy = motor_of(robot, joint), "add it by robot.with_drive(joint, cj.Drive(...))"
+        expected = "of a joint with an armature"
+        require(motor.armature is not None, argument, kind, expected, remedy)
+        return Parameter(lambda s: s.joints[name].armature, scale, value=start, unit=unit)
+    body = ideal.second
+    if kind == "mass":
+        return Parameter(lambda s: s.bodies[body].mass, scale, value=start)
+    assert isinstance(ideal, RevoluteJoint)
+    axis = np.asarray(ideal.axis_second) / np.linalg.norm(ideal.axis_second)
+    change = LinkInertia(body, tuple(axis.tolist()))
+    start = float(change.moment(scene)) if start is None else start
+    return Parameter.change(change, start, scale, unit)
+
+
+def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parameter:
+    """Return the parameter of the play or compliance of a hinge."""
+    scene, argument = robot.scene, f"find[{joint!r}]"
+    compliance, name = f"{joint} compliance", backlash_name(joint)
+    if kind == "stiffness" and compliance in scene.forces:
+        return Parameter(lambda s: s.forces[compliance].stiffness, Log(), value=start)
+    backlash = scene.joints.get(name)
+    remedy = f'robot.with_drive({joint!r}, cj.Drive(play="0.5 deg", ...)) adds it'
+    is_loose, expected = isinstance(backlash, Backlash), f"of a joint with {name!r} in the scene"
+    require(is_loose, argument, kind, expected, remedy)
+    assert isinstance(backlash, Backlash)
+    if kind == "play":
+        return Parameter(lambda s: s.joints[name].play, Log(), value=start)
+    law, expected = backlash.law, f"of a joint whose flanks have a law with a {kind}"
+    if kind == "restitution":
+        require(hasattr(law, kind), argument, kind, expected, "leave it out")
+        scale: AbstractScale = Bounded(0.0, 1.0)
+        return Parameter(lambda s: s.joints[name].law.restitution, scale, value=start)
+    given = getattr(getattr(law, kind, None), kind, None)
+    require(given is not None, argument, kind, expected, "leave it out")
+    present = float(as_number(given) * np.asarray(backlash.radius) ** 2)
+    start = present if start is None else start
+    return Parameter.change(FlankStiffness(name), start, Log(), "N m/rad")
+
+
+def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
+    """Return what a run predicts: positions that don't follow the log, and the torques that make
+    others follow it."""
+    channels: dict[str, tuple[Quantity, Logged, str]] = {}
+    following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
+    for name, samples in log.angles.items():
+        if name not in following:
+            hinge = is_hinge(robot, name)
+            channel = JointAngle(name) if hinge else JointPosition(name)
+            channels[f"{name} position"] = channel, samples, "rad" if hinge else "m"
+    for joint, samples in log.torques.items():
+        mode, name = driven_by.get(joint), drive_name(joint)
+        hinge = is_hinge(robot, joint)
+        if mode == "angle":
+            channel = Multiplier(name, "angle" if hinge else "distance")
+            channels[f"{joint} torque"] = channel, samples, "N m" if hinge else "N"
+        elif isinstance(mode, AbstractDriveTorque | Servo) and samples.noise is not None:
+            channels[f"{joint} torque"] = MotorTorque(name), samples, "N m"
+    remedy = "log the position of a joint that does not follow it, or the torque of one that does"
+    require(bool(channels), "log", [*log.angles, *log.torques], "of what a run predicts", remedy)
+    series = {}
+    for name, (channel, samples, unit) in channels.items():
+        _require_unit(f"{name} of the log", samples, unit)
+        remedy = "pass LogColumn(..., noise=...) for its column"
+        expected = "known for what is compared with the log"
+        require(samples.noise is not None, f"noise of {name!r}", None, expected, remedy)
+        assert samples.noise is not None
+        series[name] = Series(channel, samples.times, samples.values, samples.noise, unit, name)
+    return Measurements(series)

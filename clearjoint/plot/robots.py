@@ -1,0 +1,81 @@
+"""Draw fits of robots to their logs."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+from .._fields.checks import require
+from .style import BLUE, GREY, dress, legend_above
+
+
+class LoggedLoop(Protocol):
+    """Torque of a joint over its position at N times, as `clearjoint.results.Hysteresis`."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """Logged positions, (N,) rad or m."""
+        ...
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Logged torques, (N,) N m or N."""
+        ...
+
+    @property
+    def predicted_position(self) -> np.ndarray:
+        """Predicted positions, (N,) rad or m."""
+        ...
+
+    @property
+    def predicted_torque(self) -> np.ndarray:
+        """Predicted torques, (N,) N m or N."""
+        ...
+
+
+class FittedRobot(Protocol):
+    """The method of `clearjoint.results.RobotFit` that the figure shows."""
+
+    def hysteresis(self) -> Mapping[str, LoggedLoop]:
+        """Return torque over position, by name of the joint."""
+        ...
+
+
+def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
+    """Draw the torque of each driven joint over its position, as logged and as predicted.
+
+    **Arguments:** `fit`: from `cj.fit_robot`.
+
+    **Returns:** array (number of joints,) of the axes in a new figure.
+
+    **Raises:** `ValueError` if the log has torque and position of no driven joint.
+
+    >>> from types import SimpleNamespace
+    >>> angle = np.linspace(0.0, 1.0, 20)
+    >>> loop = cj.results.Hysteresis(angle, angle**2, angle, 1.1 * angle**2)
+    >>> result = SimpleNamespace(hysteresis=lambda: {"elbow": loop})  # or of cj.fit_robot
+    >>> axes = plot.joint_hysteresis(result)
+    """
+    loops = fit.hysteresis()
+    remedy = "log both of them"
+    require(bool(loops), "fit", [*loops], "with torque and position of a driven joint", remedy)
+    columns = min(2, len(loops))
+    rows = -(-len(loops) // columns)
+    size = 4.6 * columns, 3.6 * rows  # inches
+    _, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    axes = grid.ravel()
+    for (joint, loop), drawn in zip(loops.items(), axes, strict=False):
+        _draw(joint, loop, drawn)
+    for empty in axes[len(loops) :]:
+        empty.set_visible(False)
+    return axes[: len(loops)]
+
+
+def _draw(joint: str, loop: LoggedLoop, axes: Axes) -> None:
+    axes.plot(loop.position, loop.torque, ".", color=GREY, markersize=3, label="logged")
+    predicted = loop.predicted_position, loop.predicted_torque
+    axes.plot(*predicted, color=BLUE, linewidth=0.8, label="predicted")
+    dress(axes, f"position of {joint}, rad or m", "torque, N m or N")
+    legend_above(axes, 2)

@@ -1,0 +1,109 @@
+"""Logs of robots from tables: units, encoders, currents, and errors for what is not valid."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import clearjoint as cj
+
+TIMES = np.array([10.0, 10.5, 11.5, 12.0])
+ANGLES = np.array([0.1, 0.2, -0.3, 0.4])  # rad
+
+
+@pytest.mark.parametrize("kind", ["table", "csv", "no header", "parquet", "lists"])
+def test_every_source_gives_the_same_log(kind, tmp_path):
+    data = {"t [ms]": 1e3 * TIMES, "q [deg]": np.degrees(ANGLES), "i [mA]": [1.0, 2.0, 3.0, 4.0]}
+    table, path, options = pd.DataFrame(data), tmp_path / "log.csv", {}
+    current = cj.LogColumn.current("i", 0.05, ratio=-100.0, zero=1.0, noise=2.0)
+    angle = cj.LogColumn("q", noise=0.5)
+    columns = {"time": "t", "angles": {"elbow": angle}, "torques": {"elbow": current}}
+    if kind == "csv":
+        table.to_csv(path, index=False)
+    elif kind == "no header":
+        table.to_csv(path, index=False, header=False)
+        current = cj.LogColumn.current("2 [mA]", 0.05, ratio=-100.0, zero=1.0, noise=2.0)
+        angle = cj.LogColumn(1, "deg", noise=0.5)
+        columns = {"time": "0 [ms]", "angles": {"elbow": angle}, "torques": {"elbow": current}}
+        options = {"header": None}
+    elif kind in ("parquet", "lists"):
+        pytest.importorskip("pyarrow")
+        path = tmp_path / "log.parquet"
+        if kind == "lists":
+            state = [np.array(row) for row in zip(data["q [deg]"], data["i [mA]"], strict=True)]
+            table = pd.DataFrame({"t [ms]": data["t [ms]"], "state": state})
+            columns["angles"] = {"elbow": cj.LogColumn("state.0 [deg]", noise=0.5)}
+            name = "state.1 [mA]"
+            current = cj.LogColumn.current(name, 0.05, ratio=-100.0, zero=1.0, noise=2.0)
+            columns["torques"] = {"elbow": current}
+        table.to_parquet(path)
+    log = cj.RobotLog.read(table if kind == "table" else path, **columns, **options)
+    angle, torque = log.angles["elbow"], log.torques["elbow"]
+    np.testing.assert_allclose(angle.times, TIMES - 10.0, atol=1e-12)
+    np.testing.assert_allclose(angle.values, ANGLES, rtol=1e-12)
+    assert angle.noise == pytest.approx(np.radians(0.5)) and angle.unit == "rad"
+    np.testing.assert_allclose(torque.values, -5e-3 * np.arange(4.0), atol=1e-15)
+    assert torque.noise == pytest.approx(0.01)
+
+
+def test_counts_of_an_encoder_become_angles():
+    table = pd.DataFrame({"t": TIMES, "raw": [2048, 3072, 1024, 2049]})
+    forward = cj.LogColumn.encoder("raw", counts=4096, zero=2048)
+    backward = cj.LogColumn.encoder("raw", counts=4096, zero=2048, reverse=True, noise=1.0)
+    log = cj.RobotLog.read(table, angles={"a": forward, "b": backward})
+    quarter = np.pi / 2
+    expected = [0.0, quarter, -quarter, 2 * np.pi / 4096]
+    np.testing.assert_allclose(log.angles["a"].values, expected, rtol=1e-14)
+    np.testing.assert_allclose(log.angles["b"].values, np.negative(expected), rtol=1e-14)
+    assert log.angles["a"].noise == pytest.approx(2 * np.pi / 4096 / np.sqrt(12.0))
+    assert log.angles["b"].noise == pytest.approx(2 * np.pi / 4096)
+
+
+def test_a_part_of_a_log_keeps_its_times_and_lost_samples_are_left_out():
+    values = [1.0, np.nan, 3.0, 4.0]
+    table = pd.DataFrame({"t": TIMES, "x [mm]": values})
+    log = cj.RobotLog.read(table, angles={"slide": "x"}, missing="drop")
+    np.testing.assert_allclose(log.angles["slide"].times, [0.0, 1.5, 2.0])
+    assert log.angles["slide"].unit == "m" and log.angles["slide"].noise is None
+    part = log.between(1.0, 2.0)
+    np.testing.assert_allclose(part.angles["slide"].times, [1.5, 2.0])
+    np.testing.assert_allclose(part.angles["slide"].values, [3e-3, 4e-3])
+    assert (part.start, part.end) == (1.5, 2.0)
+    with pytest.raises(ValueError, match="two samples of 'slide'.*the log is from 0 to 2 s"):
+        log.between(0.1, 1.0)
+
+
+GOOD = {"t": [0.0, 0.1, 0.2, 0.3], "q [deg]": [0.0, 1.0, 2.0, 3.0]}
+
+
+@pytest.mark.parametrize(
+    ("changed", "column", "message"),
+    [
+        ({"t": [0.0, 0.1, 0.1, 0.3]}, "q", "Row 3 of column 't'.*later than the row before"),
+        ({"t": [0.0, 0.2, 0.1, 0.3]}, "q", "Row 3 .*sort the rows, merge repeated times"),
+        ({"t": [0.0, 0.1, 0.2, 3.3]}, "q", r"a gap from 0.2 to 3.3 s: pass largest_gap=3.1"),
+        ({"q [deg]": [0.0, np.nan, 1.0, 2.0]}, "q", "Row 2 .*finite number.*missing=.drop"),
+        ({"q [deg]": [0.0, "on", 1.0, 2.0]}, "q", "Row 2 of column 'q'"),
+        ({}, "p", "angles.*'elbow'.*among the columns of the table, .'t', 'q'., but is 'p'"),
+        ({}, "q [rad]", "unit.*that of the table, 'deg', but is 'rad'"),
+        ({"q [deg]": GOOD["t"], "p": GOOD["t"]}, "p", 'unit .*must be known.*write "p .rad."'),
+        ({"p [kg]": GOOD["t"]}, "p", "In column 'p' of the table: Argument `unit`.*'rad'"),
+        ({}, cj.LogColumn.current("q", 0.1), "a unit of 'A', but is 'deg'"),
+    ],
+)
+def test_wrong_tables_are_refused(changed, column, message):
+    table = pd.DataFrame({**GOOD, **changed})
+    with pytest.raises(ValueError, match=message):
+        cj.RobotLog.read(table, angles={"elbow": column})
+
+
+def test_wrong_columns_are_refused():
+    for make, message in (
+        (lambda: cj.LogColumn("q", noise=0.0), "`noise` must be positive"),
+        (lambda: cj.LogColumn("q", factor=0.0), "`factor` must be finite and not zero"),
+        (lambda: cj.LogColumn("q", zero=np.nan), "`zero` must be finite"),
+        (lambda: cj.LogColumn.encoder("q", counts=-3), "`counts` must be positive"),
+        (lambda: cj.LogColumn.current("i", torque_constant=0.0), "`torque_constant`"),
+        (lambda: cj.RobotLog.read(pd.DataFrame(GOOD)), "`angles` must be columns by joint"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            make()

@@ -1,0 +1,165 @@
+"""Play, friction and inertia of robots from logs that SciPy simulates."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import clearjoint as cj
+from clearjoint import plot
+from tests.support.geared_joint import (
+    COUNTS,
+    NOISE,
+    URDF,
+    GearedJoint,
+    log_table,
+    swinging,
+)
+
+JOINT = GearedJoint()
+FIND = {"elbow": {"play": "1 deg", "friction": None, "damping": None, "inertia": 0.02}}
+TRUTH = {
+    "elbow play": JOINT.play,
+    "elbow friction": JOINT.friction,
+    "elbow damping": JOINT.damping,
+    "elbow inertia": JOINT.inertia,
+}
+QUIET = {"progress": False}
+
+
+@pytest.fixture
+def with_drive(tmp_path):
+    """Returns the robot with a drive whose play is twice the true one."""
+
+    def make(**options):
+        (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
+        gear = {"stiffness": JOINT.stiffness, "damping": JOINT.flank_damping}
+        drive = cj.Drive(armature=JOINT.armature, play="1 deg", **gear, **options)
+        return cj.load_robot(tmp_path / "rig.urdf").with_drive("elbow", drive)
+
+    return make
+
+
+@pytest.fixture
+def robot(with_drive):
+    return with_drive()
+
+
+def log_of(table, side="elbow"):
+    encoder = cj.LogColumn.encoder("counts", COUNTS, zero=2048, noise=NOISE)
+    current = cj.LogColumn.current("i", torque_constant=0.05, ratio=100.0)
+    options = {"angles": {side: encoder}, "torques": {"elbow": current}}
+    return cj.RobotLog.read(table, time="t", **options)
+
+
+def held(found):
+    """Which intervals hold the true values."""
+    limits = found.fit.intervals
+    return {name: limits[name][0] <= value <= limits[name][1] for name, value in TRUTH.items()}
+
+
+def test_play_friction_and_inertia_of_a_log(robot):
+    table = log_table(JOINT, *swinging(0, 1.5))
+    found = cj.fit_robot(robot, log_of(table), FIND, {"elbow": "torque"}, grow=(), **QUIET)
+    estimates = found.fit.estimates
+    for name, (low, high) in found.fit.intervals.items():
+        if name in TRUTH:
+            assert low < TRUTH[name] < high
+            assert estimates[name] == pytest.approx(TRUTH[name], rel=0.2), name
+    assert found.fit.p_value > 1e-3 and not found.undetermined
+    assert found.robot.scene.joints["elbow backlash"].play == estimates["elbow play"]
+    assert "elbow drive" not in found.robot.scene.forces
+    loop = found.hysteresis()["elbow"]
+    assert np.abs(loop.position - loop.predicted_position).max() < 6 * NOISE * 2 * np.pi / COUNTS
+    np.testing.assert_array_equal(loop.torque, loop.predicted_torque)
+    (axes,) = plot.joint_hysteresis(found)
+    np.testing.assert_array_equal(axes.get_lines()[1].get_xdata(), loop.predicted_position)
+    assert found.to_dataframe().loc["elbow play", "estimate"] == estimates["elbow play"]
+
+
+def test_a_load_that_never_reverses_does_not_show_the_play(with_drive):
+    law = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
+    robot = with_drive(friction=JOINT.friction, viscosity=JOINT.damping, law=law)
+    # The motor holds the link against gravity, and moves it little.
+    held_up = JOINT.mass * 9.81 * JOINT.length * np.sin(0.8)
+    times, torques = swinging(0, 0.5, size=0.3)
+    table = log_table(JOINT, times, torques + held_up, start=0.8)
+    found = cj.fit_robot(robot, log_of(table), {"elbow": ["play"]}, {"elbow": "torque"}, **QUIET)
+    sentence = "The play of elbow cannot be determined: the motion never reverses its load."
+    assert found.undetermined == {"elbow play": sentence}
+    assert found.held["elbow play"] == (pytest.approx(np.radians(1.0)), "rad")
+    assert sentence in str(found) and "not identifiable" in str(found)
+    assert np.isnan(found.to_dataframe().loc["elbow play", "low"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", ["elbow", "elbow motor"])
+def test_intervals_hold_the_truth_in_27_of_30_draws(side, robot):
+    counts = dict.fromkeys(TRUTH, 0)
+    for seed in range(30):
+        log = log_of(log_table(JOINT, *swinging(seed, 6.0), side=side, seed=seed), side)
+        found = cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+        counts = {name: counts[name] + inside for name, inside in held(found).items()}
+    assert min(counts.values()) >= 27, counts
+
+
+@pytest.mark.slow
+def test_torques_of_a_joint_that_follows_its_angle(tmp_path):
+    """Against linear least squares of torque = J q'' + m g l sin q + c sign q' + d q'."""
+    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=0.02))
+    robot = cj.load_robot(tmp_path / "rig.urdf")
+    times = np.arange(601) / 200.0
+    phase = 2.0 * np.pi * times
+    q, qd = 0.6 * np.sin(phase) + 0.2 * np.sin(2.3 * phase), np.zeros(0)
+    qd = 2 * np.pi * (0.6 * np.cos(phase) + 0.46 * np.cos(2.3 * phase))
+    qdd = -((2 * np.pi) ** 2) * (0.6 * np.sin(phase) + 0.2 * 2.3**2 * np.sin(2.3 * phase))
+    about_joint = JOINT.inertia + JOINT.mass * JOINT.length**2
+    weight = JOINT.mass * 9.81 * JOINT.length * np.sin(q)
+    resisting = JOINT.friction * np.sign(qd) + JOINT.damping * qd
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(times))
+    torques = about_joint * qdd + weight + resisting + noise
+    table = pd.DataFrame({"t": times, "q [rad]": q, "tau [N m]": torques})
+    torque = cj.LogColumn("tau", noise=0.02)
+    log = cj.RobotLog.read(table, angles={"elbow": "q"}, torques={"elbow": torque})
+    find = {"elbow": ["friction", "damping", "inertia"]}
+    found = cj.fit_robot(robot, log, find, {"elbow": "angle"}, **QUIET)
+    columns = np.stack([np.sign(qd), qd, qdd], axis=1)
+    fixed = weight + JOINT.mass * JOINT.length**2 * qdd
+    expected, *_ = np.linalg.lstsq(columns, torques - fixed, rcond=None)
+    errors = 0.02 * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    names = ["elbow friction", "elbow damping", "elbow inertia"]
+    for name, value, error in zip(names, expected, errors, strict=True):
+        assert found.fit.estimates[name] == pytest.approx(value, abs=0.3 * error)
+        assert found.fit.standard_errors[name] == pytest.approx(error, rel=0.05)
+
+
+LOG = log_of(log_table(JOINT, *swinging(0, 0.1)))
+WRONG = {
+    "joint": ({"elbo": ["play"]}, {"elbow": "torque"}, "one of elbow, but is 'elbo': .*'elbow'"),
+    "kind": ({"elbow": ["plays"]}, {"elbow": "torque"}, "one of play, stiffness.*'play'"),
+    "unit": ({"elbow": {"play": "1 kg"}}, {"elbow": "torque"}, "find, `elbow.play`: found '1 kg'"),
+    "mode": ({"elbow": ["play"]}, {"elbow": "torques"}, "one of angle, torque, held torque"),
+    "not logged": ({"elbow": ["play"]}, {"elbow": "angle"}, "what the log has for 'elbow motor'"),
+    "no law": ({"elbow": ["restitution"]}, {"elbow": "torque"}, "a law with a restitution"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_does_not_fit_together_is_refused(name, robot):
+    find, driven_by, message = WRONG[name]
+    with pytest.raises(ValueError, match=message):
+        cj.fit_robot(robot, LOG, find, driven_by, **QUIET)
+
+
+def test_unknown_noise_and_play_are_refused(robot, tmp_path):
+    table = log_table(JOINT, *swinging(0, 0.1))
+    table["q [rad]"] = table["counts"] * 1e-3
+    current = cj.LogColumn.current("i", 0.05)
+    log = cj.RobotLog.read(table, angles={"elbow": "q"}, torques={"elbow": current})
+    with pytest.raises(ValueError, match="noise of 'elbow position'.*pass LogColumn"):
+        cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+    (tmp_path / "bare.urdf").write_text(URDF.format(inertia=0.01))
+    bare = cj.load_robot(tmp_path / "bare.urdf")
+    with pytest.raises(ValueError, match="'elbow backlash' in the scene.*with_drive"):
+        cj.fit_robot(bare, LOG, {"elbow": ["play"]}, {"elbow": "torque"}, **QUIET)
+    with pytest.raises(ValueError, match="joint with an armature.*with_drive"):
+        cj.fit_robot(bare, LOG, {"elbow": ["armature"]}, {"elbow": "torque"}, **QUIET)
