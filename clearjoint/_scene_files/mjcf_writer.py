@@ -69,7 +69,7 @@ from .robot import Robot
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
 """`solimp` of flanks, with the smallest impedance that MuJoCo accepts, and of other constraints and
 of dry friction, which would creep."""
-QUICK = "0.001 1"
+QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction. MuJoCo takes at least two time steps as the
 first number, s."""
 LARGEST_PENETRATION = 0.1
