@@ -79,6 +79,7 @@ STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
 PARALLEL, IN_PLACE = 1e-9, 1e-6
 """Largest deviation of the cosine of parallel axes from one, and of bodies from their joints, m."""
 HARD = {"solref": QUICK, "solimp": STIFF}
+"""Attributes of equality constraints."""
 CRITICAL = 1.0 - 1e-9
 """Largest damping ratio of a limit, with the restitution 0.14."""
 LEAST_INERTIA = 2e-15
@@ -714,7 +715,8 @@ def save_mjcf(
     ```
 
     The file has the bodies, their tree of hinges, sliders, balls and fixed joints, and free bodies;
-    armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Joints
+    armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Dry
+    friction is that at 1 m/s or rad/s, without the elastic deflection of bristles. Joints
     that close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which
     are soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator, whose control the keyframe
     "start" has at time zero; the keyframe also has the `state`. Joints have their names and
