@@ -10,7 +10,7 @@ whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the 
     (1 - d) a - b v - k r,
 
 where d is the limit's impedance, a the acceleration without it, r the penetration and v its rate;
-k and b are the negative numbers of `solreflimit`. An impedance near one, as by default, fixes the
+the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
 acceleration: a load hardly deflects the limit. With an impedance near zero, the limit is a spring
 and damper, whose force does not depend on the load: its stiffness is k over the inverse inertia
 that MuJoCo computes when it compiles the file (`dof_invweight0`, `tendon_invweight0`), in any pose.
@@ -69,16 +69,17 @@ from .robot import Robot
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
 """`solimp` of flanks, with the smallest impedance that MuJoCo accepts, and of other constraints and
 of dry friction, which would creep."""
-QUICK = "0.001 1"
+QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction. MuJoCo takes at least two time steps as the
 first number, s."""
 LARGEST_PENETRATION = 0.1
 """Penetration up to which a linear law replaces that of flanks, over the play."""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
-"""Default time steps in a period of the stiffest flank, and the longest one, s."""
+"""Default time steps in the shortest period of a flank or spring, and the longest step, s."""
 PARALLEL, IN_PLACE = 1e-9, 1e-6
 """Largest deviation of the cosine of parallel axes from one, and of bodies from their joints, m."""
 HARD = {"solref": QUICK, "solimp": STIFF}
+"""Attributes of equality constraints."""
 CRITICAL = 1.0 - 1e-9
 """Largest damping ratio of a limit, with the restitution 0.14."""
 LEAST_INERTIA = 2e-15
@@ -553,16 +554,23 @@ class MjcfWriter:
         except ValueError as error:
             reason = " ".join(str(error).split())
             location.refuse(reason, "a scene that MuJoCo compiles", "change the scene")
-        fastest = TURN / STEPS_A_PERIOD / LONGEST_STEP
-        for element, (stiffness, damping) in self._flanks.items():
+
+        def weight(element: Element) -> float:
+            """Return the inverse inertia that MuJoCo uses for a joint or tendon."""
             name = element.attrib["name"]
             if element.tag == "joint":
-                weight = float(model.dof_invweight0[model.joint(name).dofadr[0]])
-            else:
-                weight = float(model.tendon_invweight0[model.tendon(name).id])
-            numbers = -stiffness * weight, -damping(1.0 / weight) * weight
+                return float(model.dof_invweight0[model.joint(name).dofadr[0]])
+            return float(model.tendon_invweight0[model.tendon(name).id])
+
+        squares = [(TURN / STEPS_A_PERIOD / LONGEST_STEP) ** 2]
+        for element, (stiffness, damping) in self._flanks.items():
+            inverse = weight(element)
+            numbers = -stiffness * inverse, -damping(1.0 / inverse) * inverse
             element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
-            fastest = max(fastest, math.sqrt(stiffness * weight))
+            squares.append(stiffness * inverse)
+        springs = [e for e in self.root.iter() if "stiffness" in e.attrib]
+        squares += [float(spring.attrib["stiffness"]) * weight(spring) for spring in springs]
+        fastest = math.sqrt(max(squares))
         step = TURN / STEPS_A_PERIOD / fastest if timestep is None else timestep
         self._option.attrib |= {"integrator": integrator, "timestep": _text(step)}
         positions, speeds = self.start(model, start)
@@ -707,7 +715,8 @@ def save_mjcf(
     ```
 
     The file has the bodies, their tree of hinges, sliders, balls and fixed joints, and free bodies;
-    armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Joints
+    armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Dry
+    friction is that at 1 m/s or rad/s, without the elastic deflection of bristles. Joints
     that close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which
     are soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator, whose control the keyframe
     "start" has at time zero; the keyframe also has the `state`. Joints have their names and
@@ -734,8 +743,8 @@ def save_mjcf(
     - `path`: of the file; an existing one is overwritten.
     - `state`: of the keyframe. A scene's file describes the bodies in this pose, a robot's with all
       joints at zero; that is the default.
-    - `timestep`: s; by default a twentieth of the period of the stiffest flank in the pose of the
-      file, or 2 ms.
+    - `timestep`: s; by default a twentieth of the shortest period of a flank or spring in the pose
+      of the file, at most 2 ms.
     - `integrator`: one of MuJoCo's: "Euler", "RK4", "implicit" or "implicitfast".
 
     **Raises:** `ValueError` for a state that the ideal joints do not allow, and for a scene that

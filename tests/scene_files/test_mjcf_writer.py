@@ -401,6 +401,10 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
         assert model.key_qpos[0][model.joint("twist").qposadr[0]] == pytest.approx(5.0)
         assert model.actuator("servo").trnid[0] == model.joint("twist motor").id
         assert model.tendon_stiffness == pytest.approx(80.0)
+        # The rotor has almost no inertia beside the link's.
+        assert model.opt.timestep == pytest.approx(
+            2 * math.pi / 20 * math.sqrt(1e-6 / 80), rel=1e-3
+        )
 
 
 @pytest.mark.parametrize("seed", FEW)
