@@ -262,9 +262,10 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
                 driven = _with_friction(driven, joint, kind, guess if start is None else start)
             parameters[name] = _parameter(driven, joint, kind, start, units[kind])
             subjects[name] = joint, kind
-    q = {name: float(spline.values[0]) for name, spline in positions.items()}
+    # The second time of each table is the first of its column.
+    q = {name: float(spline.values[1]) for name, spline in positions.items()}
     qd = {
-        name: 0.0 if _begins_at_rest(log.angles[name]) else float(spline.rates[0])
+        name: 0.0 if _begins_at_rest(log.angles[name]) else float(spline.rates[1])
         for name, spline in positions.items()
     }
     for name, samples in log.angles.items():
@@ -351,11 +352,14 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
     values = np.unwrap(samples.values) if is_hinge(robot, joint) else samples.values
     if samples.noise is None or len(values) < 5:
         # A natural spline has no acceleration at its ends, where the joint may have one.
-        through = CubicSpline(samples.times, values)
-        return Spline(samples.times, values, through(samples.times, 1))
-    weights = np.full(len(values), 1.0 / samples.noise)
-    spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
-    knots = spline.get_knots()
+        spline, knots = CubicSpline(samples.times, values), samples.times
+    else:
+        weights = np.full(len(values), 1.0 / samples.noise)
+        spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
+        knots = spline.get_knots()
+    # At the ends of a table its second derivative is not defined: they lie beyond the log.
+    beyond = samples.times[1] - samples.times[0]
+    knots = np.concatenate([[knots[0] - beyond], knots, [knots[-1] + beyond]])
     return Spline(knots, spline(knots), spline.derivative()(knots))
 
 
