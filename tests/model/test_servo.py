@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from tests.support.servo_reference import SampledPid
+from studies.robots.sampled_servo import SampledPid
 from tests.support.symmetry_transformations import euler
 
 Z, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)

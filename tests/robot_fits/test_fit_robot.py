@@ -6,7 +6,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import plot
-from tests.support.geared_joint import (
+from studies.robots.geared_joint import (
     COUNTS,
     NOISE,
     URDF,

@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from clearjoint._command_line.program import clearjoint
 from clearjoint._command_line.robot_fitting import read_robot_fit
-from tests.support.geared_joint import URDF, GearedJoint, log_table, swinging
+from studies.robots.geared_joint import URDF, GearedJoint, log_table, swinging
 
 JOINT = GearedJoint()
 

@@ -39,6 +39,7 @@ class SampledPid:
         read: Callable[[np.ndarray], tuple[float, float]],
         times: Sequence[float],
         motor_speed: Callable[[np.ndarray], float] = lambda y: 0.0,
+        method: str = "DOP853",
         **tolerances: float,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the states at times, s, and the torque in effect there. `read` returns the angle,
@@ -80,7 +81,7 @@ class SampledPid:
             if t > now + COINCIDE:
                 options = {"rtol": 1e-11, "atol": 1e-13, **tolerances}
                 solution = solve_ivp(
-                    lambda t, y, u=torque: rates(t, y, u), (now, t), y, "DOP853", **options
+                    lambda t, y, u=torque: rates(t, y, u), (now, t), y, method, **options
                 )
                 y, now = solution.y[:, -1], t
             if kind == 0:

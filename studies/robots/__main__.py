@@ -1,0 +1,42 @@
+"""Robots: which files can be loaded, and what the log of a servo tells of its joint.
+
+python -m studies.robots [PART] [--files FOLDER] [--quick], where PART is files or servo
+"""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from studies.common.output import Output, run_parts
+from studies.common.report import markdown
+from studies.robots import files, servo_joint
+
+HERE = Path(__file__).resolve().parent
+
+
+def files_part(folder: Path, output: Output) -> list[str]:
+    """Return the tables of the URDF and MJCF files in a folder."""
+    rows = files.survey(folder)
+    tables = [("robots' files", ""), *files.counts(rows)], files.table(rows)
+    return [f"\n{markdown(table)}" for table in tables[: 1 if output.quick else None]]
+
+
+def servo_part(output: Output) -> list[str]:
+    """Return the table of fits to the log of a servo; draw the first one."""
+    rows, first = servo_joint.measure(output.quick)
+    output.save(servo_joint.figure(first), "servo")
+    return [f"\n{markdown(rows)}"]
+
+
+def main(arguments: Sequence[str] | None = None) -> list[str]:
+    """Run the parts that the command line names."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("--files", type=Path, default=HERE)
+    options, others = parser.parse_known_args(arguments)
+    parts = {"files": partial(files_part, options.files), "servo": servo_part}
+    return run_parts(__file__, __doc__, parts, "one short log", others)
+
+
+if __name__ == "__main__":
+    main()
