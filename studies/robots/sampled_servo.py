@@ -34,10 +34,10 @@ class SampledPid:
     def run(
         self,
         rates: Rates,
-        start: Sequence[float],
+        start: Sequence[float] | np.ndarray,
         end: float,
         read: Callable[[np.ndarray], tuple[float, float]],
-        times: Sequence[float],
+        times: Sequence[float] | np.ndarray,
         motor_speed: Callable[[np.ndarray], float] = lambda y: 0.0,
         method: str = "DOP853",
         **tolerances: float,
@@ -79,7 +79,7 @@ class SampledPid:
             if t > end + COINCIDE:
                 break
             if t > now + COINCIDE:
-                options = {"rtol": 1e-11, "atol": 1e-13, **tolerances}
+                options: dict[str, Any] = {"rtol": 1e-11, "atol": 1e-13, **tolerances}
                 solution = solve_ivp(
                     lambda t, y, u=torque: rates(t, y, u), (now, t), y, method, **options
                 )

@@ -5,6 +5,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -59,7 +60,7 @@ def robot() -> cj.results.Robot:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rig.urdf"
         path.write_text(URDF.format(inertia=JOINT.inertia))
-        gear = {"stiffness": JOINT.stiffness, "damping": JOINT.flank_damping}
+        gear: dict[str, Any] = {"stiffness": JOINT.stiffness, "damping": JOINT.flank_damping}
         drive = cj.Drive(armature=JOINT.armature, play="1 deg", **gear)
         return cj.load_robot(path).with_drive("elbow", drive)
 
@@ -68,7 +69,7 @@ def fitted(table: pd.DataFrame, sampled: bool = True) -> tuple[cj.results.RobotF
     """Return the fit of a log by a `Servo`, or by a `Motor` with the same gains, and its processor
     time, s."""
     rig, begun = robot(), time.process_time()
-    gains = {"proportional": PROPORTIONAL, "derivative": DERIVATIVE}
+    gains: dict[str, Any] = {"proportional": PROPORTIONAL, "derivative": DERIVATIVE}
     side = rig.motor_side("elbow")
     if sampled:
         encoder = cj.Encoder(*rig.link_side("elbow"))
