@@ -292,7 +292,7 @@ def contacts(lossless: bool) -> dict[str, Case]:
                 point_second=ON_SECOND,
                 **shared,
             ),
-            apart=ON_FIRST - ON_SECOND + 0.03 * ACROSS,
+            apart=ON_FIRST - ON_SECOND + 0.0297 * ACROSS,
             **near,
         ),
         "backlash": case(

@@ -13,7 +13,7 @@ from scipy import signal, stats
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint._identification import goodness_of_fit as statistics
-from clearjoint._identification.identify import _warn
+from clearjoint._identification.identify import warn_of
 from clearjoint._identification.levenberg_marquardt import Search, WindowSearch
 from clearjoint._identification.residuals import UNREACHED, RunMisfit
 from clearjoint._information import fisher_information as information
@@ -340,10 +340,10 @@ def test_what_was_tried_already_is_not_advised():
 def test_a_poor_fit_is_warned_of_once():
     fine, poor = line(), with_data(lambda data: data + 5.0 * np.sin(20.0 * TIMES))
     with pytest.warns(cj.PoorFitWarning, match="2 of 3 fits are") as caught:
-        _warn([fine, poor, poor])
+        warn_of([fine, poor, poor])
     assert len(caught) == 1 and "1. " in str(caught[0].message)
     with warnings.catch_warnings(action="error"):
-        _warn([fine])
+        warn_of([fine])
 
 
 def coloured(correlation, count, generator):
