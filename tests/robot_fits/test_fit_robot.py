@@ -107,7 +107,7 @@ def test_torques_of_a_joint_that_follows_its_angle(tmp_path):
     """Against linear least squares of torque = J q'' + m g l sin q + c sign q' + d q'."""
     (tmp_path / "rig.urdf").write_text(URDF.format(inertia=0.02))
     robot = cj.load_robot(tmp_path / "rig.urdf")
-    times = np.arange(601) / 200.0
+    times = np.arange(3001) / 1000.0  # the second derivative of a spline errs by (w h)^2 / 12
     phase = 2.0 * np.pi * times
     q, qd = 0.6 * np.sin(phase) + 0.2 * np.sin(2.3 * phase), np.zeros(0)
     qd = 2 * np.pi * (0.6 * np.cos(phase) + 0.46 * np.cos(2.3 * phase))
