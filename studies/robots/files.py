@@ -5,7 +5,7 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,8 @@ class Loaded:
     - `options`: the arguments that were needed, and `refused`: the message if none help.
     - `bodies`: number of bodies.
     - `beside`: the other program, and `difference`: the largest difference of a joint's
-      acceleration from its, relative to the largest acceleration; ``None`` if not compared.
+      acceleration from its, over the largest one or, if less, 1 rad/s^2 or m/s^2; ``None`` if
+      not compared.
     """
 
     name: str
@@ -150,7 +151,7 @@ def difference(path: Path, robot: cj.results.Robot) -> tuple[str, float]:
             for part in (robot.angles(state), robot.speeds(state))
         )
         ours, others = accelerations(robot, state, springs=not is_urdf), of_other(path, q, v)
-        size = max(map(abs, others.values())) or 1.0
+        size = max(1.0, *map(abs, others.values()))
         worst = max(worst, *(abs(ours[name] - others[name]) / size for name in q))
     return "Pinocchio" if is_urdf else "MuJoCo", worst
 
@@ -160,13 +161,14 @@ def survey(folder: Path) -> list[Loaded]:
     than in the file."""
     rows = []
     for path in robot_files(folder):
-        robot, row = load(path)
-        if robot is not None and robot.joints and not row.options.keys() - {"free_root"}:
-            try:
+        try:
+            robot, row = load(path)
+            if robot is not None and robot.joints and not row.options.keys() - {"free_root"}:
                 beside, worst = difference(path, robot)
-                row = Loaded(row.name, row.options, "", row.bodies, beside, worst)
-            except ImportError as error:
-                print(f"{row.name}: not compared: {error}")
+                row = replace(row, beside=beside, difference=worst)
+        except ImportError as error:
+            print(f"{path.name}: {error}")
+            continue
         rows.append(row)
     return rows
 

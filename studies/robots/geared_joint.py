@@ -21,7 +21,7 @@ NOISE = float(np.sqrt(1.0 + 1.0 / 12.0))
 Angles = np.ndarray
 URDF = """<robot name="rig"><link name="base"/>
 <link name="arm"><inertial><origin xyz="0 0 -0.25"/><mass value="1"/>
-<inertia ixx="0.01" iyy="{inertia}" izz="0.01"/></inertial></link>
+<inertia ixx="0.01" iyy="{inertia}" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="elbow" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
 </joint></robot>"""
 
