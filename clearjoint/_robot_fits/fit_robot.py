@@ -54,6 +54,9 @@ fit before."""
 NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
 ENDS = -0.7, 0.7
 """Places in a play, from -1 to 1, from which a fit also starts."""
+SHORTEST = 1.0 / 64.0
+"""Share of the log in the first window if a start in a play is unknown: it shows in the beginning
+of the log, while in all of it chi squared has minima at wrong ones."""
 PART = 0.3
 """Weight in an undetermined combination above which a parameter is named."""
 
@@ -258,8 +261,9 @@ def fit_robot(
     - `parameters`: further parameters by name, such as ``{"delay": cj.Parameter.delay("elbow
       position")}``. The series are named "elbow position" and "elbow torque".
     - `settings`, `max_iterations`, `check_runs`, `progress`: as in `identify`.
-    - `grow`: ends of growing windows, s, as in `identify`. By default they come from `fit_horizon`,
-      for starts that are wrong by a factor of two.
+    - `grow`: ends of growing windows, s, as in `identify`; () for none. By default a fit with poor
+      residuals is repeated with windows from `fit_horizon`, for starts that are wrong by a factor
+      of two. If a start in a play is unknown, there are windows from 1/64 of the log on.
 
     **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
     is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
@@ -299,8 +303,9 @@ def fit_robot(
         places = [name for name in rest if problem.subjects.get(name, ("", ""))[1] == IN_PLAY]
         sides = (0.0, *ENDS) if places else (0.0,)
         options["guess"] = [dict.fromkeys(places, side) for side in sides]
+        first = _doubled(problem, SHORTEST) if places and grow is None else grow or ()
         with quiet():
-            fit = identify(*base, measured, rest, settings, grow=grow or (), **options)
+            fit = identify(*base, measured, rest, settings, grow=first, **options)
         is_poor = fit.ending is not Ending.CONVERGED or fit.p_value < UNLIKELY
         if grow is None and is_poor:
             # Only a poor fit is worth the many runs that find out how long a record may be.
@@ -350,11 +355,18 @@ def _windows(
         )
         length = 0.9 * (min(limits.single_shot, end) - start)
     except SimulationError:  # the run with the estimates fails
-        length = (end - start) / 16.0
+        return _doubled(problem, 1.0 / 16.0)
+    return _doubled(problem, length / (end - start))
+
+
+def _doubled(problem: RobotProblem, share: float) -> list[float]:
+    """Return ends of windows, of which the first has a share of the log, and each other is twice as
+    long as the one before."""
+    start, end = problem.log.start, float(problem.measurements.times()[-1])
     ends = []
-    while length > 0.0 and start + length < end:
-        ends.append(start + length)
-        length *= 2.0
+    while 0.0 < share < 1.0:
+        ends.append(start + share * (end - start))
+        share *= 2.0
     return ends
 
 
