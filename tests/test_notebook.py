@@ -50,7 +50,10 @@ EXPECTED = {
         "the liner passes",
         "with 8 degrees of freedom",
     ),
-    "robot_backlash": ("degrees of freedom: 1", "first crossing ends at "),
+    "robot_backlash": (
+        *("degrees of freedom: 1", "first crossing ends at "),
+        " deg, true: 0.5 deg",
+    ),
     "how_long_does_a_joint_live": (
         "reached the cycles in ",
         "slider pin bearing rate -1.0",
