@@ -205,7 +205,7 @@ def _impacts(folder: Path) -> Impacts | None:
 
 
 def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
-    """Return a solution from `read_run` with further states between its saved ones, for figures."""
+    """Return a solution from `read_run` with the denser states `DRAWN` in the folder, if any."""
     table = read_table(folder, DRAWN, ["time", "body", *STATE_PARTS])
     if table is None:
         return solution

@@ -155,8 +155,8 @@ def write_report(folder: Path) -> None:
 
 
 def write_run_report(folder: Path) -> None:
-    """Write the page of a run from the files in its folder and, if the folder contains the saved
-    states, its figures, its report on one page, and the 3D animation."""
+    """Write the HTML page of a run from the files in its folder and, if these include saved states,
+    its figures, its one-page PDF report, and the 3D animation."""
     parts = []
     if (folder / NUMBERS).exists():
         numbers = pd.read_csv(folder / NUMBERS).set_index("output")

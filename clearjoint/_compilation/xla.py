@@ -174,7 +174,7 @@ def _divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
 
 
 def _joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
-    """Leaves with arrays in the places of `_ARRAY`."""
+    """Replace each `_ARRAY` by the next array."""
     remaining = iter(arrays)
     return [next(remaining) if leaf is _ARRAY else leaf for leaf in leaves]
 

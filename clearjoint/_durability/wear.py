@@ -671,7 +671,7 @@ class _Stages:
         self.failure = reason
 
     def _pressed(self, scene: Scene) -> Float[np.ndarray, " joints"]:
-        """Return each joint's largest penetration in the last run, from the onset of the force."""
+        """Return the joints' largest penetrations in the last run, m, plus their `onset_offset`."""
         pressed = self.extremes[-1][:, 0].copy()
         for j, name in enumerate(self.names):
             joint = scene.joints[name]
@@ -846,6 +846,7 @@ class _Store:
         expected = "a folder without a result, or with one of the same scene and arguments"
         is_same = stored.attrs.get("digest") == self.digest
         require(is_same, "path", str(self.path), expected, remedy)
+        # With `stages=1`, a store may be written before any run, and has no contacts then.
         needed = (*EXTREMES, *CONTACTS) if stored.sizes["stage"] > 1 else EXTREMES
         lacking = ", ".join(name for name in needed if name not in stored)
         text, expected = f"{self.path} without {lacking}", "a store of this version"

@@ -98,8 +98,8 @@ def wear_depths(
     `times` from `quadrature_times`.
 
     **Returns:** the depths that wear off the wall and off the journal at evenly spaced angles,
-    (2, samples) m; two numbers, the largest penetration of a base, m, and the largest sum of the
-    normal forces of both bases, N; and the signals.
+    (2, samples) m; the largest penetration at an end of the journal, m, and sum of both ends'
+    normal forces, N, (2,); and `SIGNALS` at the times.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))

@@ -138,6 +138,8 @@ class System(eqx.Module):
             - add(row.bias, mechanics.bias(row))
             for row in flattened(rows)
         ]
+        # The row of an armature is elastic (see `ConstraintEquations`): with this target, its
+        # multiplier is minus the armature times the second time derivative of the position.
         targets += [-add(row.bias, mechanics.bias(row)) for row, _ in rotors]
         equations = self.constraint_equations(mechanics, flattened(rows), rotors)
         rates, multipliers = equations.corrected(targets, rates)

@@ -89,10 +89,7 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 
 
 def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return the covariance of estimates of the parameters, the inverse of F, from J or a root.
-
-    Variances of combinations that the data don't determine are large but finite.
-    """
+    """Return the covariance of the parameters' estimates, the inverse of F with a root `rows`."""
     lengths, values, directions = floored(rows)
     half = (directions / values[:, None]) / lengths
     return half.T @ half

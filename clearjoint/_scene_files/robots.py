@@ -299,8 +299,8 @@ class LinkTree:
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return the centre of mass of a carrier in the frame of its first link; without mass that
-        of its first link that has an <inertial>, or the origin."""
+        """Return a carrier's centre of mass, m, in the frame of its first link; if the mass is
+        zero, that of the first <inertial>, or else the origin."""
         inertials = self.massive(carrier)
         centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])

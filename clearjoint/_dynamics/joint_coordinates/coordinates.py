@@ -181,7 +181,7 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return the loads of wrenches on links, by index, from the roots to the leaves."""
+        """Return wrenches in the axes of their trees, by index of the link, root first."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}

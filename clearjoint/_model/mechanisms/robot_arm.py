@@ -159,7 +159,7 @@ def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, Bo
 def _state(
     frame: LinkFrame, centre: Components, velocity: Components, spin: Components
 ) -> BodyState:
-    """Return the state of a body from the global motion of a frame that is fixed to it."""
+    """Return a body's state; `centre` is in `frame`, `velocity` (global) of its origin."""
     arm, orientation = frame.axes @ centre, np.asarray(pack(frame.orientation))
     position, velocity = frame.origin + arm, velocity + np.cross(spin, arm)
     return body_state(position, orientation, velocity, frame.axes.T @ spin)

@@ -372,19 +372,21 @@ class _Group:
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _serve(self) -> None:
+        """Empty the buffers of lanes that take no step, and end those of them that are finished."""
         status = self._loop.status_of(self._columns)
-        times, goes, runs = (status[name].tolist() for name in ("time", "moves", "runs"))
+        # A lane runs until its end or a failure. It moves unless it has ended or its buffer is
+        # full.
+        times, moving, running = (status[name].tolist() for name in ("time", "moves", "runs"))
         ended: list[int] = []
         for column, slot in enumerate(self._slots):
             if slot is None:
                 continue
             self._shared.times[slot.number] = times[column]
-            if goes[column]:
+            if moving[column]:
                 continue
-            # The lane takes no step: it has ended, or waits with a full buffer.
             self._take_rows(column, slot)
             # A lane at its end may still have times to save at within its last step.
-            if not runs[column] and self._next_saves(slot)[0] > times[column]:
+            if not running[column] and self._next_saves(slot)[0] > times[column]:
                 ended.append(column)
         if ended:
             self._end(ended)

@@ -54,7 +54,8 @@ class XlaLaneLoop(AbstractLaneLoop):
         own: PyTree,
         state: PyTree,
     ):
-        self.width, self._functions, self._turns = width(), (turn, status), _TURNS_IN_ONE_FUNCTION
+        self.width, self._functions = width(), (turn, status)
+        self._take_turns = _TURNS_IN_ONE_FUNCTION
         self._shared, self._own, self._state = shared, Cells(own), Cells(state)
         # The column of a lane: its constant data | its state | occupied | status, a cell a name.
         self.own_cells = slice(0, self._own.size)
@@ -73,22 +74,22 @@ class XlaLaneLoop(AbstractLaneLoop):
 
     @override
     def run(self, columns: Memory) -> int:
-        """Take turns until one in `WAITING` of the lanes waits for Python, at most `TURNS`."""
+        """Take at most `TURNS` turns, until 1/`WAITING` of the lanes wait; return their number."""
         # Cells become arrays with a first axis of lanes, and the new states become cells again.
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
         occupied = columns.integers[self.occupied] > 0
         arguments = self._functions, self._shared, own, state, occupied
-        turns = self._turns  # Read once, as threads share the loop.
+        take_turns = self._take_turns  # Read once, as threads share the loop.
         try:
-            count, state, status = turns(*arguments)
+            count, state, status = take_turns(*arguments)
         except jax.errors.JaxRuntimeError:
-            if turns is _TURNS:
+            if take_turns is not _TURNS_IN_ONE_FUNCTION:
                 raise
             # Some operations, such as scatters and calls of LAPACK, cannot be part of one native
             # function, so the loop is compiled in XLA's usual way.
-            self._turns = _TURNS
-            count, state, status = _TURNS(*arguments)
+            self._take_turns = _TURNS_AS_USUAL
+            count, state, status = _TURNS_AS_USUAL(*arguments)
         columns.floats[self.state_cells] = self._state.rows(state).T
         for name, shown in self.status_of(columns).items():
             shown[:] = status[name]
@@ -151,7 +152,7 @@ def _turns(
 _TURNS_IN_ONE_FUNCTION = Compiled(in_one_function(_turns))
 # XLA (jaxlib 0.10.2) crashes while it compiles a loop that saves states at given times, unless its
 # fusion emitters are switched off.
-_TURNS = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
+_TURNS_AS_USUAL = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
 
 
 @Compiled
