@@ -263,7 +263,7 @@ def fit_robot(
     - `settings`, `max_iterations`, `check_runs`, `progress`: as in `identify`.
     - `grow`: ends of growing windows, s, as in `identify`; () for none. By default a fit with poor
       residuals is repeated with windows from `fit_horizon`, for starts that are wrong by a factor
-      of two. If a start in a play is unknown, there are windows from 1/64 of the log on.
+      of two. If a start in a play is unknown, windows from 1/64 of the log on are tried too.
 
     **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
     is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
@@ -303,9 +303,11 @@ def fit_robot(
         places = [name for name in rest if problem.subjects.get(name, ("", ""))[1] == IN_PLAY]
         sides = (0.0, *ENDS) if places else (0.0,)
         options["guess"] = [dict.fromkeys(places, side) for side in sides]
-        first = _doubled(problem, SHORTEST) if places and grow is None else grow or ()
+        # Neither the whole log nor windows of it lead from all starts to the lowest minimum.
+        ways = [_doubled(problem, SHORTEST), ()] if places and grow is None else [grow or ()]
         with quiet():
-            fit = identify(*base, measured, rest, settings, grow=first, **options)
+            fits = [identify(*base, measured, rest, settings, grow=w, **options) for w in ways]
+        fit = min(fits, key=lambda fit: fit.chi_squared)
         is_poor = fit.ending is not Ending.CONVERGED or fit.p_value < UNLIKELY
         if grow is None and is_poor:
             # Only a poor fit is worth the many runs that find out how long a record may be.
