@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from tests.scene_files.test_mjcf import file_of, frame, model_of, text
 from tests.support.many_states import system_of
+from tests.support.random_mjcf import file_of, frame, model_of, text
 
 FEW, MANY = range(2), range(100, 130)
 SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from studies.backlash import ours
 from studies.backlash.shafts import END, FREQUENCY, exact
-from tests.scene_files.test_mjcf import file_of, random_body, random_tree
 from tests.support.many_states import system_of
+from tests.support.random_mjcf import file_of, random_body, random_tree
 
 mujoco = pytest.importorskip("mujoco")
 FEW, MANY = range(4), range(100, 140)
