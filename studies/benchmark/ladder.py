@@ -57,9 +57,9 @@ some machines."""
 LANES = 8
 LIMIT = 120.0
 """Processor time, s, after which a measurement ends."""
-CALLS_BEFORE, CALLS_COUNTED = 20, 25
-"""Calls before repeated calls are timed, after which native code checks starts, and calls that are
-timed together."""
+CALLS_BEFORE, CALLS_COUNTED, ROUNDS = 20, 25, 3
+"""Calls before repeated calls are timed, after which native code checks starts; calls that are
+timed together; and how often, of which the median is taken."""
 NUDGE = 1e-9
 """Relative change of a mass from call to call. A start with equal numbers is checked only once."""
 FITTED = 3
@@ -162,7 +162,11 @@ def print_costs(scene: str, size: str, call: str, which: str) -> None:
     say(memory=memory)
     for _ in range(CALLS_BEFORE if call == SIMULATE else 1):
         run(SHORT)
-    together, few = _timed(lambda span: [run(span) for _ in range(CALLS_COUNTED)][0], SHORT)
+    rounds = [
+        _timed(lambda span: [run(span) for _ in range(CALLS_COUNTED)][0], SHORT)
+        for _ in range(ROUNDS if call == SIMULATE else 1)
+    ]
+    together, few = sorted(rounds)[len(rounds) // 2]
     again = together / CALLS_COUNTED
     say(again=again)
     optimise_programs()
@@ -191,7 +195,7 @@ def _runs(call: str, scene: cj.Scene, state: cj.State) -> Callable[[float], int]
         scenes = itertools.cycle(
             [
                 eqx.tree_at(lambda s: s.bodies[last].mass, scene, mass * (1.0 + k * NUDGE))
-                for k in range(CALLS_BEFORE + CALLS_COUNTED + 1)
+                for k in range(CALLS_BEFORE + ROUNDS * CALLS_COUNTED + 1)
             ]
         )
         return lambda span: int(cj.simulate(next(scenes), state, span, progress=False).attempts)
