@@ -299,23 +299,7 @@ def fit_robot(
         require(bool(rest), "find", [*find], expected, "log another motion")
         held = {name: starts[name] for name in reasons}
         base = changed(scene, state, {name: (free[name], value) for name, value in held.items()})
-        # Chi squared may have a minimum at either end of a play in which a side starts.
-        places = [name for name in rest if problem.subjects.get(name, ("", ""))[1] == IN_PLAY]
-        sides = (0.0, *ENDS) if places else (0.0,)
-        options["guess"] = [dict.fromkeys(places, side) for side in sides]
-        # Neither the whole log nor windows of it lead from all starts to the lowest minimum.
-        ways = [_doubled(problem, SHORTEST), ()] if places and grow is None else [grow or ()]
-        with quiet():
-            fits = [identify(*base, measured, rest, settings, grow=w, **options) for w in ways]
-        fit = min(fits, key=lambda fit: fit.chi_squared)
-        is_poor = fit.ending is not Ending.CONVERGED or fit.p_value < UNLIKELY
-        if grow is None and is_poor:
-            # Only a poor fit is worth the many runs that find out how long a record may be.
-            windows = _windows(fit, rest, problem, settings)
-            if windows:
-                with quiet():
-                    other = identify(*base, measured, rest, settings, grow=windows, **options)
-                fit = min(fit, other, key=lambda fit: fit.chi_squared)
+        fit = _best_fit(problem, *base, rest, settings, grow, options)
         values = {**starts, **fit.estimates}
     assert fit is not None
     warn_of([fit])
@@ -327,6 +311,40 @@ def fit_robot(
     fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
     held = {name: (starts[name], unit) for name, unit in units.items()}
     return RobotFit(fit, fitted, log, dict(driven_by), undetermined, held)
+
+
+def _best_fit(
+    problem: RobotProblem,
+    scene: Scene,
+    state: State,
+    parameters: Mapping[str, Parameter],
+    settings: Settings,
+    grow: Sequence[float] | None,
+    options: Mapping[str, PyTree],
+) -> Fit:
+    """Return the fit with the lowest chi squared of those from several starts and, unless the user
+    has given windows to `grow`, of those of the whole log and of growing windows."""
+    # Chi squared may have a minimum at either end of a play in which a side starts.
+    places = [name for name in parameters if problem.subjects.get(name, ("", ""))[1] == IN_PLAY]
+    sides = (0.0, *ENDS) if places else (0.0,)
+    guesses = [dict.fromkeys(places, side) for side in sides]
+
+    def fitted(windows: Sequence[float]) -> Fit:
+        arguments = scene, state, problem.measurements, parameters, settings
+        with quiet():
+            return identify(*arguments, grow=windows, guess=guesses, **options)
+
+    if grow is not None:
+        return fitted(grow)
+    # Neither the whole log nor windows of it lead from all starts to the lowest minimum.
+    fits = [fitted(_doubled(problem, SHORTEST))] if places else []
+    fits.append(fitted(()))
+    fit = min(fits, key=lambda fit: fit.chi_squared)
+    if fit.ending is Ending.CONVERGED and fit.p_value >= UNLIKELY:
+        return fit
+    # Only a poor fit is worth the many runs that find out how long a record may be.
+    windows = _windows(fit, parameters, problem, settings)
+    return min(fit, fitted(windows), key=lambda fit: fit.chi_squared) if windows else fit
 
 
 def changed(
@@ -447,4 +465,4 @@ def _reason(
         for other, weight in zip(report.names, worst.weights, strict=True)
         if other != name and abs(weight) > PART * abs(worst.weights[k])
     ]
-    return f"{head}: its effect can't be told from that of {' and '.join(others)}."
+    return f"{head}: the log does not distinguish its effect from that of {' and '.join(others)}."

@@ -33,10 +33,10 @@ from .._model.scene import Scene
 from .._parametrisation.parameter import AbstractScale, Bounded, Linear, Log, Parameter
 from .._parametrisation.paths import set_value
 from .._scene_files.documents import FileLocation
-from .._scene_files.drive_train import motor_name
+from .._scene_files.drive_train import COMPLIANCE, motor_name
 from .._scene_files.reading import number_of_text
 from .._scene_files.robot import Robot
-from .._scene_files.robot_elements import Element, friction_of
+from .._scene_files.robot_elements import BACKLASH, Element, friction_of
 from ..quantities.base import AbstractQuantity, Instant, Quantity, require_known
 from ..quantities.drives import MotorTorque
 from ..quantities.joints import JointAngle, Multiplier
@@ -183,12 +183,12 @@ class StartInPlay:
 def wind_up(scene: Scene, follower: str, leader: str, load: float) -> Scalar:
     """Return by how much one side of a drive train is ahead of the other under the load, N m, with
     which the motor holds the link; zero, the middle of the play, without load."""
-    joint, sign = (follower, -1.0) if follower + " motor" == leader else (leader, 1.0)
-    backlash = scene.joints.get(f"{joint} backlash")
+    joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
+    backlash = scene.joints.get(backlash_name(joint))
     if isinstance(backlash, Backlash):
         stiffness = backlash.law.stiffness.stiffness * backlash.radius**2  # pyright: ignore
         return sign * (np.sign(load) * 0.5 * backlash.play + load / stiffness)
-    compliance = scene.forces.get(f"{joint} compliance")
+    compliance = scene.forces.get(f"{joint} {COMPLIANCE}")
     return sign * load / compliance.stiffness if isinstance(compliance, TorsionalSpring) else 0.0
 
 
@@ -196,18 +196,21 @@ def wind_up(scene: Scene, follower: str, leader: str, load: float) -> Scalar:
 class RobotProblem:
     """A driven robot at the start of its log, its parameters, and what the log measures.
 
-    - `scene`, `state`: of the driven robot at the start.
+    - `state`: of the driven robot at the start.
     - `subjects`: the joint of each parameter, and what it is of it, such as "play".
     """
 
     robot: Robot
     log: RobotLog
     driven_by: DrivenBy
-    scene: Scene
     state: State
     parameters: dict[str, Parameter]
     subjects: dict[str, tuple[str, str]]
     measurements: Measurements
+
+    @property
+    def scene(self) -> Scene:
+        return self.robot.scene
 
 
 def drive_name(joint: str) -> str:
@@ -217,7 +220,7 @@ def drive_name(joint: str) -> str:
 
 def backlash_name(joint: str) -> str:
     """Return the name of the backlash of a joint in the scene."""
-    return f"{joint} backlash"
+    return f"{joint} {BACKLASH}"
 
 
 def motor_of(robot: Robot, joint: str) -> str:
@@ -229,22 +232,7 @@ def motor_of(robot: Robot, joint: str) -> str:
 
 def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
     """Return the problem of a fit; raise a `ValueError` for what does not fit together."""
-    sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
-    for argument, part, names in (
-        ("find", find, robot.joints),
-        ("driven_by", driven_by, robot.joints),
-        ("log.torques", log.torques, robot.joints),
-        ("log.angles", log.angles, sides),
-    ):
-        for name in part:
-            expected, remedy = f"one of {', '.join(names)}", nearest(name, names, "leave it out")
-            require(name in names, argument, name, expected, remedy)
-            ideal = robot.scene.joints[name]
-            expected, remedy = "an ideal hinge or slider", "leave it out"
-            kind = type(ideal).__name__
-            require(
-                isinstance(ideal, HingeOrSlider), f"{argument}[{name!r}]", kind, expected, remedy
-            )
+    _require_joints(robot, log, find, driven_by)
     positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
     driven = _driven(robot, log, driven_by, positions)
     parameters: dict[str, Parameter] = {}
@@ -268,43 +256,65 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         name: 0.0 if _begins_at_rest(log.angles[name]) else float(spline.rates[1])
         for name, spline in positions.items()
     }
-    for name, samples in log.angles.items():
+    for name in log.angles:
         # Where a joint is driven it follows the log from the start on. The start of another is
         # known as accurately as a single sample, so that it is a parameter.
         if any(mode == "angle" and name == motor_of(robot, j) for j, mode in driven_by.items()):
             continue
-        unit = "rad" if is_hinge(robot, name) else "m"
-        noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
-        follower, load = _other_side(robot, log, name), 0.0
-        if follower is not None:
-            load = _load_at_start(robot, q, name, follower, noise)
-        for of_speed, value, size in ((False, q[name], noise), (True, qd[name], FACTOR * noise)):
-            change = StartOfJoint(robot, name, of_speed, follower, load)
-            if of_speed and value == 0.0:
-                continue
-            kind = f"start {'speed' if of_speed else 'position'}"
-            unit_of = f"{unit}/s" if of_speed else unit
-            parameters[f"{name} {kind}"] = Parameter.change(change, value, Linear(size), unit_of)
-            subjects[f"{name} {kind}"] = name, kind
-        joint = name if name in robot.drives else follower
-        backlash = backlash_name(joint or "")
-        is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
-        if follower is not None and load == 0.0 and is_loose:
-            change = StartInPlay(robot, name, follower, backlash)
-            label = f"{follower} {IN_PLAY}"
-            parameters[label] = Parameter.change(change, 0.0, Bounded(-1.0, 1.0))
-            subjects[label] = follower, IN_PLAY
-    state = robot.state(q, qd)
-    return RobotProblem(
-        driven,
-        log,
-        driven_by,
-        driven.scene,
-        state,
-        parameters,
-        subjects,
-        _measured(robot, log, driven_by),
-    )
+        for (subject, kind), parameter in _of_start(robot, log, name, q, qd).items():
+            parameters[f"{subject} {kind}"] = parameter
+            subjects[f"{subject} {kind}"] = subject, kind
+    state, measurements = robot.state(q, qd), _measured(robot, log, driven_by)
+    return RobotProblem(driven, log, driven_by, state, parameters, subjects, measurements)
+
+
+def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:
+    """Raise a `ValueError` unless all names are those of ideal hinges and sliders of the robot."""
+    sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
+    for argument, part, names in (
+        ("find", find, robot.joints),
+        ("driven_by", driven_by, robot.joints),
+        ("log.torques", log.torques, robot.joints),
+        ("log.angles", log.angles, sides),
+    ):
+        for name in part:
+            expected, remedy = f"one of {', '.join(names)}", nearest(name, names, "leave it out")
+            require(name in names, argument, name, expected, remedy)
+            ideal = robot.scene.joints[name]
+            expected, remedy = "an ideal hinge or slider", "leave it out"
+            kind = type(ideal).__name__
+            require(
+                isinstance(ideal, HingeOrSlider), f"{argument}[{name!r}]", kind, expected, remedy
+            )
+
+
+def _of_start(
+    robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
+) -> dict[tuple[str, str], Parameter]:
+    """Return the parameters of the start of a joint, by the joint and what it is of it: its
+    position, its speed unless it is at rest, and the place in the play of the other side of its
+    drive train, unless that is logged or pressed to a flank."""
+    samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
+    noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
+    follower, load = _other_side(robot, log, name), 0.0
+    if follower is not None:
+        load = _load_at_start(robot, q, name, follower, noise)
+
+    def start(of_speed: bool, value: float, size: float, unit: str) -> Parameter:
+        change = StartOfJoint(robot, name, of_speed, follower, load)
+        return Parameter.change(change, value, Linear(size), unit)
+
+    parameters = {(name, "start position"): start(False, q[name], noise, unit)}
+    if qd[name] != 0.0:
+        speed = start(True, qd[name], FACTOR * noise, f"{unit}/s")
+        parameters[name, "start speed"] = speed
+    joint = name if name in robot.drives else follower
+    backlash = backlash_name(joint or "")
+    is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
+    if follower is not None and load == 0.0 and is_loose:
+        change = StartInPlay(robot, name, follower, backlash)
+        parameters[follower, IN_PLAY] = Parameter.change(change, 0.0, Bounded(-1.0, 1.0))
+    return parameters
 
 
 def is_hinge(robot: Robot, joint: str) -> bool:
@@ -371,7 +381,7 @@ def _require_unit(argument: str, samples: Logged, unit: str) -> None:
 def _driven(
     robot: Robot, log: RobotLog, driven_by: DrivenBy, positions: Mapping[str, Spline]
 ) -> Robot:
-    """Return the robot with an element that drives each joint of `drive`."""
+    """Return the robot with an element that drives each joint of `driven_by`."""
     for joint, mode in driven_by.items():
         element = mode
         if isinstance(element, AbstractForce):
@@ -494,7 +504,7 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
 def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parameter:
     """Return the parameter of the play or compliance of a hinge."""
     scene, argument = robot.scene, f"find[{joint!r}]"
-    compliance, name = f"{joint} compliance", backlash_name(joint)
+    compliance, name = f"{joint} {COMPLIANCE}", backlash_name(joint)
     if kind == "stiffness" and compliance in scene.forces:
         return Parameter(lambda s: s.forces[compliance].stiffness, Log(), value=start)
     backlash = scene.joints.get(name)

@@ -9,6 +9,9 @@ from scipy.integrate import solve_ivp
 
 Rates = Callable[[float, np.ndarray, float], Any]
 """Rates of the state, given time, s, state, and the torque, N m, in effect."""
+SAMPLE, COMMAND, OUTPUT = range(3)
+"""Kinds of instants, in the order in which equal ones come: a sample precedes the command that
+takes effect."""
 COINCIDE = 1e-12
 """Instants that differ by at most this time, s, are equal."""
 
@@ -68,14 +71,8 @@ class SampledPid:
             return float(np.clip(torque + integral, -self.limit, self.limit))
 
         torque, commands = command(0.0, y, *read(y)), {}
-        count = int(np.ceil(end * self.rate)) + 1
-        # At the same instant, the sample comes before the command that takes effect.
-        instants = [(k * period, 0, k) for k in range(1, count)]
-        instants += [(k * period + self.delay, 1, k) for k in range(1, count)]
-        instants += [(end, 2, 0), *((t, 2, 0) for t in times)]
-        instants = sorted((round(t / COINCIDE) * COINCIDE, kind, k) for t, kind, k in instants)
         now, states = 0.0, {}
-        for t, kind, k in instants:
+        for t, kind, k in self._instants(end, times):
             if t > end + COINCIDE:
                 break
             if t > now + COINCIDE:
@@ -84,14 +81,24 @@ class SampledPid:
                     lambda t, y, u=torque: rates(t, y, u), (now, t), y, method, **options
                 )
                 y, now = solution.y[:, -1], t
-            if kind == 0:
+            if kind == SAMPLE:
                 angle, speed = read(y)
                 speed = (angle - last) * self.rate if self.by_difference else speed
                 last = angle
                 commands[k] = command(t, y, angle, speed)
-            elif kind == 1:
+            elif kind == COMMAND:
                 torque = commands[k]
             else:
                 states[t] = y, torque
         rows = [states[round(t / COINCIDE) * COINCIDE] for t in times]
         return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+
+    def _instants(
+        self, end: float, times: Sequence[float] | np.ndarray
+    ) -> list[tuple[float, int, int]]:
+        """Return the instants in order: time, s, kind, and the number of the sample."""
+        numbers = range(1, int(np.ceil(end * self.rate)) + 1)
+        instants = [(k / self.rate, SAMPLE, k) for k in numbers]
+        instants += [(k / self.rate + self.delay, COMMAND, k) for k in numbers]
+        instants += [(t, OUTPUT, 0) for t in (end, *times)]
+        return sorted((round(t / COINCIDE) * COINCIDE, kind, k) for t, kind, k in instants)
