@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax
 import numpy as np
 
+from .._fields.caching import cached_by_numbers
 from .._fields.checks import require
 from .._fields.types import ArrayLike
 
@@ -57,10 +58,10 @@ def described(values: Mapping[str, object]) -> dict[str, str]:
     return {name: describe(value) for name, value in values.items()}
 
 
-def setting_notes(values: object) -> Notes:
-    """Return the fields of a dataclass as notes named "setting_<field>"."""
-    by_name = {f.name: getattr(values, f.name) for f in fields(values)}  # pyright: ignore
-    return tuple((f"setting_{name}", _note(value)) for name, value in by_name.items())
+@cached_by_numbers
+def setting_notes(values: dict[str, object]) -> Notes:
+    """Return the fields of settings, by name, as notes named "setting_<field>"."""
+    return tuple((f"setting_{name}", _note(value)) for name, value in values.items())
 
 
 def _note(value: object) -> str | int | float:

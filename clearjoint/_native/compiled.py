@@ -4,7 +4,7 @@ import os
 import warnings
 from collections.abc import Callable
 from functools import update_wrapper
-from typing import Generic, ParamSpec, TypeVar
+from typing import Generic, ParamSpec, TypeVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike
 
 from .._compilation import Compiled, traced_once
 from .._compilation.xla import is_tracing
-from .functions import FlatArguments, NativeFunction
+from .functions import FlatArguments, NativeFunction, flattened
 from .lowering import UnsupportedPrimitiveError
 from .machine_code import RecentPrograms
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+T = TypeVar("T")
 SWITCH = "CLEARJOINT_NATIVE"
 """Environment variable: with the value 0, XLA compiles everything."""
 _reported: set[str] = set()
@@ -59,17 +60,37 @@ class Native(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        if options or is_tracing() or not is_native():
+        if options:
             return self._compiled(*arguments, **options)
-        flat = FlatArguments.of(arguments)
-        if not flat.traced and self._refused.recent(flat.key) is None:
-            try:
-                return self.native.run(flat)
-            except UnsupportedPrimitiveError as error:
-                self._refused.add(flat.key, True)
-                if self._warns:
-                    report_fallback(error)
-        return self._compiled(*arguments, **options)
+        return self._result(arguments, self.native.run, lambda result: result)
+
+    def in_parts(self, *arguments: PyTree) -> tuple[FlatArguments, ...]:
+        """Return the parts of a result that is a tuple, each flattened: arguments of further calls
+        of this or another function. In native code, no PyTree is made of a part that is only passed
+        on."""
+        return self._result(
+            arguments,
+            self.native.run_in_parts,
+            lambda parts: tuple(map(flattened, cast(tuple[PyTree, ...], parts))),
+        )
+
+    def _result(
+        self,
+        arguments: tuple[PyTree, ...],
+        by_native: Callable[[FlatArguments], T],
+        of_xla: Callable[[Result], T],
+    ) -> T:
+        if not is_tracing() and is_native():
+            flat = FlatArguments.of(arguments)
+            if not flat.traced and self._refused.recent(flat.key) is None:
+                try:
+                    return by_native(flat)
+                except UnsupportedPrimitiveError as error:
+                    self._refused.add(flat.key, True)
+                    if self._warns:
+                        report_fallback(error)
+        trees = [part.tree if isinstance(part, FlatArguments) else part for part in arguments]
+        return of_xla(self._compiled(*trees))  # pyright: ignore[reportCallIssue]
 
     def programs(self) -> int:
         """Return the number of programs of this function that were compiled or loaded from disk."""
@@ -121,5 +142,5 @@ def report_fallback(error: UnsupportedPrimitiveError) -> None:
             f"XLA compiles this program, which takes longer: no native code for {reason}. "
             f"Results are correct. Write it with other functions of jax.numpy, or set {SWITCH}=0.",
             NativeFallbackWarning,
-            stacklevel=4,
+            stacklevel=5,
         )

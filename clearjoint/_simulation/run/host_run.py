@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import and_
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import equinox.internal as eqxi
 import jax
@@ -24,6 +24,7 @@ from ..._export.datasets import Notes
 from ..._math.vectors import Condition, ConstantFolded, Scalar, pack, unpack
 from ..._model.bodies import State
 from ..._native import Native
+from ..._native.functions import FlatArguments
 from ..._result_codes import RESULTS, result_number
 from ...quantities.base import Quantity
 from ..reductions.base import result_name
@@ -36,7 +37,16 @@ from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .outputs import REDUCTIONS, Requested
 from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
-from .run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state, state_of
+from .run_loop import (
+    Progress,
+    Recorders,
+    Records,
+    RunLoop,
+    begin_run,
+    final_result,
+    final_state,
+    state_of,
+)
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
@@ -61,6 +71,16 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
     return recorders
 
 
+class Status(NamedTuple):
+    """What Python needs to know of a run after each segment: its time, s, numbers of attempts and
+    of accepted ones, and result so far."""
+
+    t: Scalar
+    attempts: Scalar
+    accepted: Scalar
+    result: RESULTS
+
+
 class SavedRows(NamedTuple):
     """The state of a run, in scalar form, and values of quantities, at one or more times."""
 
@@ -76,35 +96,35 @@ def begin(
     t_end: Scalar,
     first_step: Scalar,
     recorders: Recorders,
-) -> Progress:
+) -> tuple[Step, Records, Status]:
     """Return a run before its first step, from a packed `state`; times are in s."""
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     step = begin_run(method, system, state, t0, t_end, first_step)
-    return without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
+    now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
+    return now.step, now.records, _status(now.step)
 
 
 def segment(
     scheme: Scheme,
     folded_scene: ConstantFolded,
     recorders: Recorders,
-    now: Progress,
+    step: Step,
+    records: Records,
     save_times: Numbers | None,
     t_end: Scalar,
     attempts: Scalar,
     quantities: Mapping[str, Quantity],
-) -> tuple[Progress, tuple[SavedRows, jax.Array] | None]:
+) -> tuple[Step, Records, Status, tuple[SavedRows, jax.Array] | None]:
     """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
     buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
     must contain a `LatestAttempt` at the key `LATEST`.
 
-    **Returns:** the run after the segment, and, unless `save_times` is ``None``, a pair of the
-    `SavedRows` at the N times, and whether the run has reached each time, (N,). Rows at a time
-    that the run has not reached are meaningless.
+    **Returns:** the run after the segment: its step, records and status; and, unless `save_times`
+    is ``None``, a pair of the `SavedRows` at the N times, and whether the run has reached each
+    time, (N,). Rows at a time that the run has not reached are meaningless.
     """
     method, system = scheme.method, scheme.system_of_packed(folded_scene)
     loop = RunLoop(method, system, t_end, recorders)
-    if save_times is None:
-        return loop.until(t_end, now, attempts, _has_room), None
 
     def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[SavedRows, jax.Array]]:
         # Steps are not shortened to end at the save time, because saving must not change the
@@ -116,19 +136,26 @@ def segment(
         samples = SavedRows(state_of(system, y, entry_speeds), values)
         return now, (samples, jnp.asarray(time <= now.step.t))
 
-    return jax.lax.scan(save_next, now, save_times)
+    now, saved = Progress(step, records), None
+    if save_times is None:
+        now = loop.until(t_end, now, attempts, _has_room)
+    else:
+        now, saved = jax.lax.scan(save_next, now, save_times)
+    return now.step, now.records, _status(now.step), saved
 
 
-def emptied(now: Progress) -> Progress:
-    """Return the run `now` with empty buffers of steps and impacts. Buffers of sections stay: they
-    have room for all crossings to be kept."""
-    read = {key: now.records[key] for key in (STEPS, IMPACTS) if key in now.records}
-    if not read:
-        return now
+def _status(step: Step) -> Status:
+    return Status(step.t, step.attempts, step.accepted, step.result)
+
+
+def emptied(records: Records) -> Records:
+    """Return the records of a run with empty buffers of steps and impacts. Buffers of sections
+    stay: they have room for all crossings to be kept."""
+    read = {key: records[key] for key in (STEPS, IMPACTS) if key in records}
     empty = jax.tree.map(
         lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer
     )
-    return Progress(now.step, now.records | empty)
+    return records | empty
 
 
 def _has_room(now: Progress) -> Condition:
@@ -166,7 +193,9 @@ class Run:
     end: Scalar
     redundant: tuple[str, ...]
 
-    def in_one_piece(self, now: Progress, save_at: jax.Array | None, max_steps: int) -> Solution:
+    def in_one_piece(
+        self, step: Step, records: Records, save_at: jax.Array | None, max_steps: int
+    ) -> Solution:
         """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
         a `Solution` of traced arrays, without steps and impacts. Saved states and values of
         quantities at times `save_at`, (N,) s, that the run did not reach are meaningless."""
@@ -176,7 +205,8 @@ class Run:
         program = self.scheme, self.folded_scene
         rest = (
             self.recorders,
-            now,
+            step,
+            records,
             times,
             self.end,
             jnp.asarray(max_steps),
@@ -184,8 +214,8 @@ class Run:
         )
         # JAX's own error about the loops of steps does not say what to call instead.
         run = segment(*program, *rest)
-        now, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
-        final, result, _, _ = _end_of(*program, {}, {}, now.step, self.end)
+        step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
+        final, result, _, _ = _end_of(*program, {}, {}, step, self.end)
         trajectory, count, values = None, None, {}
         if saved is not None:
             # Leave out the last row, the state at the end of the run, which was added above.
@@ -193,11 +223,11 @@ class Run:
             if self.requested.save.states:
                 trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
         return Solution(
-            time=now.step.t,
+            time=step.t,
             final=final,
             result=result,
-            attempts=now.step.attempts,
-            accepted=now.step.accepted,
+            attempts=step.attempts,
+            accepted=step.accepted,
             saved=trajectory,
             saved_count=count,
             steps=None,
@@ -209,22 +239,26 @@ class Run:
 
     def on_host(
         self,
-        now: Progress,
+        step: FlatArguments,
+        records: Records,
+        status: Status,
         save_at: np.ndarray | None,
         max_steps: int,
         progress: bool,
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
-        """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
+        """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
+        from the start that `begin` has returned. The step stays in its flattened form, since Python
+        has no use for it.
 
         **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
         stops the run after the current segment; and whether a journal has slid out of its bearing
         in the final state.
         """
-        start = float(now.step.t)
+        start = float(status.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
-        end = float(np.asarray(self.end, now.step.t.dtype))  # pyright: ignore
+        end = float(np.asarray(self.end, status.t.dtype))  # pyright: ignore
         saved = _SavedBySegments(save_at)
         # No bar is shown in the first two seconds of computing (`delay`).
         bar = ProgressBar(
@@ -240,33 +274,37 @@ class Run:
             while not (ended or interrupted):
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
-                limit: Any = np.asarray(min(int(now.step.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
-                rest = now, saved.next_times(end), self.end, limit, self.requested.quantities
-                segment_end = segment_compiled(
-                    self.scheme, self.folded_scene, self.recorders, *rest
-                )
-                now = saved.add(*segment_end)
-                bar.update(float(now.step.t) - start - bar.n)
-                failed = result_number(now.step.result) != SUCCESSFUL
-                ended = failed or int(now.step.attempts) >= max_steps
+                limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
+                program = self.scheme, self.folded_scene, self.recorders
+                rest = saved.next_times(end), self.end, limit, self.requested.quantities
+                step, *others = segment_compiled.in_parts(*program, step, records, *rest)
+                records, status, sampled = (part.tree for part in others)
+                records = saved.add(records, sampled)
+                bar.update(float(status.t) - start - bar.n)
+                failed = result_number(status.result) != SUCCESSFUL
+                ended = failed or int(status.attempts) >= max_steps
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
-                ended = ended or (float(now.step.t) >= end and saved.complete)
+                ended = ended or (float(status.t) >= end and saved.complete)
                 # Also in the last segment: otherwise a loop of short runs could not be interrupted.
                 interrupted = stopped()
-        solution, slid_out = self._solution(now, saved, notes)
+        solution, slid_out = self._solution(step, records, status, saved, notes)
         return solution, interrupted, slid_out
 
     def _solution(
-        self, now: Progress, saved: "_SavedBySegments", notes: Notes
+        self,
+        step: FlatArguments,
+        records: Records,
+        status: Status,
+        saved: "_SavedBySegments",
+        notes: Notes,
     ) -> tuple[Solution, bool]:
-        """Return the solution of a run that has ended in the state `now`, and whether a journal has
-        slid out of its bearing there."""
-        step, reductions = now.step, (self.recorders[REDUCTIONS], now.records[REDUCTIONS])
-        final, result, slid_out, results = _end_compiled(
-            self.scheme, self.folded_scene, *reductions, step, self.end
-        )
-        time, attempts, accepted = jax.device_get((step.t, step.attempts, step.accepted))
+        """Return the solution of a run that has ended, and whether a journal has slid out of its
+        bearing there."""
+        reductions = self.recorders[REDUCTIONS], records[REDUCTIONS]
+        ending = self.scheme, self.folded_scene, *reductions, step, self.end
+        final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
+        time, attempts, accepted = jax.device_get((status.t, status.attempts, status.accepted))
         states, values = saved.samples()
         trajectory = states if self.requested.save.states else None
         numbers = {
@@ -282,11 +320,11 @@ class Run:
             accepted=accepted,
             saved=trajectory,
             saved_count=None if trajectory is None else saved.count,
-            steps=saved.steps() if STEPS in now.records else None,
-            impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in now.records else None,
+            steps=saved.steps() if STEPS in records else None,
+            impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            outputs={**values, **self.requested.recorded(now.records), **numbers},
+            outputs={**values, **self.requested.recorded(records), **numbers},
             settings=notes,
         )
         return solution, bool(slid_out)
@@ -316,8 +354,8 @@ class _SavedBySegments:
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
-    def add(self, now: Progress, sampled: tuple[SavedRows, jax.Array] | None) -> Progress:
-        """Take what a segment has saved, and return the run with empty buffers, whose size thus
+    def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
+        """Take what a segment has saved, and return the records with empty buffers, whose size thus
         does not limit the run."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
@@ -326,11 +364,11 @@ class _SavedBySegments:
             count = int(np.sum(reached[: len(self.save_at) - self.count]))
             self._samples.append(_first_rows(rows, count))
             self.count += count
-        if STEPS in now.records:
-            self._steps.append(now.records[STEPS].filled())
-        if IMPACTS in now.records:
-            self.impact_rows += impact_rows_of(now.records[IMPACTS])
-        return emptied(now)
+        if STEPS in records:
+            self._steps.append(records[STEPS].filled())
+        if IMPACTS in records:
+            self.impact_rows += impact_rows_of(records[IMPACTS])
+        return emptied(records)
 
     def samples(self) -> tuple[Trajectory | None, dict[str, Numbers]]:
         """Return the states at the sample times, and the values of the quantities there."""

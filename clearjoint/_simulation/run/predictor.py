@@ -196,7 +196,7 @@ class Predictor:
             made = recorder.recorded([missing[key] for key in of_recorder])
             for key, run in zip(of_recorder, made, strict=True):
                 try:
-                    raise_failure(run.solution(setting_notes(self._settings)))
+                    raise_failure(run.solution(setting_notes(vars(self._settings))))
                     runs[key] = run
                 except SimulationError:
                     if not or_nan:

@@ -288,16 +288,15 @@ def flat_start(
 def flattened_arrays(scene: Scene, state: State) -> FlatArguments:
     """Return scene and state, flattened, with their numbers as arrays (see `with_arrays`)."""
     # Scene and state are flattened once, which for thirty joints takes a millisecond.
-    parts = FlatArguments.of((scene, state)).parts
-    return FlatArguments.joined(tuple(map(_with_arrays, parts)))
+    return FlatArguments.joined((_with_arrays(scene), _with_arrays(state)))
 
 
-def _with_arrays(part: FlatArguments) -> FlatArguments:
-    arrays = part.leaves if part.all_floats else array_leaves(part.leaves, part.tree_structure)
-    if arrays is part.leaves:
-        return part
-    tree = with_leaves(part.arguments[0], arrays, part.tree_structure)
-    return of_leaves(tree, arrays, part.tree_structure)
+def _with_arrays(tree: PyTree) -> FlatArguments:
+    leaves, structure = jax.tree.flatten(tree)
+    arrays = array_leaves(leaves, structure)
+    if arrays is not leaves:
+        tree = with_leaves(tree, arrays, structure)
+    return of_leaves(tree, arrays, structure)
 
 
 class _Starts:

@@ -240,7 +240,7 @@ def sensitivities(
         else None,
         units={n: q.unit for n, q in quantities.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
-        settings=setting_notes(settings),
+        settings=setting_notes(vars(settings)),
     )
     _caution_amplified(np.asarray(run.amplification), result.parameters, settings)
     if throw:

@@ -151,18 +151,21 @@ def simulate(
     if requested.sections or requested.reductions:
         require_dense(scheme.method.solver)
     recorders = recorders_of(requested)
-    now = begin_compiled(scheme, folded_scene, state, start, end, length, recorders)
+    beginning = scheme, folded_scene, flat.parts[1], start, end, length, recorders
+    step, records, status = begin_compiled.in_parts(*beginning)
     # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
     run = Run(folded_scene, scheme, requested, recorders, end, redundant)
     if traced:
+        first = step.tree
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
-            result = RESULTS.where(admissible, now.step.result, RESULTS.domain)
-            now = eqx.tree_at(lambda progress: progress.step.result, now, result)
+            result = RESULTS.where(admissible, first.result, RESULTS.domain)
+            first = eqx.tree_at(lambda step: step.result, first, result)
         save_at = None if times is None else on_device(times)
-        return run.in_one_piece(now, save_at, settings.max_steps)
+        return run.in_one_piece(first, records.tree, save_at, settings.max_steps)
+    notes = setting_notes(vars(settings))
     solution, interrupted, left_bearing = run.on_host(
-        now, times, settings.max_steps, progress, setting_notes(settings)
+        step, records.tree, status.tree, times, settings.max_steps, progress, notes
     )
     _warn(scene, solution, left_bearing)
     if interrupted:

@@ -38,7 +38,7 @@ def _begun(scene, state):
     """Trace the start of a run, before anything is compiled."""
     scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), fold_constants(scene)
     eqx.filter_eval_shape(
-        lambda form, state, *span: begin(scheme, form, state, *span, {}).step.t,
+        lambda form, state, *span: begin(scheme, form, state, *span, {})[0].t,
         form,
         state,
         *SPAN,

@@ -148,8 +148,9 @@ def test_runs_show_it_unless_progress_is_off(progress, capsys, monkeypatch):
     monkeypatch.setattr(terminal, "TICK", 1e-4)
     monkeypatch.setattr(terminal, "seconds_of_compiling", lambda: 12.3)
     scene, state = on_spring("mass", 50.0, 2.0, 0.3, 0.5)
-    for module, name in ((host_run, "segment_compiled"), (sampling, "sampled_compiled")):
-        monkeypatch.setattr(module, name, slowly(getattr(module, name)))
+    segments = host_run.segment_compiled
+    monkeypatch.setattr(segments, "in_parts", slowly(segments.in_parts))
+    monkeypatch.setattr(sampling, "sampled_compiled", slowly(sampling.sampled_compiled))
     cj.simulate(scene, state, 0.3, progress=progress)
     assert ("compiling, 12 s:   0%" in capsys.readouterr().err) == progress
     parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}

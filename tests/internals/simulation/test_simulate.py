@@ -35,8 +35,8 @@ def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     scheme = Scheme(method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
     recorders = recorders_of(requested_by(None, cj.Saving(saving)))
-    run = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
-    arguments = scheme, scene, recorders, run, saving, times[1], jnp.asarray(9), {}
+    step, records, _ = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
+    arguments = scheme, scene, recorders, step, records, saving, times[1], jnp.asarray(9), {}
     lowered = eqx.filter_jit(segment).lower(*arguments)
     compiled = lowered.compile()
     text = compiled.compiled.as_text()
@@ -64,11 +64,11 @@ def test_ctrl_c_in_the_last_segment_is_raised(pendulum, monkeypatch):
     """Otherwise a loop of runs of one segment could not be interrupted."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
-    def pressed(*arguments):
+    def pressed(*arguments, in_parts=segment_compiled.in_parts):
         signal.raise_signal(signal.SIGINT)
-        return segment_compiled(*arguments)
+        return in_parts(*arguments)
 
-    monkeypatch.setattr(host_run, "segment_compiled", pressed)
+    monkeypatch.setattr(segment_compiled, "in_parts", pressed)
     try:
         with pytest.raises(cj.RunInterrupted, match="at t = 0.01 s") as stopped:
             cj.simulate(*pendulum, 0.01)
