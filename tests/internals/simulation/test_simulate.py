@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._simulation.run import host_run
 from clearjoint._simulation.run.host_run import begin, recorders_of, segment, segment_compiled
 from clearjoint._simulation.run.outputs import requested_by
 from clearjoint._simulation.step.landing import Landing
