@@ -17,6 +17,7 @@ from .xla import HostFirst as HostFirst
 from .xla import NotSharedError as NotSharedError
 from .xla import are_many as are_many
 from .xla import elementwise as elementwise
+from .xla import one_call as one_call
 from .xla import program_of as program_of
 from .xla import seconds_of_compiling as seconds_of_compiling
 from .xla import shared_by_many as shared_by_many

@@ -91,16 +91,33 @@ SHARED = "shared_function"
 class _Program:
     """What is known of a program that JAX is tracing.
 
-    - `shared`: functions that `traced_for_a_kind` has traced for it.
+    - `shared`: functions that `traced_for_a_kind` has traced for it, or for an earlier program of
+      the same call.
     - `tangents`: number of parameters by which its variables are differentiated; 0 for none.
     """
 
     def __init__(self) -> None:
-        self.shared: dict[Hashable, _Shared] = {}
+        of_call = _shared_by_call.get()
+        self.shared: dict[Hashable, _Shared] = {} if of_call is None else of_call
         self.tangents = 0
 
 
 _program: ContextVar[_Program | None] = ContextVar("program", default=None)
+_shared_by_call: ContextVar[dict[Hashable, "_Shared"] | None] = ContextVar("call", default=None)
+
+
+@contextmanager
+def one_call() -> Iterator[None]:
+    """Context of a call of the package that makes several programs, which share the functions that
+    `traced_for_a_kind` traces: for a humanoid with servos, a tenth of the first answer was tracing
+    them again. Later calls trace anew, because a global variable that a function reads may have
+    changed."""
+    of_outer = _shared_by_call.get()
+    token = _shared_by_call.set({} if of_outer is None else of_outer)
+    try:
+        yield
+    finally:
+        _shared_by_call.reset(token)
 
 
 @contextmanager
@@ -193,10 +210,10 @@ def traced_for_a_kind(
     """Evaluate a function of PyTrees by a jaxpr that all calls with arguments of one kind share.
 
     Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
-    arrays of equal shapes and dtypes. In each program, JAX traces the function once for each kind.
-    In native code this becomes one function; if `is_called` is false, its equations are instead
-    repeated at each call. Leaves of the result that are no arrays are returned as at the first
-    call. All calls must pass the same function object: two objects never share a jaxpr.
+    arrays of equal shapes and dtypes. In each program, or in all programs of `one_call`, JAX traces
+    the function once for each kind. In native code this becomes one function; if `is_called` is
+    false, its equations are instead repeated at each call. Leaves of the result that are no arrays
+    are returned as at the first call. All calls must pass the same function object: two objects never share a jaxpr.
 
     **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
     if a static part of the arguments is not hashable, or the function uses a value that JAX traces

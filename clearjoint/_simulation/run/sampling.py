@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..._compilation import traced_once
+from ..._compilation import one_call, traced_once
 from ..._dynamics.bristles import initial_bristles
 from ..._dynamics.contact_events import initial_entry_speeds
 from ..._dynamics.contact_forces import EntrySpeeds
@@ -290,9 +290,10 @@ def sampled(
     """
     rest = times, t0, t_end, max_steps, recorders or {}, has_states
     runs = []
-    for group in family.in_groups(LONGEST_PACKED):
-        first = first_compiled(scheme, group, t0, t_end, first_step)
-        runs.append(sampled_compiled(first, scheme, group, outputs, *rest))
+    with one_call():
+        for group in family.in_groups(LONGEST_PACKED):
+            first = first_compiled(scheme, group, t0, t_end, first_step)
+            runs.append(sampled_compiled(first, scheme, group, outputs, *rest))
     return runs[0] if len(runs) == 1 else _joined(runs, len(family.values))
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from ..._compilation import one_call
 from ..._dynamics.journals import overdamped_contacts, warn_of_journals_outside
 from ..._export.datasets import setting_notes
 from ..._fields.cautions import LawRangeWarning, caution
@@ -152,21 +153,22 @@ def simulate(
         require_dense(scheme.method.solver)
     recorders = recorders_of(requested)
     beginning = scheme, folded_scene, flat.parts[1], start, end, length, recorders
-    step, records, status = begin_compiled.in_parts(*beginning)
-    # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
-    run = Run(folded_scene, scheme, requested, recorders, end, redundant)
-    if traced:
-        first = step.tree
-        if admissible is not None:
-            # With another result than `successful`, the loop of steps takes no step.
-            result = RESULTS.where(admissible, first.result, RESULTS.domain)
-            first = eqx.tree_at(lambda step: step.result, first, result)
-        save_at = None if times is None else on_device(times)
-        return run.in_one_piece(first, records.tree, save_at, settings.max_steps)
-    notes = setting_notes(vars(settings))
-    solution, interrupted, left_bearing = run.on_host(
-        step, records.tree, status.tree, times, settings.max_steps, progress, notes
-    )
+    with one_call():
+        step, records, status = begin_compiled.in_parts(*beginning)
+        # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
+        run = Run(folded_scene, scheme, requested, recorders, end, redundant)
+        if traced:
+            first = step.tree
+            if admissible is not None:
+                # With another result than `successful`, the loop of steps takes no step.
+                result = RESULTS.where(admissible, first.result, RESULTS.domain)
+                first = eqx.tree_at(lambda step: step.result, first, result)
+            save_at = None if times is None else on_device(times)
+            return run.in_one_piece(first, records.tree, save_at, settings.max_steps)
+        notes = setting_notes(vars(settings))
+        solution, interrupted, left_bearing = run.on_host(
+            step, records.tree, status.tree, times, settings.max_steps, progress, notes
+        )
     _warn(scene, solution, left_bearing)
     if interrupted:
         raise RunInterrupted(solution)

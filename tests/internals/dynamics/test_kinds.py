@@ -184,6 +184,20 @@ def test_elements_of_a_kind_are_traced_once():
     assert len(Counted.calls) == 2 and not set(Counted.calls) & set("xyzw")
 
 
+def test_the_programs_of_a_call_share_functions():
+    """A later call traces them anew, since globals that they read may have changed."""
+    Counted.calls.clear()
+    with xla.one_call():
+        first = wrenches_of(Counted, "xxxx")
+        with xla.one_call():
+            again = wrenches_of(Counted, "xxxx")
+    assert len(Counted.calls) == 1
+    for name, force in first.items():
+        np.testing.assert_array_equal(again[name], force)
+    wrenches_of(Counted, "xxxx")
+    assert len(Counted.calls) == 2
+
+
 def test_few_elements_are_written_out(monkeypatch):
     monkeypatch.setattr(xla, "FEWEST", 5)
     Counted.calls.clear()
