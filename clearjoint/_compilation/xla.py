@@ -213,7 +213,8 @@ def traced_for_a_kind(
     arrays of equal shapes and dtypes. In each program, or in all programs of `one_call`, JAX traces
     the function once for each kind. In native code this becomes one function; if `is_called` is
     false, its equations are instead repeated at each call. Leaves of the result that are no arrays
-    are returned as at the first call. All calls must pass the same function object: two objects never share a jaxpr.
+    are returned as at the first call. All calls must pass the same function object: two objects
+    never share a jaxpr.
 
     **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
     if a static part of the arguments is not hashable, or the function uses a value that JAX traces
