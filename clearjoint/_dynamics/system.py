@@ -7,9 +7,12 @@ from dataclasses import replace
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
+from .._fields.leaves import with_leaves
 from .._math.vectors import ZERO, Condition, Scalar, add, is_zero
 from .._model.bodies import BodyState, Motion
+from .._model.contact.laws import AbstractContactLaw, AbstractLawAround
 from .._model.joints.base import ByLabel, Motions, Row, each_label
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
@@ -32,6 +35,10 @@ FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues. If the smallest clearance
 of the scene, m, is less than this value, the clearance is the limit. With the default stabilisation
 and tolerances, the violations are about a thousandth of this value."""
+
+
+def _is_single_law(part: PyTree) -> bool:
+    return isinstance(part, AbstractContactLaw) and not isinstance(part, AbstractLawAround)
 
 
 class System(eqx.Module):
@@ -60,6 +67,15 @@ class System(eqx.Module):
     scene: Scene
     formulation: Formulation
     origin: Scalar | None = None
+
+    @staticmethod
+    def prepared(scene: Scene, formulation: Formulation, origin: Scalar | None = None) -> "System":
+        """Return the system of a scene whose contact laws are `prepared`, for many evaluations."""
+        leaves, structure = jax.tree.flatten(scene, is_leaf=_is_single_law)
+        laws = [leaf.prepared() if _is_single_law(leaf) else leaf for leaf in leaves]
+        if any(law is not leaf for law, leaf in zip(laws, leaves, strict=True)):
+            scene = with_leaves(scene, laws, structure)
+        return System(scene, formulation, origin)
 
     def with_scene(self, scene: Scene) -> "System":
         """Return this system with another scene of the same structure."""

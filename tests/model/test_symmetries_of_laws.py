@@ -137,6 +137,16 @@ def test_every_law_in_other_units(gap, scale):
         assert np.isclose(found, newton * force(law, gap, 0.25), rtol=1e-9), law
 
 
+@few
+@given(gap=GAPS)
+def test_every_law_is_prepared_without_a_change(gap):
+    for law in contact_laws():
+        ready = law.prepared()
+        assert force(ready, gap, 0.25) == force(law, gap, 0.25), law
+        assert ready.stored_energy(gap) == law.stored_energy(gap), law
+        assert ready.uses_entry_speed == law.uses_entry_speed, law
+
+
 NOT_LOSSLESS_AT_ONE = {"GharibHurmuzlu"}
 """Laws whose published formula damps even at a restitution of one."""
 

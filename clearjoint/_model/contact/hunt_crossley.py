@@ -1,7 +1,7 @@
 """The Hunt-Crossley contact laws: base classes, damping factors, delivered restitution."""
 
 import abc
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import equinox as eqx
 import jax
@@ -600,3 +600,19 @@ class ExactRestitution(AbstractReboundingLaw):
     @override
     def damping_factor(self) -> Scalar:
         return exact_damping_factor(self.restitution)
+
+    @override
+    def prepared(self) -> AbstractReboundingLaw:
+        # Computed in every evaluation of the force, the factor took four fifths of a step.
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return _KnownFactor(**values, factor=self.damping_factor())
+
+
+class _KnownFactor(AbstractReboundingLaw):
+    """A law with its damping factor."""
+
+    factor: Scalar = 0.0
+
+    @override
+    def damping_factor(self) -> Scalar:
+        return self.factor

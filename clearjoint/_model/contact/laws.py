@@ -355,6 +355,12 @@ class AbstractContactLaw(AbstractConverting):
         """
         return True
 
+    def prepared(self) -> "AbstractContactLaw":
+        """Return an equal law that has computed what depends on its parameters alone; by default
+        the law itself. A run calls this before its steps. Override it if that takes long, as a
+        search for a damping factor does."""
+        return self
+
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
         """Return the limits of validity of the law at a gap; none by default.
 

@@ -68,7 +68,7 @@ class Scheme(eqx.Module):
 
     def system(self, scene: Scene) -> System:
         """Return the system of equations that a run integrates, for a `scene` in scalar form."""
-        return System(scene, self.formulation)
+        return System.prepared(scene, self.formulation)
 
     def system_of_packed(self, folded_scene: ConstantFolded) -> System:
         """Return the system of equations that a run integrates, for a folded scene in
@@ -97,7 +97,8 @@ class SystemFamily(eqx.Module):
     def system(self) -> System:
         """Return the equations of motion for the values of the parameters at which derivatives are
         taken."""
-        return System(self.family.scene(self.family.values), self.formulation, self.origin)
+        scene = self.family.scene(self.family.values)
+        return System.prepared(scene, self.formulation, self.origin)
 
     def with_derivatives(
         self,
@@ -111,6 +112,6 @@ class SystemFamily(eqx.Module):
         result contains both, and the derivatives of the value."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
-            return function(System(scene, self.formulation, self.origin), *primals)
+            return function(System.prepared(scene, self.formulation, self.origin), *primals)
 
         return self.family.with_derivatives(of_scene, primals, tangents)
