@@ -623,8 +623,9 @@ class Result:
     def __init__(self, tree: PyTree):
         self._tree = tree
         self._leaves, self._structure = jax.tree.flatten(tree)
-        # The first result in its flattened form, whose key is that of all.
-        self._first: FlatArguments | None = None
+        # Key of the flattened result, and whether all leaves are arrays of floats, once one is
+        # known. The result itself is not kept, because it holds the memory of its call.
+        self._key: tuple[Hashable, bool] | None = None
 
     @override
     def __reduce__(self) -> tuple[object, ...]:
@@ -647,16 +648,18 @@ class Result:
 
     def _flattened(self, remaining: Iterator[np.ndarray]) -> FlatArguments:
         leaves, structure = self._with(remaining), self._structure
-        if self._first is None:
-            self._first = of_leaves(None, leaves, structure)
-        some_static = len(self._first.arrays) < len(leaves)
+        if self._key is None:
+            example = of_leaves(None, leaves, structure)
+            self._key = example.key, example.all_floats
+        key, all_floats = self._key
+        arrays = leaves if all_floats else [leaf for leaf in leaves if eqx.is_array(leaf)]
         return FlatArguments(
             lambda: (jax.tree.unflatten(structure, leaves),),
             leaves,
-            [leaf for leaf in leaves if eqx.is_array(leaf)] if some_static else leaves,
+            arrays,
             traced=False,
-            key=self._first.key,
-            all_floats=self._first.all_floats,
+            key=key,
+            all_floats=all_floats,
         )
 
     def _with(self, remaining: Iterator[np.ndarray]) -> list[PyTree]:
