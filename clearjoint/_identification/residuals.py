@@ -53,6 +53,8 @@ APART = 1e-7
 """Time, s, from a delayed time to either end of the central difference that gives the rate of a
 delayed output: short compared with the duration of a contact, long compared with the rounding of
 times."""
+NO_RECORDERS = requested_by(None, None).recorders()
+"""As in `sensitivities` without recorded outputs, so that a fit after it compiles nothing anew."""
 UNREACHED = 1e6
 """Residual, in standard deviations, of a sample that the run did not reach: large enough that an
 optimiser rejects the step."""
@@ -101,6 +103,7 @@ class Experiment(eqx.Module):
             end,
             self.first_step,
             self.max_steps,
+            recorders=NO_RECORDERS,
         )
         if delayed is not None:
             run = _delayed(self, at, *delayed[:3], run)

@@ -352,9 +352,9 @@ def with_names(element: Any, names: Mapping[str, str]) -> Any:
     if isinstance(element, cj.LubricatedJoint):
         return with_fields(element, dry=with_names(element.dry, names))
     values = {field.name: getattr(element, field.name) for field in fields(element)}
-    return with_fields(
-        element, **{k: names[v] for k, v in values.items() if isinstance(v, str) and v in names}
-    )
+    changes = {k: names[v] for k, v in values.items() if isinstance(v, str) and v in names}
+    changes |= {k: with_names(v, names) for k, v in values.items() if isinstance(v, cj.Encoder)}
+    return with_fields(element, **changes)
 
 
 def exchanged(element: Any) -> Any:
