@@ -218,11 +218,7 @@ class Robot:
         return ideal[name]
 
     def state(
-        self,
-        q: Positions = None,
-        qd: Positions = None,
-        *,
-        free: Mapping[str, BodyState] = NOTHING,
+        self, q: Positions = None, qd: Positions = None, *, free: Mapping[str, BodyState] = NOTHING
     ) -> State:
         """Return the state of the scene's bodies for positions and speeds of the joints.
 

@@ -251,11 +251,7 @@ class JointMechanics(AbstractMechanics):
 
 
 def _link(
-    branch: TreeBranch,
-    carrier: Link | None,
-    state: MotionVariables,
-    body: Body,
-    one_point: bool,
+    branch: TreeBranch, carrier: Link | None, state: MotionVariables, body: Body, one_point: bool
 ) -> tuple[Link, Matrix]:
     link = branch.link(carrier, state, one_point)
     return link, central_inertia(body, link.rotation)
@@ -387,10 +383,7 @@ def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) ->
     motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
     for branch, evaluate in _branches(trees):
         motions[branch.body] = evaluate(
-            type(branch).motion,
-            branch.nameless(),
-            motions[branch.parent],
-            variables[branch.body],
+            type(branch).motion, branch.nameless(), motions[branch.parent], variables[branch.body]
         )
     return motions
 

@@ -283,15 +283,7 @@ class JointedBranch:
         if one_point:
             offset, arm = ZERO, offset + arm
         return Link(
-            rotation,
-            offset,
-            arm,
-            spin,
-            angular_bias,
-            bias,
-            gradient,
-            tuple(columns),
-            self.armature,
+            rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns), self.armature
         )
 
     def rates(

@@ -53,10 +53,7 @@ class BallInSocket(AbstractCentredJoint):
     _: KW_ONLY
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     socket_radius: Single = quantity(
-        "m",
-        positive=True,
-        usual=(0.0, LARGEST_BEARING),
-        remedy="give lengths in m; 1 mm is 1e-3 m",
+        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
     )
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
     socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
