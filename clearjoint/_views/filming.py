@@ -71,8 +71,14 @@ class Film:
             "title": fill(literal(legend.title), 24),
             "title_fontproperties": {"weight": "bold"},
         }
-        place = {"loc": "upper left", "alignment": "left"}
-        self.figure.legend(handles=patches, fontsize=size, frameon=False, **head, **place)
+        self.figure.legend(
+            handles=patches,
+            loc="upper left",
+            alignment="left",
+            fontsize=size,
+            frameon=False,
+            **head,
+        )
         # A line of 30 characters of this size, or of 24 of the title's, is as wide as the legend.
         notes = "\n".join(fill(literal(note), 30) for note in legend.notes)
         self.figure.text(0.02, 0.02, notes, ha="left", va="bottom", fontsize=8, color="#444444")

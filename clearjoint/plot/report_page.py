@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from textwrap import fill, wrap
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -364,10 +364,11 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     def draw(row: SubFigure) -> None:
         axes = row.add_subplot()
         axes.set_axis_off()
-        place = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
+        place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
+        place |= {"annotation_clip": False, "va": "top"}
         for x, down, text, weight in texts:
             below = 0.0, -72.0 * LINE * down  # an inch has 72 points
-            axes.annotate(text, (x, 1.0), below, weight=weight, annotation_clip=False, **place)
+            axes.annotate(text, (x, 1.0), below, weight=weight, **place)
         if rows:  # a rule below the head, just above the first row
             shift = ScaledTranslation(0.0, -LINE * (head + 1.1), row.dpi_scale_trans)
             look = {"color": GREY, "linewidth": 0.6, "clip_on": False}
