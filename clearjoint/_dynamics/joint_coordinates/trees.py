@@ -12,7 +12,6 @@ derivatives of all joint speeds are zero.
 """
 
 import weakref
-from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
@@ -344,7 +343,7 @@ class Topology:
         return frozenset(passed)
 
 
-_known: OrderedDict[int, tuple[weakref.ref[Scene], Topology]] = OrderedDict()
+_known: dict[int, tuple[weakref.ref[Scene], Topology]] = {}
 """Topology of each scene object that exists, and a weak reference to it, by its `id`."""
 
 
