@@ -66,18 +66,14 @@ class Film:
         patches = [
             Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
         ]
-        size = min(9.0, 160.0 / (len(patches) + 1))  # so that all are in the picture
-        head = {
-            "title": fill(literal(legend.title), 24),
-            "title_fontproperties": {"weight": "bold"},
-        }
         self.figure.legend(
             handles=patches,
+            title=fill(literal(legend.title), 24),
+            title_fontproperties={"weight": "bold"},
             loc="upper left",
-            alignment="left",
-            fontsize=size,
+            fontsize=min(9.0, 160.0 / (len(patches) + 1)),  # so that all are in the picture
             frameon=False,
-            **head,
+            alignment="left",
         )
         # A line of 30 characters of this size, or of 24 of the title's, is as wide as the legend.
         notes = "\n".join(fill(literal(note), 30) for note in legend.notes)

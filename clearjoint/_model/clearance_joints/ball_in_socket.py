@@ -88,16 +88,8 @@ class BallInSocket(AbstractCentredJoint):
         if self.friction is not None:
             slip = slip_at(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
-        contact = Contact(
-            gap,
-            normal,
-            on_socket,
-            on_ball,
-            slip,
-            line_first=self.socket_point,
-            line_second=self.ball_point,
-        )
-        return {CONTACT: contact}
+        centres = {"line_first": self.socket_point, "line_second": self.ball_point}
+        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, **centres)}
 
     @override
     def deepest_penetration(self) -> Scalar:

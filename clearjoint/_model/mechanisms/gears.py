@@ -149,16 +149,10 @@ def cycloid_stage(
         for k in range(pins):
             around = 2.0 * math.pi * k / pins
             point = np.array([math.cos(around), math.sin(around), 0.0]) * pitch_radius
-            joints[f"pin {k + 1}"] = ClearanceJoint(
-                "disc",
-                "output",
-                bearing_point=point,
-                journal_point=point,
-                bearing_radius=pin_radius + eccentricity + play,
-                clearance=eccentricity + play,
-                journal_length=THICKNESS,
-                law=law,
-            )
+            points = {"bearing_point": point, "journal_point": point, "journal_length": THICKNESS}
+            radius, room = pin_radius + eccentricity + play, eccentricity + play
+            size = {"bearing_radius": radius, "clearance": room, "law": law}
+            joints[f"pin {k + 1}"] = ClearanceJoint("disc", "output", **points, **size)
     bodies = {
         "shaft": Body(0.2, (2e-5, 2e-5, 1e-5)),
         "disc": Body(0.25, (6e-5, 6e-5, 1.2e-4)),
