@@ -23,8 +23,15 @@ Element = TypeVar("Element", bound=AbstractElement)
 Module = TypeVar("Module", bound=eqx.Module)
 Result = TypeVar("Result")
 _PROBE = "<probe>"
-_NOT_RENAMED = ArithmeticError, AttributeError, LookupError, NotImplementedError, NotSharedError
-_NOT_RENAMED += TypeError, ValueError
+_NOT_RENAMED = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NotImplementedError,
+    NotSharedError,
+    TypeError,
+    ValueError,
+)
 """Errors of elements that are evaluated with other names, such as those that look up a body on
 which they don't act. Others are raised at once: a handler of signals may raise one, for instance
 `TimeoutError` to end a run."""

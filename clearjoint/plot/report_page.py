@@ -3,9 +3,10 @@ objects."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from textwrap import fill, wrap
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -364,11 +365,11 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     def draw(row: SubFigure) -> None:
         axes = row.add_subplot()
         axes.set_axis_off()
-        place: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
-        place |= {"annotation_clip": False, "va": "top"}
+        place = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
+        write = partial(axes.annotate, annotation_clip=False, **place)
         for x, down, text, weight in texts:
             below = 0.0, -72.0 * LINE * down  # an inch has 72 points
-            axes.annotate(text, (x, 1.0), below, weight=weight, **place)
+            write(text, (x, 1.0), below, weight=weight)
         if rows:  # a rule below the head, just above the first row
             shift = ScaledTranslation(0.0, -LINE * (head + 1.1), row.dpi_scale_trans)
             look = {"color": GREY, "linewidth": 0.6, "clip_on": False}
