@@ -61,16 +61,8 @@ def fit(study: Study, folder: Path) -> CommandResult:
     # Imported here, because it takes long and `clearjoint check` does not need it.
     from .reports import write_fit_report
 
-    folder.mkdir(parents=True, exist_ok=True)
-    remove_old(folder, [f"{SERIES}*"])
-    write_fit(result, folder)
-    summary = {
-        "ended": "interrupted" if interrupted else result.ending.value,
-        "samples": result.samples,
-        "chi_squared": result.chi_squared,
-        "degrees_of_freedom": result.degrees_of_freedom,
-    }
     # The page shows the summary and the tables, so it is written after them.
+    summary = write_fit(result, folder) | ({"ended": "interrupted"} if interrupted else {})
     write_summary(folder, "fit", study, summary)
     write_fit_report(folder, result)
     if interrupted:
@@ -126,14 +118,20 @@ def _say_iteration(
     pairs = zip(parameters.items(), iteration.coordinates, strict=True)
     values = [f"{name} {float(parameter.scale.value(x)):.6g}" for (name, parameter), x in pairs]
     rejected = "" if iteration.accepted else " (rejected)"
-    say(
-        f"iteration {iteration.number} of at most {max_iterations}: "
-        f"chi squared {iteration.chi_squared:.6g}, {', '.join(values)}{rejected}"
-    )
+    say(f"{iteration_line(iteration, max_iterations)}, {', '.join(values)}{rejected}")
 
 
-def write_fit(result: Fit, folder: Path) -> None:
-    """Write the estimates, the fitted scene and series, and the report of a fit to a folder."""
+def iteration_line(iteration: Iteration, most: int) -> str:
+    """Return the number and the chi squared of one of at most `most` iterations as text."""
+    number, chi_squared = iteration.number, iteration.chi_squared
+    return f"iteration {number} of at most {most}: chi squared {chi_squared:.6g}"
+
+
+def write_fit(result: Fit, folder: Path) -> dict[str, str | int | float]:
+    """Write the estimates, the fitted scene and series, and the report of a fit to a folder, in
+    place of those of an earlier fit; return the summary."""
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_old(folder, [f"{SERIES}*"])
     write_scene(folder, result.scene, result.state, "fitted.toml")
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
@@ -147,3 +145,9 @@ def write_fit(result: Fit, folder: Path) -> None:
         }
         times = {"time": Labelled(rows, np.asarray(series.times), "s", "time")}
         write_table(folder, f"{SERIES}{name}", labelled_dataset(f"fit of {name}", columns, times))
+    return {
+        "ended": result.ending.value,
+        "samples": result.samples,
+        "chi_squared": result.chi_squared,
+        "degrees_of_freedom": result.degrees_of_freedom,
+    }

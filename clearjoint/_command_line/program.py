@@ -34,8 +34,7 @@ def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
 
 
 @click.group(
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 88},
-    epilog=EXITS,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 88}, epilog=EXITS
 )
 @click.version_option(package_name="clearjoint")
 def clearjoint() -> None:

@@ -3,14 +3,13 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from jaxtyping import PyTree
 
 from .._identification.identify import FitInterrupted
-from .._identification.levenberg_marquardt import Ending, Iteration
+from .._identification.levenberg_marquardt import Ending
 from .._measurements.readers import Missing
 from .._measurements.robot_logs import LogColumn, RobotLog
 from .._robot_fits.fit_robot import fit_robot
@@ -21,8 +20,8 @@ from .._scene_files.reading import Reader
 from .._scene_files.robot import Robot, load_robot
 from .._scene_files.schema import Catalogue, Schema
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
-from .fitting import REPORT, SERIES, write_fit
-from .folders import remove_old, write_summary, write_table
+from .fitting import REPORT, iteration_line, write_fit
+from .folders import write_summary, write_table
 from .study import CLASSES
 
 TEMPLATE = Path(__file__).parent / "templates" / "robot_fit.toml"
@@ -123,34 +122,21 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
                 parts.driven_by,
                 grow=parts.grow,
                 max_iterations=parts.max_iterations,
-                progress=partial(_say_iteration, parts.max_iterations),
+                progress=lambda iteration: say(iteration_line(iteration, parts.max_iterations)),
             )
     except FitInterrupted:
         return CommandResult(INTERRUPTED, "interrupted", wrote=False)
     from .reports import write_robot_report
 
-    folder.mkdir(parents=True, exist_ok=True)
-    remove_old(folder, [f"{SERIES}*"])
-    write_fit(result.fit, folder)
+    fit = result.fit
+    summary = write_fit(fit, folder)
+    summary["not_identifiable"] = ", ".join(result.undetermined) or "none"
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
-    ended = result.fit.ending
-    summary = {
-        "ended": ended.value,
-        "samples": result.fit.samples,
-        "chi_squared": result.fit.chi_squared,
-        "degrees_of_freedom": result.fit.degrees_of_freedom,
-        "not_identifiable": ", ".join(result.undetermined) or "none",
-    }
     write_summary(folder, "fit of a robot", study, summary)
     write_robot_report(folder, result)
     for sentence in result.undetermined.values():
         say(f"note: {sentence}")
-    fit = result.fit
     estimates = [f"{name} {fit.estimates[name]:.5g} {fit.units[name]}" for name in fit.parameters]
-    line = f"{ended.value}, chi squared {fit.chi_squared:.4g}, {', '.join(estimates)}"
-    return CommandResult(WELL if ended is Ending.CONVERGED else FAILED, line)
-
-
-def _say_iteration(most: int, iteration: Iteration) -> None:
-    say(f"iteration {iteration.number} of at most {most}: chi squared {iteration.chi_squared:.6g}")
+    line = f"{fit.ending.value}, chi squared {fit.chi_squared:.4g}, {', '.join(estimates)}"
+    return CommandResult(WELL if fit.ending is Ending.CONVERGED else FAILED, line)

@@ -184,10 +184,7 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
 
 
 def write_results(
-    study: Study,
-    solution: Solution,
-    extremes: Mapping[str, AbstractReduction],
-    folder: Path,
+    study: Study, solution: Solution, extremes: Mapping[str, AbstractReduction], folder: Path
 ) -> tuple[float, str]:
     """Write the tables of a run, which must have saved states; return the largest normal force of
     all contacts, N, and the label of its contact."""

@@ -337,9 +337,8 @@ def find_path(
             names, parent = listed({*options}), written(keys[:known]) or "the top"
             if known == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
-            remedy = nearest(
-                keys[known], options, "`clearjoint check FILE --paths` lists all numbers"
-            )
+            otherwise = "`clearjoint check FILE --paths` lists all numbers"
+            remedy = nearest(keys[known], options, otherwise)
             location.refuse(keys[known], f"one of {names} at {parent}", remedy)
     # All numbers get the same value, which would be ambiguous if their units differed.
     distinct = list(dict.fromkeys(units[keys] for keys in paths))
@@ -390,10 +389,8 @@ class Study:
         `settings`. A section [sweep] without either has those of [run]. The energy ledger is
         switched on if an output of the section needs it."""
         part = getattr(self.parts, section)
-        needs_ledger = any(
-            getattr(output, "needs_ledger", False)
-            for output in getattr(part, "outputs", {}).values()
-        )
+        outputs = getattr(part, "outputs", {}).values()
+        needs_ledger = any(getattr(output, "needs_ledger", False) for output in outputs)
         if section == "sweep" and part.preset is None and part.settings is None:
             section, part = "run", self.parts.run
         # `part.settings` has defaults for all settings that the section does not name; only those

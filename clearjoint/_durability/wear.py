@@ -423,16 +423,8 @@ class CycleRun:
         that the scene's joints have lost."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
-        solution = simulate(
-            scene,
-            state,
-            last,
-            self.settings,
-            Saving(steps=True),
-            start_time=self.start_time,
-            throw=False,
-            progress=False,
-        )
+        options = {"start_time": self.start_time, "throw": False, "progress": False}
+        solution = simulate(scene, state, last, self.settings, Saving(steps=True), **options)
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
         extremes = np.zeros((2, len(self.rates), len(EXTREMES)))
@@ -444,28 +436,17 @@ class CycleRun:
             longest = self.cycle / (STEPS_PER_SAMPLE * self.samples)
             spans = (first, middle), (middle, last)
             times = [quadrature_times(solution, *span, longest) for span in spans]
-            for k in range(len(spans)):
+            for k, instants in enumerate(times):
                 for j, (name, of_parts) in enumerate(rates.items()):
-                    halves[k, 0, j], extremes[k, j], signals = wear_depths(
-                        scene, solution, name, of_parts, times[k], self.samples
-                    )
-                    joint = scene.joints[name]
-                    assert isinstance(joint, ClearanceJoint)
-                    histories[j].append(
-                        contact_history(joint, depths[j], times[k], signals, self.measured)
-                    )
+                    found = wear_depths(scene, solution, name, of_parts, instants, self.samples)
+                    halves[k, 0, j], extremes[k, j], signals = found
+                    joint, cycles = _clearance_joint(scene, name), self.measured
+                    history = contact_history(joint, depths[j], instants, signals, cycles)
+                    histories[j].append(history)
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
-                derivatives, result = derivatives_in_spans(
-                    scene,
-                    state,
-                    self.start_time,
-                    times,
-                    rates,
-                    self.directions,
-                    self.settings,
-                    self.samples,
-                )
+                others = times, rates, self.directions, self.settings, self.samples
+                derivatives, result = derivatives_in_spans(scene, state, self.start_time, *others)
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
         return _Measured(
@@ -549,8 +530,7 @@ class _Stages:
         depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
         areas = np.zeros((len(names), len(PARTS)))
         for k, name in enumerate(names):
-            joint = scene.joints[name]
-            assert isinstance(joint, ClearanceJoint)
+            joint = _clearance_joint(scene, name)
             radii = np.array([float(joint.bearing_radius), float(joint.journal_radius)])
             areas[k] = 2.0 * np.pi * radii * float(joint.journal_length)
         return _Stages(names, parameters, areas, [0.0], [depths], [], [], state)
@@ -661,21 +641,16 @@ class _Stages:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
             if self.parameters:
                 reason += " or in its derivatives"
-        require(
-            len(self.cycles) > 1,
-            "cycle",
-            run.cycle,
-            f"a cycle of a periodic motion ({reason})",
-            "check the duration, or raise `settle`, `measured` or `tolerance`",
-        )
+        expected = f"a cycle of a periodic motion ({reason})"
+        remedy = "check the duration, or raise `settle`, `measured` or `tolerance`"
+        require(len(self.cycles) > 1, "cycle", run.cycle, expected, remedy)
         self.failure = reason
 
     def _pressed(self, scene: Scene) -> Float[np.ndarray, " joints"]:
         """Return the joints' largest penetrations in the last run, m, plus their `onset_offset`."""
         pressed = self.extremes[-1][:, 0].copy()
         for j, name in enumerate(self.names):
-            joint = scene.joints[name]
-            assert isinstance(joint, ClearanceJoint)
+            joint = _clearance_joint(scene, name)
             # The force may begin before the surfaces touch; the penetration is then negative.
             pressed[j] += float(joint.law.onset_offset())
             expected = f"a distance at which the force of {name!r} has not begun"
@@ -799,6 +774,12 @@ class _Stages:
         ).transpose("joint", "stage", "angle", ..., missing_dims="ignore")
 
 
+def _clearance_joint(scene: Scene, name: str) -> ClearanceJoint:
+    joint = scene.joints[name]
+    assert isinstance(joint, ClearanceJoint), "`CycleRun.check` refuses others"
+    return joint
+
+
 def _joint_wears(
     run: CycleRun,
     scene: Scene,
@@ -806,15 +787,13 @@ def _joint_wears(
     direct: Sequence[np.ndarray] | np.ndarray,
 ) -> list[JointWear]:
     """Return the wear of each joint of `run` from its contacts and direct derivatives."""
-    zeros, wears = np.zeros((1, len(run.rates), len(PARTS), run.samples)), []
+    zeros = np.zeros((1, len(run.rates), len(PARTS), run.samples))
     unworn = _with_depths(scene, list(run.rates), zeros)
-    for (name, of_parts), *fields_of_joint in zip(
-        run.rates_of_parts.items(), histories, direct, strict=True
-    ):
-        joint = unworn.joints[name]
-        assert isinstance(joint, ClearanceJoint)
-        wears.append(JointWear(joint, of_parts, *fields_of_joint))
-    return wears
+    rows = zip(run.rates_of_parts.items(), histories, direct, strict=True)
+    return [
+        JointWear(_clearance_joint(unworn, name), of_parts, history, slopes)
+        for (name, of_parts), history, slopes in rows
+    ]
 
 
 @dataclass(frozen=True)
@@ -927,11 +906,8 @@ def _opened(path: str | PathLike[str]) -> "xr.Dataset":
 def final_state(found: "xr.Dataset") -> State:
     """Return the state after the last run whose wear was used, or the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
-    bodies = {
-        str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})
-        for j, name in enumerate(found["body"].values)
-    }
-    return State(bodies)
+    names = map(str, found["body"].values)
+    return State({n: BodyState(*(v[j] for v in numbers.values())) for j, n in enumerate(names)})
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
@@ -1012,9 +988,8 @@ def _with_depths(
             profile = getattr(joints[name], field)
             # Wear enlarges the radius of the bearing and reduces that of the journal.
             rows = sign * depths[:, j, k]
-            if isinstance(profile, PeriodicSpline | MovingSpline) and len(
-                profile.coefficients
-            ) == len(rows[0]):
+            is_spline = isinstance(profile, PeriodicSpline | MovingSpline)
+            if is_spline and len(profile.coefficients) == len(rows[0]):
                 # Interpolation is linear, so that it applies to derivatives as well.
                 changes = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
                 coefficients = np.asarray(profile.coefficients) + changes[0]

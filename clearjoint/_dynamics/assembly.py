@@ -221,15 +221,13 @@ def _caution_striking(scene: Scene, state: State, moved: State) -> None:
     """
     before, after = (float(_kinetic_energy(scene, at.bodies)) for at in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
-    caution_unless(
-        lost <= STRIKING,
-        "state",
-        round(100.0 * lost, 1),
-        "% of the kinetic energy in motion of journals relative to their bearings",
-        f"at most {100.0 * STRIKING:g} %",
+    share, expected = round(100.0 * lost, 1), f"at most {100.0 * STRIKING:g} %"
+    meaning = "% of the kinetic energy in motion of journals relative to their bearings"
+    remedy = (
         "pass moving=True for the velocities of the mechanism with ideal joints, or moving=False "
-        "if the journals are to strike",
+        "if the journals are to strike"
     )
+    caution_unless(lost <= STRIKING, "state", share, meaning, expected, remedy)
 
 
 # NumPy computes this function if it can, since a compilation takes longer than a single call.

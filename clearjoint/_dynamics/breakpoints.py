@@ -249,10 +249,7 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
 
 
 def _extreme(
-    system: System,
-    t: Scalar,
-    function: Callable[[jax.Array], jax.Array],
-    after: bool,
+    system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
     """Return the smallest value of an increasing function at the breakpoints after the scene's time
     t, infinity if there are none; without `after`, the largest value at all other breakpoints, or

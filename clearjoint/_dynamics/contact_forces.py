@@ -172,26 +172,19 @@ def contact_wrenches(
     # that take less arithmetic.
     on_first, on_second = contact.points_of_force(friction is not None)
     moment = None if friction_moment is None else contact.normal * friction_moment
-    if contact.side is not None:
-        # The additional force acts at a point of its own.
-        side, side_force = contact.side, contact.side.on_second(normal_force)
-        if second != GROUND:
-            motion = motions[second]
-            additional = motion.wrench(side_force, side.arm_second)
-            yield second, motion.wrench(push, on_second) + additional
-        if first != GROUND:
-            motion = motions[first]
-            additional = motion.wrench(side_force * -1.0, side.arm_first)
-            yield first, motion.wrench(-push, on_first) + additional
-        return
-    if second != GROUND:
-        yield second, motions[second].wrench(push, on_second)
-        if moment is not None:
-            yield second, motions[second].torque(moment)
-    if first != GROUND:
-        yield first, motions[first].wrench(-push, on_first)
-        if moment is not None:
-            yield first, motions[first].torque(-moment)
+    side = contact.side
+    # The force beside the normal force acts at a point of its own.
+    side_force = None if side is None else side.on_second(normal_force)
+    for name, arm, is_second in ((second, on_second, True), (first, on_first, False)):
+        if name != GROUND:
+            motion = motions[name]
+            wrench = motion.wrench(push if is_second else -push, arm)
+            if side is not None and side_force is not None:
+                beside = (side_force, side.arm_second), (side_force * -1.0, side.arm_first)
+                wrench = wrench + motion.wrench(*beside[0 if is_second else 1])
+            yield name, wrench
+            if moment is not None:
+                yield name, motion.torque(moment if is_second else -moment)
 
 
 def contact_force(

@@ -104,12 +104,7 @@ def _wrenches_of_joint(
     wrenches = list(joint.film_wrenches(motions).items())
     for force in forces:
         wrenches += contact_wrenches(
-            joint,
-            force.contact,
-            force.normal_force,
-            force.friction,
-            motions,
-            force.friction_moment,
+            joint, force.contact, force.normal_force, force.friction, motions, force.friction_moment
         )
     return wrenches
 

@@ -61,12 +61,8 @@ def depths(scene: Scene, state: State) -> Depths:
 
 def outside(scene: Scene, state: State) -> set[str]:
     """Return the names of the joints with a contact that penetrates by more than `OUTSIDE`."""
-    by_joint = depths(scene, state)
-    return {
-        name
-        for name, family in by_joint.items()
-        if any(depth > OUTSIDE for depth in family.values())
-    }
+    by_joint = depths(scene, state).items()
+    return {name for name, family in by_joint if any(d > OUTSIDE for d in family.values())}
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:

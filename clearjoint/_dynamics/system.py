@@ -16,7 +16,7 @@ from .._model.contact.laws import AbstractContactLaw, AbstractLawAround
 from .._model.joints.base import ByLabel, Motions, Row, each_label
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
-from .contact_events import ContactGap, ContactGaps, contact_gaps
+from .contact_events import ContactGaps, contact_gaps
 from .contact_forces import (
     NO_BRISTLES,
     Bristles,
@@ -196,11 +196,8 @@ class System(eqx.Module):
         """Return the second time derivative of each contact's penetration, m/s^2."""
 
         def rates(variables: MotionVariables) -> ByLabel[Scalar]:
-            return jax.tree.map(
-                lambda gap: gap.rate,
-                self.contact_gaps(variables),
-                is_leaf=lambda node: isinstance(node, ContactGap),
-            )
+            gaps = self.contact_gaps(variables)
+            return each_label(lambda name, label: gaps[name][label].rate, gaps)
 
         return jax.jvp(rates, (variables,), (variable_rates,))[1]
 
@@ -263,13 +260,13 @@ class System(eqx.Module):
         Without the rotors, they give the smallest change in a metric that leaves the rotors out.
         """
         rows = [*rows, *(row for row, _ in rotors)]
-        return ConstraintEquations(
-            mechanics,
-            [mechanics.projected(row.jacobian) for row in rows],
+        directions, solver = (
+            [mechanics.projected(r.jacobian) for r in rows],
             self.formulation.solver(),
-            row_weights(self.scene.bodies, rows) if self.formulation.redundant else None,
-            [1.0 / armature for _, armature in rotors],
         )
+        weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
+        compliances = [1.0 / armature for _, armature in rotors]
+        return ConstraintEquations(mechanics, directions, solver, weights, compliances)
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""

@@ -45,9 +45,10 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     numbers; texts, bools, dates, complex numbers and ``None`` are refused. In a list that also
     contains numbers, NumPy takes a bool as 0 or 1, without an error.
     """
-    if isinstance(value, jax.Array):
-        return value
-    if isinstance(value, list | tuple):
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.number):
+        if not jnp.issubdtype(value.dtype, jnp.complexfloating):
+            return value
+    elif isinstance(value, list | tuple):
         # NumPy can't make an array of traced numbers. Testing each type once, instead of each
         # number, is faster for long lists.
         kinds = {type(leaf) for leaf in jax.tree.leaves(value)}

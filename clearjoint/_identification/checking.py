@@ -7,7 +7,7 @@ converges in one of several minima close together, and the covariance describes 
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -235,7 +235,10 @@ def explore(
     for rounds in range(1, ROUNDS + 1):
         points = np.concatenate([points, new_points])
         values = np.concatenate([values, chi_squared(new_points)])
-        lowest_points = _lowest_points(points, values, number // 2)
+        # The points with the lowest chi squared: at least `KEPT`, and all of a chi squared that is
+        # worth a closer look, but at most half as many as the first round has.
+        low_enough = max(KEPT, int((values <= values.min() + WORTH * RISE).sum()))
+        lowest_points = points[np.argsort(values, kind="stable")[: min(low_enough, number // 2)]]
         descended = _local_searches(lowest_points, minima, descend, affordable)
         # Returned as it is, with `settled` true, only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), rounds, True)
@@ -283,16 +286,6 @@ def _drawn_around(
     normal = generator.standard_normal((count, len(centre)))
     offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
     return centre + within(offsets, limits)
-
-
-def _lowest_points(
-    points: Float[np.ndarray, "n p"], values: Float[np.ndarray, " n"], most: int
-) -> Float[np.ndarray, "m p"]:
-    """Return the points with the lowest chi squared: at least `KEPT`, and all of a chi squared that
-    is worth exploring, but not more than `most`."""
-    order = np.argsort(values, kind="stable")
-    low_enough = int((values <= values.min() + WORTH * RISE).sum())
-    return points[order[: min(max(KEPT, low_enough), most)]]
 
 
 def _local_searches(
@@ -428,21 +421,17 @@ def check(
     return replace(checked, seconds=time.perf_counter() - started)
 
 
+@dataclass
 class _CountedRuns:
     """Makes and counts the runs of an exploration, for chi squared at points and for local
     searches. They are affordable while they cost less than `most` runs without derivatives."""
 
-    def __init__(
-        self,
-        compared: Comparison,
-        most: float,
-        on_iteration: Callable[[Iteration], None],
-        bar: ProgressBar,
-    ) -> None:
-        self.compared, self.most = compared, most
-        self.on_iteration, self.bar = on_iteration, bar
-        self.points = 0
-        self.searches: list[Search] = []
+    compared: Comparison
+    most: float
+    on_iteration: Callable[[Iteration], None]
+    bar: ProgressBar
+    points: int = 0
+    searches: list[Search] = field(default_factory=list)
 
     def chi_squared(self, points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
         """Return chi squared over the whole record in runs without derivatives."""
@@ -459,9 +448,8 @@ class _CountedRuns:
         end = float(self.compared.times[-1])
         misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
         max_changes = step_limits(self.compared.parameters)
-        lowest, iterations, ending = search_with_damping(
-            misfit, start, max_changes, near, steps, self.on_iteration
-        )
+        options = max_changes, near, steps, self.on_iteration
+        lowest, iterations, ending = search_with_damping(misfit, start, *options)
         # An interruption, which `search_with_damping` catches, ends the whole check.
         if ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt
@@ -518,17 +506,8 @@ def _checked(
     # Chi squared of an early part of the record is smoother and wider: its covariance draws
     # points beyond the minimum that the whole record's covariance describes.
     covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-    explored = explore(
-        runs.chi_squared,
-        runs.descend,
-        best,
-        covariances,
-        farthest,
-        number,
-        likely,
-        generator,
-        runs.affordable,
-    )
+    options = covariances, farthest, number, likely, generator, runs.affordable
+    explored = explore(runs.chi_squared, runs.descend, best, *options)
     # The local searches of the exploration end early. If one of them has found a lower minimum,
     # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
     # squared up to `FLOOR`, so that a smaller one is no other minimum.

@@ -131,13 +131,9 @@ class Comparison:
         filled = np.resize(coordinates, (rows, coordinates.shape[1]))
         made = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
         varied, states = jax.tree.map(lambda leaf: leaf[:lanes], made)
-        return Task(
-            varied,
-            states,
-            np.where(np.isfinite(instants), instants, -np.inf).max(axis=1),
-            np.full(lanes, float(self.runs.first_step)),
-            instants,
-        )
+        ends = np.where(np.isfinite(instants), instants, -np.inf).max(axis=1)
+        first_steps = np.full(lanes, float(self.runs.first_step))
+        return Task(varied, states, ends, first_steps, instants)
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
         """Return the rising times (n, K) at which n runs are recorded, padded with infinity, and

@@ -207,9 +207,8 @@ def identify_many(
         looser = settings.looser(LOOSER)
         coarse = comparison(scene, state, first, parameters, start_time, looser)
     ends = (*grow, float(first.times()[-1]))
-    problem = _Problem(
-        compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
-    )
+    limits = tolerance, max_iterations, check_runs, horizon
+    problem = _Problem(compared, coarse, rows, starts, ends, *limits)
     fits: list[Fit] = []
     with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
         for measured in measurements:
@@ -373,11 +372,9 @@ def _with_prior(
     """Return the misfit at coordinates `at` with the residuals (at - centre)/deviations of a normal
     prior appended; where a deviation is infinite, there is no prior."""
     plain = misfit(at)
-    return replace(
-        plain,
-        residuals=np.append(plain.residuals, (at - centre) / deviations),
-        jacobian=np.vstack([plain.jacobian, np.diag(1.0 / deviations)]),
-    )
+    residuals = np.append(plain.residuals, (at - centre) / deviations)
+    jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])
+    return replace(plain, residuals=residuals, jacobian=jacobian)
 
 
 @contextmanager
@@ -421,11 +418,10 @@ def _check(
     first = measurements[0]
     first.check(scene)
     for k, measured in enumerate(measurements):
-        same = list(measured.series) == list(first.series) and all(
-            series.channel == first[name].channel
-            and np.array_equal(series.times, first[name].times)
-            for name, series in measured.series.items()
-        )
+        same = list(measured.series) == list(first.series)
+        for name, series in measured.series.items() if same else ():
+            same = same and series.channel == first[name].channel
+            same = same and np.array_equal(series.times, first[name].times)
         expected = "measurements of the same channels and times as the first"
         require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
     ends = [start_time, *grow, first.times()[-1]]

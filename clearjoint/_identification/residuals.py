@@ -94,17 +94,9 @@ class Experiment(eqx.Module):
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
         # Every output is evaluated at all of the rising times, whatever its delay.
         times, end = (self.times, end_time) if delayed is None else (delayed[0], delayed[3])
-        run = sampled(
-            self.scheme,
-            self.family.at(at),
-            self.outputs,
-            times,
-            self.start_time,
-            end,
-            self.first_step,
-            self.max_steps,
-            recorders=NO_RECORDERS,
-        )
+        span = self.start_time, end, self.first_step, self.max_steps
+        program = self.scheme, self.family.at(at), self.outputs
+        run = sampled(*program, times, *span, recorders=NO_RECORDERS)
         if delayed is not None:
             run = _delayed(self, at, *delayed[:3], run)
         if not self.sensors.of_values:
@@ -187,11 +179,8 @@ def _delayed(
         values[name] = output_values[at]
         derivatives[name] = sampled.derivatives[name][at].at[:, number].add(-rate * slope)
     # Outputs at times that were not reached are NaN, which `Samples.residuals` recognises.
-    return eqx.tree_at(
-        lambda run: (run.values, run.derivatives, run.reached),
-        sampled,
-        (values, derivatives, jnp.ones_like(indices[0], bool)),
-    )
+    reached = jnp.ones_like(indices[0], bool)
+    return replace(sampled, values=values, derivatives=derivatives, reached=reached)
 
 
 def experiment(
@@ -223,17 +212,10 @@ def experiment(
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
-    return Experiment(
-        scheme,
-        family,
-        dict(outputs),
-        on_device(padded(rising, end_time)),
-        on_device(start_time),
-        on_device(settings.length_of_first_step(start_time, end_time)),
-        on_device(settings.max_steps, int),
-        tuple(outputs),
-        sensors,
-    )
+    first_step = on_device(settings.length_of_first_step(start_time, end_time))
+    steps = on_device(start_time), first_step, on_device(settings.max_steps, int)
+    at = on_device(padded(rising, end_time))
+    return Experiment(scheme, family, dict(outputs), at, *steps, tuple(outputs), sensors)
 
 
 class Samples(eqx.Module):
@@ -321,15 +303,8 @@ def run_misfit(
     run = runs.run(coordinates, end_time)
     residuals, jacobian = map(np.asarray, _weighted(runs, run, data))
     predicted = np.stack([np.asarray(run.values[name]) for name in runs.names])
-    return RunMisfit(
-        np.array(coordinates, float),
-        residuals,
-        jacobian,
-        predicted,
-        run.result,
-        float(run.time),
-        int(run.attempts),
-    )
+    ending = run.result, float(run.time), int(run.attempts)
+    return RunMisfit(np.array(coordinates, float), residuals, jacobian, predicted, *ending)
 
 
 @Compiled

@@ -67,9 +67,8 @@ def _parts_together(
     # A parameter is undetermined only if its component in an undetermined direction exceeds the
     # error of that direction. Other parameters have finite bounds, from the determined directions.
     parts = directions / np.where(negligible, 1.0, values[..., None])
-    parts = np.where(
-        negligible, np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0), parts
-    )
+    undetermined = np.where(np.abs(directions) > np.sqrt(accuracy), np.inf, 0.0)
+    parts = np.where(negligible, undetermined, parts)
     return parts / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
 
 

@@ -259,15 +259,10 @@ def fit_horizon(
         return _near(run_at(coordinates, tight, throw=False), true_run, outputs)
 
     guesses = [_wrong_guess(near_truth, true_run, truth, d, weights) for d in offsets(spread)]
-    return FitHorizon(
-        times,
-        sizes,
-        growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time),
-        *errors,
-        _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR)),
-        tuple(guesses),
-        identifiability_from(true_run, dict(parameters), truth, by_name, tight),
-    )
+    rate = growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time)
+    numerical = _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR))
+    information = identifiability_from(true_run, dict(parameters), truth, by_name, tight)
+    return FitHorizon(times, sizes, rate, *errors, numerical, tuple(guesses), information)
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 
@@ -60,9 +60,8 @@ class LogColumn:
             require_positive("noise", self.noise, "give a standard deviation, or leave it out")
         finite = math.isfinite(self.factor) and self.factor != 0.0
         require(finite, "factor", self.factor, "finite and not zero", "give 1.0 for no change")
-        require(
-            math.isfinite(self.zero), "zero", self.zero, "finite", "give it in the column's unit"
-        )
+        remedy = "give it in the column's unit"
+        require(math.isfinite(self.zero), "zero", self.zero, "finite", remedy)
 
     @staticmethod
     def encoder(
@@ -195,11 +194,8 @@ class RobotLog:
                 logged[joint] = samples
             return logged
 
-        return RobotLog(
-            read("angles", angles, ANGLES),
-            read("torques", torques, TORQUES),
-            read("goals", goals, ANGLES),
-        )
+        logged = read("angles", angles, ANGLES), read("torques", torques, TORQUES)
+        return RobotLog(*logged, read("goals", goals, ANGLES))
 
     @property
     def end(self) -> float:
@@ -231,9 +227,7 @@ class RobotLog:
                 shorter[name] = samples._replace(times=times, values=values)
             return shorter
 
-        return replace(
-            self, angles=cut(self.angles), torques=cut(self.torques), goals=cut(self.goals)
-        )
+        return RobotLog(cut(self.angles), cut(self.torques), cut(self.goals))
 
 
 def _logged(

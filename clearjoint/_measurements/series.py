@@ -66,18 +66,9 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
     return float(factor), unit if factor == 1.0 else f"{target:~C}" or "1"
 
 
-_UNREADABLE = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    LookupError,
-    NotImplementedError,
-    RecursionError,
-    SyntaxError,
-    TypeError,
-    ValueError,
-    tokenize.TokenError,
-)
+_OF_A_PARSER = NotImplementedError, RecursionError, SyntaxError, tokenize.TokenError
+_OF_NUMBERS = ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError
+_UNREADABLE = *_OF_A_PARSER, *_OF_NUMBERS
 """Errors that pint raises for texts that are no units; its own are subclasses. Others, such as an
 error by which a signal handler ends a program, are not about the unit."""
 

@@ -238,14 +238,9 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         velocity = second.velocity_at(self.point_second) - first.velocity_at(point_in_first)
         spin = second.direction(second.spin) - first.direction(first.spin)
         rotation = rotation_vector(axes.T @ frame)
-        return _Strain(
-            point_in_first,
-            axes,
-            axes.transposed_times(apart),
-            axes.transposed_times(velocity),
-            rotation,
-            rotation.rate(axes.transposed_times(spin)),
-        )
+        shift, shift_rate = axes.transposed_times(apart), axes.transposed_times(velocity)
+        rotation_rate = rotation.rate(axes.transposed_times(spin))
+        return _Strain(point_in_first, axes, shift, shift_rate, rotation, rotation_rate)
 
     @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:

@@ -143,12 +143,10 @@ class ParametrisedScene(AbstractSceneFamily):
         # `NumberSetter` has the indices of the leaves that it sets.
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
-            changed_leaves = {
-                number.leaf for setter in setters if setter.in_scene for number in setter.numbers
-            }
-            return jax.tree.unflatten(
-                structure, [k in changed_leaves for k in range(structure.num_leaves)]
-            )
+            in_scene = (setter for setter in setters if setter.in_scene)
+            changed = {number.leaf for setter in in_scene for number in setter.numbers}
+            leaves = range(structure.num_leaves)
+            return jax.tree.unflatten(structure, [k in changed for k in leaves])
         return super().varied()
 
     @override
@@ -158,19 +156,16 @@ class ParametrisedScene(AbstractSceneFamily):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[PyTree, PyTree, PyTree]:
+        def at(values: Coordinates, *rest: PyTree) -> tuple[PyTree, PyTree]:
+            return function(self.scene(values), *rest)
+
         def along(seed: Coordinates, tangents: tuple[PyTree, ...]) -> PyTree:
-            return jax.jvp(
-                lambda values, *rest: function(self.scene(values), *rest),
-                (self.values, *primals),
-                (seed, *tangents),
-                has_aux=True,
-            )
+            return jax.jvp(at, (self.values, *primals), (seed, *tangents), has_aux=True)
 
         tell_tangents(self.tangents)
         # The value is computed once for all derivatives.
-        value, derivatives, auxiliary = jax.vmap(along, out_axes=(None, 0, None))(
-            self.seeds, tangents
-        )
+        along_all = jax.vmap(along, out_axes=(None, 0, None))
+        value, derivatives, auxiliary = along_all(self.seeds, tangents)
         return value, auxiliary, derivatives
 
 

@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
 from .._model.bodies import Body
-from .._model.clearance_joints.backlash import DEFAULT_RADIUS, Backlash
+from .._model.clearance_joints.backlash import DEFAULT_RADIUS
 from .._model.contact.dashpots import SpringDashpot
 from .._model.contact.friction import FrictionLaw
 from .._model.contact.hunt_crossley import ExactRestitution
@@ -21,7 +21,15 @@ from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
 from .documents import FileLocation
 from .reading import number_of_text
-from .robot_elements import BACKLASH, FRICTION, Element, ends_of_travel, friction_of, spring_of
+from .robot_elements import (
+    BACKLASH,
+    FRICTION,
+    Element,
+    backlash_of,
+    ends_of_travel,
+    friction_of,
+    spring_of,
+)
 from .robots import NEGLIGIBLE
 
 COMPLIANCE = "compliance"
@@ -163,53 +171,27 @@ def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
 
 
 def _require_together(
-    name: str,
-    numbers: Mapping[str, PyTree],
-    armature: PyTree,
-    is_elastic: bool,
-    is_slider: bool,
+    name: str, numbers: Mapping[str, PyTree], armature: PyTree, is_elastic: bool, is_slider: bool
 ) -> None:
-    has_play, is_rigid = "play" in numbers, not is_elastic
-    conditions = (
-        (
-            "armature",
-            is_rigid or armature is not None,
-            f"given, since joint {name!r} has none in the file",
-            "give the moment of inertia of the rotor, or leave play and stiffness out",
-        ),
-        (
-            "stiffness",
-            not has_play or "stiffness" in numbers,
-            "given with a play",
-            "give that of a pressed flank",
-        ),
-        (
-            "restitution",
-            has_play or "restitution" not in numbers,
-            "omitted without a play",
-            "leave it out, or give a play",
-        ),
-        (
-            "restitution",
-            "restitution" not in numbers or "damping" not in numbers,
-            "omitted with a damping",
-            "leave one of the two out",
-        ),
-        (
-            "damping",
-            "stiffness" in numbers or "damping" not in numbers,
-            "omitted without a stiffness",
-            "give a stiffness, or a viscosity in place of the damping",
-        ),
-        (
-            "loss",
-            "loss" not in numbers or has_play or (is_elastic and not is_slider),
-            "omitted without a play or, of a hinge, a stiffness",
-            "leave it out, or give one of them",
-        ),
-    )
-    for argument, is_valid, expected, remedy in conditions:
+    def check(argument: str, is_valid: bool, expected: str, remedy: str) -> None:
         require(is_valid, f"drive.{argument}", numbers.get(argument), expected, remedy)
+
+    has = {argument: argument in numbers for argument in UNITS}
+    expected = f"given, since joint {name!r} has none in the file"
+    remedy = "give the moment of inertia of the rotor, or leave play and stiffness out"
+    check("armature", not is_elastic or armature is not None, expected, remedy)
+    given = not has["play"] or has["stiffness"]
+    check("stiffness", given, "given with a play", "give that of a pressed flank")
+    omitted, remedy = has["play"] or not has["restitution"], "leave it out, or give a play"
+    check("restitution", omitted, "omitted without a play", remedy)
+    omitted = not (has["restitution"] and has["damping"])
+    check("restitution", omitted, "omitted with a damping", "leave one of the two out")
+    omitted = has["stiffness"] or not has["damping"]
+    remedy = "give a stiffness, or a viscosity in place of the damping"
+    check("damping", omitted, "omitted without a stiffness", remedy)
+    omitted = not has["loss"] or has["play"] or (is_elastic and not is_slider)
+    expected = "omitted without a play or, of a hinge, a stiffness"
+    check("loss", omitted, expected, "leave it out, or give one of them")
 
 
 def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:
@@ -225,15 +207,7 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
             restitution = numbers.get("restitution", 0.5)
             law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
     if isinstance(between, RevoluteJoint):
-        return Backlash(
-            between.first,
-            between.second,
-            axis_first=between.axis_first,
-            axis_second=between.axis_second,
-            play=numbers["play"],
-            radius=DEFAULT_RADIUS,
-            law=law,
-        )
+        return backlash_of(between, play=numbers["play"], radius=DEFAULT_RADIUS, law=law)
     return ends_of_travel(between, numbers["play"], 0.0, {"law": law})
 
 

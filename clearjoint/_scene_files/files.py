@@ -166,14 +166,13 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
         parsed = parse(text, suffix, str(path))
         read_scene, read_state = scene_of_document(parsed, writer.user_classes, location)
     in_scene = first_difference(scene, read_scene, location)
-    in_state = first_difference(state, read_state, location.at(STATE))
-    for difference in (in_scene, in_state):
-        if difference is not None:
-            difference.refuse(
-                "a value that its class does not restore from arguments",
-                "a field that its constructor fills with the argument of that name",
-                "declare numbers by `quantity`, which stores arrays, and use tuples, not lists",
-            )
+    difference = in_scene or first_difference(state, read_state, location.at(STATE))
+    if difference is not None:
+        difference.refuse(
+            "a value that its class does not restore from arguments",
+            "a field that its constructor fills with the argument of that name",
+            "declare numbers by `quantity`, which stores arrays, and use tuples, not lists",
+        )
     path.write_text(text, encoding="utf-8")
     if schema:
         content = json.dumps(scene_schema(writer.user_classes), indent=2)

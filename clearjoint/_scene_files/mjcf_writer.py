@@ -43,7 +43,7 @@ from .._fields.cautions import NotCarriedOverWarning, caution, quiet
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
 from .._math.smoothing import wrapped
-from .._math.vectors import Vector, pack, unpack
+from .._math.vectors import Scalar, Vector, pack, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.clearance_joints.between_walls import PinInSlot
@@ -95,43 +95,49 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint of the file.
+    """A joint or fixed tendon of the file, as the joint of a body, or for an element of the scene.
 
-    `axis`: in the pose of the file, (3,) in global axes. `position`: in this pose, rad or m.
-    `start`: position of the carried body on its parent in this pose, as in joint coordinates.
-    `sign`: of the file's position relative to the latter.
+    `axis`: of the joint or element, (3,) in global axes, in the pose of the file. `position`: in
+    this pose, rad or m. `sign`: of the file's position relative to that of the joint, as in joint
+    coordinates, or of the element. `start`: position of the joint, as there, in this pose.
     """
 
-    kind: str
     element: Element
     axis: np.ndarray
-    start: PyTree = None
     position: float = 0.0
     sign: float = 1.0
+    start: PyTree = None
+
+    @property
+    def kind(self) -> str:
+        return self.element.get("type", FREE)
+
+    @property
+    def name(self) -> str:
+        return self.element.attrib["name"]
 
 
-class JointOrTendon(NamedTuple):
-    """What an element of the scene acts on: a hinge or slider of the file, or a fixed tendon.
+class NoCounterpartError(Exception):
+    """An element of the scene has no counterpart in MJCF files."""
 
-    `sign`: of its position relative to that of the element. `position`: in the pose of the file,
-    rad or m. `axis`: of the element, (3,) in global axes.
-    """
 
-    element: Element
-    sign: float
-    position: float
-    axis: np.ndarray
+class Flanks(NamedTuple):
+    """A limit of a joint: play, rad or m, stiffness, and damping as a function of the inertia."""
+
+    name: str
+    play: float
+    stiffness: float
+    damping: Callable[[float], float]
 
 
 def _child(parent: Element, tag: str, **attributes: PyTree) -> Element:
-    """Add an element; numbers become text, and attributes that are ``None`` are left out."""
-    texts = {
-        k: v if isinstance(v, str) else _text(v) for k, v in attributes.items() if v is not None
-    }
-    return SubElement(parent, tag, texts)
+    """Add an element; attributes that are ``None`` are left out."""
+    return SubElement(parent, tag, {k: _text(v) for k, v in attributes.items() if v is not None})
 
 
 def _text(numbers: PyTree) -> str:
+    if isinstance(numbers, str):
+        return numbers
     parts = np.concatenate([np.ravel(np.asarray(x, float)) for x in jax.tree.leaves(pack(numbers))])
     return " ".join(repr(part + 0.0) for part in parts.tolist())  # no negative zeros
 
@@ -157,8 +163,8 @@ class MjcfWriter:
         gravity = np.zeros(3) if scene.gravity is None else scene.gravity
         self._option = _child(self.root, "option", gravity=gravity)
         self._bodies = {GROUND: _child(self.root, "worldbody")}
-        self._flanks: dict[Element, tuple[float, Callable[[float], float]]] = {}
-        self._tendons: dict[tuple[tuple[str, float], ...], JointOrTendon] = {}
+        self._flanks: dict[Element, Flanks] = {}
+        self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
         self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: UPRIGHT}
@@ -168,8 +174,11 @@ class MjcfWriter:
         # In the order of the scene: JAX has sorted the dictionaries of the other.
         elements = self._scene.joints | self._scene.forces
         for name in (*scene.joints, *scene.forces):
-            if name not in in_tree and not self._add(name, elements[name]):
-                self.omitted[type(elements[name]).__name__].append(name)
+            if name not in in_tree:
+                try:
+                    self._add(name, elements[name])
+                except NoCounterpartError:
+                    self.omitted[type(elements[name]).__name__].append(name)
 
     def _branch(self, place: Place) -> TreeBranch:
         if place.joint is not None:
@@ -193,14 +202,11 @@ class MjcfWriter:
         states of the scene."""
         numbers = {}
         for body, variable in self._variables(state).items():
-            if body not in self.joints:
+            if (joint := self.joints.get(body)) is None:
                 continue
-            joint = self.joints[body]
             if joint.kind == FREE:
-                parts = (
-                    (variable.position, variable.orientation),
-                    (variable.velocity, variable.spin),
-                )
+                parts = variable.position, variable.orientation, variable.velocity, variable.spin
+                parts = parts[:2], parts[2:]
             elif joint.kind == BALL:
                 parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
@@ -211,7 +217,7 @@ class MjcfWriter:
                     position = position - TURN * np.round((position - middle) / TURN)
                     position = np.unwrap(position) if np.ndim(position) else position
                 parts = position, joint.sign * speed
-            numbers[joint.element.attrib["name"]] = tuple(
+            numbers[joint.name] = tuple(
                 np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
             )
         return numbers
@@ -227,16 +233,15 @@ class MjcfWriter:
     def _add_body(self, name: str, variable: PyTree) -> None:
         branch, body = self._branches[name], self._scene.bodies[name]
         parent, parents_turn = self._motions[branch.parent], self._turns[branch.parent]
-        motion = branch.motion(parent, variable)
-        turn = branch.orientation(parents_turn, variable)
-        self._motions[name], self._turns[name] = motion, turn
+        self._motions[name] = motion = branch.motion(parent, variable)
+        self._turns[name] = turn = branch.orientation(parents_turn, variable)
         place = parent.components(motion.position - parent.position)
         relative = composed(conjugate(parents_turn), turn)
         element = _child(self._bodies[branch.parent], "body", name=name, pos=place, quat=relative)
         self._bodies[name], least = element, 0.0
         if isinstance(branch, FreeBranch):
             free = _child(element, "freejoint", name=f"{name} free")
-            self.joints[name] = FileJoint(FREE, free, np.zeros(3))
+            self.joints[name] = FileJoint(free, np.zeros(3))
         elif not isinstance(branch.motion_subspace, Weld):
             self.joints[name] = joint = self._joint(element, branch, variable.position)
             # MuJoCo refuses the negligible mass and inertia of the rotor of a drive train.
@@ -253,38 +258,38 @@ class MjcfWriter:
         common = {"name": branch.joint, "pos": subspace.point_child}
         if isinstance(subspace, Ball):
             ball = _child(element, "joint", type=BALL, **common)
-            return FileJoint(BALL, ball, np.zeros(3), start)
+            return FileJoint(ball, np.zeros(3), start=start)
         assert isinstance(subspace, Hinge | Slider)
-        kind = HINGE if isinstance(subspace, Hinge) else SLIDE
         sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
         axis, position, armature = subspace.axis * sign, sign * float(start), None
         if isinstance(joint, HingeOrSlider):
             position, armature = float(joint.position(self._motions).value), joint.armature
         common |= {"axis": axis, "ref": position, "armature": armature}
+        common["type"] = HINGE if isinstance(subspace, Hinge) else SLIDE
         along = _array(self._motions[branch.body].direction(axis))
-        written = _child(element, "joint", type=kind, **common)
-        return FileJoint(kind, written, along, start, position, sign)
+        return FileJoint(_child(element, "joint", **common), along, position, sign, start)
 
     def _section(self, name: str) -> Element:
         section = self.root.find(name)
         return _child(self.root, name) if section is None else section
 
-    def _add(self, name: str, element: PyTree) -> bool:
-        """Add an element that is no joint of the tree; return whether it has a counterpart."""
+    def _add(self, name: str, element: PyTree) -> None:
+        """Add an element that is no joint of the tree."""
         kind = type(element)
         if kind in ALONG:
             direction, axis, write = ALONG[kind]
             on = self._between(name, direction, element, getattr(element, axis or "", None))
-            return on is not None and write(self, name, element, on)
-        return kind in OTHERS and OTHERS[kind](self, name, element)
+            write(self, name, element, on)
+        else:
+            OTHERS.get(kind, MjcfWriter.unknown)(self, name, element)
 
-    def _between(
-        self, name: str, kind: str, element: PyTree, axis: Vector | None
-    ) -> JointOrTendon | None:
+    def unknown(self, name: str, element: PyTree) -> None:
+        raise NoCounterpartError
+
+    def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of the second body of an element
-        relative to the first, about or along an axis of the first; ``None`` unless all joints
-        between them have this axis. The default is that of the first joint. `name`: of a new
-        tendon."""
+        relative to the first, about or along an axis of the first, by default that of the first
+        joint between them; all must have this axis. `name`: of a new tendon."""
         first, second = element.pair()
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):
@@ -294,57 +299,47 @@ class MjcfWriter:
         # Left out are bodies that carry both, and those that are fixed to their parents.
         passed = [b for b in self._branches if sides.get(b) and b in self.joints]
         if not passed or any(self.joints[body].kind != kind for body in passed):
-            return None
+            raise NoCounterpartError
         common = self.joints[passed[0]].axis
         if axis is not None:
             common = _array(self._motions[first].direction(unit(axis)))
         cosines = [float(self.joints[body].axis @ common) for body in passed]
         if min(map(abs, cosines)) < 1.0 - PARALLEL:
-            return None
+            raise NoCounterpartError
         signs = [sides[b] * float(np.sign(c)) for b, c in zip(passed, cosines, strict=True)]
         if len(passed) == 1:
-            joint = self.joints[passed[0]]
-            return JointOrTendon(joint.element, signs[0], joint.position, common)
+            return self.joints[passed[0]]._replace(sign=signs[0], axis=common)
         key = tuple((body, signs[0] * sign) for body, sign in zip(passed, signs, strict=True))
         if key not in self._tendons:
             tendon = _child(self._section("tendon"), "fixed", name=name)
             for body, sign in key:
-                end = self.joints[body].element.attrib["name"]
-                _child(tendon, "joint", joint=end, coef=sign)
+                _child(tendon, "joint", joint=self.joints[body].name, coef=sign)
             position = sum(sign * self.joints[body].position for body, sign in key)
-            self._tendons[key] = JointOrTendon(tendon, 1.0, position, common)
+            self._tendons[key] = FileJoint(tendon, common, position)
         return self._tendons[key]._replace(sign=signs[0], axis=common)
 
-    def backlash(self, name: str, joint: Backlash, on: JointOrTendon) -> bool:
+    def backlash(self, name: str, joint: Backlash, on: FileJoint) -> None:
         offset = joint.centred_rows(self._motions)["angle"].value
-        return self._limit(
-            name, on, joint.law, float(offset), float(joint.play), float(joint.radius)
-        )
+        self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
-    def ends_of_slot(self, name: str, joint: PinInSlot, on: JointOrTendon) -> bool:
+    def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
         """Limit a slider as the ends of a slot along it do, whose walls are never touched."""
         if joint.travel is None:
-            return False
+            raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())
         apart = pin.point(joint.pin_point) - slot.point(joint.slot_point)
         offset = apart.dot(slot.direction(unit(joint.slot_axis)))
-        return self._limit(name, on, joint.law, float(offset), float(joint.travel), 1.0)
+        self._limit(name, on, joint.law, offset, joint.travel, 1.0)
 
-    def _limit(
-        self,
-        name: str,
-        on: JointOrTendon,
-        law: AbstractContactLaw,
-        offset: float,
-        play: float,
-        lever: float,
-    ) -> bool:
-        """Add flanks with a play, rad or m, from whose middle the pose is displaced by `offset`.
-        The law's penetration is the displacement times the lever, m."""
-        before = _range(on.element)
-        # Of two, such as a play and the stops of the joint, the narrower one acts.
-        if before and before[1] - before[0] < play:
-            return True
+    def _limit(self, name: str, on: FileJoint, law: AbstractContactLaw, *numbers: Scalar) -> None:
+        """Add flanks. The numbers: displacement of the pose from their middle, and their play, rad
+        or m; and the lever, m, over which a displacement is the law's penetration."""
+        offset, play, lever = map(float, numbers)
+        if (other := self._flanks.get(on.element)) is not None:
+            # Of two, such as a play and the stops of the joint, the narrower one acts.
+            self.omitted["wider limits"].append(name if other.play < play else other.name)
+            if other.play < play:
+                return
         middle = on.position - on.sign * offset
         on.element.set("range", _text((middle - 0.5 * play, middle + 0.5 * play)))
         depth = LARGEST_PENETRATION * play * lever
@@ -361,19 +356,17 @@ class MjcfWriter:
             if hasattr(law, "delivered_restitution"):
                 restitution = float(law.delivered_restitution())  # pyright: ignore
             else:
-                restitution = free_impact(
-                    law, mass, depth * math.sqrt(stiffness / mass)
-                ).restitution
+                speed = depth * math.sqrt(stiffness / mass)
+                restitution = free_impact(law, mass, speed).restitution
             return 2.0 * _damping_ratio(restitution) * math.sqrt(stiffness * mass) * lever**2
 
-        self._flanks[on.element] = stiffness * lever**2, damping
-        return True
+        self._flanks[on.element] = Flanks(name, play, stiffness * lever**2, damping)
 
-    def spring(self, name: str, force: TorsionalSpring, on: JointOrTendon) -> bool:
+    def spring(self, name: str, force: TorsionalSpring, on: FileJoint) -> None:
         twist = wrapped(force.relative_angle(self._motions).value - force.rest_angle, TURN)
-        return self._resist(on, float(force.stiffness), float(twist), damping=float(force.damping))
+        self._resist(on, float(force.stiffness), float(twist), damping=float(force.damping))
 
-    def bushing(self, name: str, force: Bushing, on: JointOrTendon) -> bool:
+    def bushing(self, name: str, force: Bushing, on: FileJoint) -> None:
         """Add the spring and damper of a slider, whose motion strains a bushing along its axis."""
         first, second = (self._motions[body] for body in force.pair())
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
@@ -383,13 +376,13 @@ class MjcfWriter:
         apart = _array(second.point(force.point_second) - first.point(force.point_first))
         # The points may also be apart across the axis, which pulls along it.
         stretch = float(along * each @ (apart @ axes)) / stiffness if stiffness else 0.0
-        return self._resist(on, stiffness, stretch, damping=damping)
+        self._resist(on, stiffness, stretch, damping=damping)
 
-    def friction(self, name: str, joint: JointFriction) -> bool:
+    def friction(self, name: str, joint: JointFriction) -> None:
+        if joint.axis is None:
+            raise NoCounterpartError
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
-        on = None if joint.axis is None else self._between(name, kind, joint, joint.axis)
-        if on is None:
-            return False
+        on = self._between(name, kind, joint, joint.axis)
         law, load = joint.friction, float(joint.load)
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
@@ -399,11 +392,11 @@ class MjcfWriter:
         viscosity = load * float(getattr(law, "viscosity", 0.0))
         viscosity += 0.0 if joint.viscosity is None else float(joint.viscosity)
         on.element.attrib |= {"solimpfriction": STIFF, "solreffriction": QUICK}
-        return self._resist(on, frictionloss=sliding * lever, damping=viscosity * lever**2)
+        self._resist(on, frictionloss=sliding * lever, damping=viscosity * lever**2)
 
     def _resist(
-        self, on: JointOrTendon, stiffness: float = 0.0, stretch: float = 0.0, **others: float
-    ) -> bool:
+        self, on: FileJoint, stiffness: float = 0.0, stretch: float = 0.0, **others: float
+    ) -> None:
         """Add a spring, which is stretched by `stretch` in the pose, and other attributes."""
         rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
         before = float(on.element.get("stiffness", 0.0))
@@ -414,15 +407,13 @@ class MjcfWriter:
         for key, value in {"stiffness": stiffness, **others}.items():
             if value:
                 on.element.set(key, _text(float(on.element.get(key, 0.0)) + value))
-        return True
 
-    def spring_damper(self, name: str, force: SpringDamper) -> bool:
+    def spring_damper(self, name: str, force: SpringDamper) -> None:
         length = force.free_length, force.free_length
         numbers = {"stiffness": force.stiffness, "damping": force.damping, "springlength": length}
         tendon = _child(self._section("tendon"), "spatial", name=name, **numbers)
         for site in self._sites(name, force, force.point_first, force.point_second):
             _child(tendon, "site", site=site)
-        return True
 
     def _sites(
         self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = UPRIGHT
@@ -433,10 +424,10 @@ class MjcfWriter:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
         return [f"{name} {end}" for _, end, *_ in ends]
 
-    def torque(self, name: str, force: DriveTorque, on: JointOrTendon) -> bool:
-        return self._actuate(name, on, lambda t: jnp.asarray(value_at(force.torque, t)))
+    def torque(self, name: str, force: DriveTorque, on: FileJoint) -> None:
+        self._actuate(name, on, lambda t: jnp.asarray(value_at(force.torque, t)))
 
-    def motor(self, name: str, force: Motor, on: JointOrTendon) -> bool:
+    def motor(self, name: str, force: Motor, on: FileJoint) -> None:
         """Add a position servo, whose control is the target plus a lead for the target's rate."""
         gain, damping = float(force.proportional), float(force.derivative)
         function = partial(value_at, as_function_of_time(force.target))
@@ -448,53 +439,51 @@ class MjcfWriter:
         # The length of the actuator is the angle less `zero`.
         zero = float(force.relative_angle(self._motions).value) - on.sign * on.position
         limit = force.torque_limit
-        numbers = {"gainprm": gain or 1.0, "biasprm": (-gain * zero, -gain, -damping)}
-        numbers["forcerange"] = None if limit is None else (-limit, limit)
-        return self._actuate(name, on, control, biastype="affine", **numbers)
+        bias, limits = (-gain * zero, -gain, -damping), None if limit is None else (-limit, limit)
+        numbers = {"gainprm": gain or 1.0, "biasprm": bias, "forcerange": limits}
+        self._actuate(name, on, control, biastype="affine", **numbers)
 
-    def _actuate(self, name: str, on: JointOrTendon, control: Control, **options: PyTree) -> bool:
-        end = {"joint" if on.element.tag == "joint" else "tendon": on.element.attrib["name"]}
+    def _actuate(self, name: str, on: FileJoint, control: Control, **options: PyTree) -> None:
+        end = {"joint" if on.element.tag == "joint" else "tendon": on.name}
         gear = (on.sign, *[0.0] * 5)
         _child(self._section("actuator"), "general", name=name, gear=gear, **end, **options)
         self.controls[name] = control
-        return True
 
-    def prescribed(self, name: str, drive: PyTree, on: JointOrTendon) -> bool:
+    def prescribed(self, name: str, drive: PyTree, on: FileJoint) -> None:
         """Add a constant `PrescribedAngle` or `PrescribedTranslation`."""
         function = as_function_of_time(drive.function)
         if not isinstance(function, Polynomial) or len(function.coefficients) > 1:
-            return False
+            raise NoCounterpartError
         (row,) = drive.rows(self._motions, 0.0).values()
-        return self._equate(name, [on], np.array([-on.sign * float(row.value)]))
+        self._equate(name, [on], np.array([-on.sign * float(row.value)]))
 
-    def coupling(self, name: str, joint: JointCoupling) -> bool:
+    def coupling(self, name: str, joint: JointCoupling) -> None:
         ends, function = [], as_function_of_time(joint.function)
+        if not isinstance(function, Polynomial):
+            raise NoCounterpartError
         for end in (joint.follower, joint.leader):
             is_hinge = isinstance(end, RevoluteJoint)
             kind, axis = (HINGE, end.axis_first) if is_hinge else (SLIDE, end.axis)
-            on = self._between(name, kind, end, axis)
-            if on is None or not isinstance(function, Polynomial):
-                return False
-            ends.append((on, float(end.position(self._motions).value)))
+            position = float(end.position(self._motions).value)
+            ends.append((self._between(name, kind, end, axis), position))
         (follower, y), (leader, x) = ends
         polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
         shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
         if isinstance(joint.follower, RevoluteJoint):
             shifted[0] = wrapped(shifted[0], TURN)
-        return self._equate(name, [follower, leader], follower.sign * shifted)
+        self._equate(name, [follower, leader], follower.sign * shifted)
 
-    def _equate(self, name: str, ends: list[JointOrTendon], coefficients: np.ndarray) -> bool:
+    def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
         """Make the displacement of the first end from the pose a polynomial of the second's."""
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
-            return False
+            raise NoCounterpartError
         tag = "joint" if tags == {"joint"} else "tendon"
-        names = {f"{tag}{k}": end.element.attrib["name"] for k, end in enumerate(ends, 1)}
+        names = {f"{tag}{k}": end.name for k, end in enumerate(ends, 1)}
         padded = np.pad(coefficients, (0, LARGEST_DEGREE + 1 - len(coefficients)))
         _child(self._section("equality"), tag, name=name, **names, polycoef=padded, **HARD)
-        return True
 
-    def closing(self, name: str, joint: PyTree) -> bool:
+    def closing(self, name: str, joint: PyTree) -> None:
         """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
         turn = joint.orientation if isinstance(joint, FixedJoint) else UPRIGHT
         tag = "weld" if isinstance(joint, FixedJoint) else "connect"
@@ -506,34 +495,27 @@ class MjcfWriter:
             site1, site2 = self._sites(label, joint, first, second, turn)
             ends = {"site1": site1, "site2": site2}
             _child(self._section("equality"), tag, name=label, **ends, **HARD)
-        return True
 
     def add_robot(self, robot: Robot) -> None:
         """Add limits and actuators of a robot's file."""
-        joints = {joint.element.attrib["name"]: joint.element for joint in self.joints.values()}
+        joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
             if name not in joints:
                 self.omitted["limits"].append(name)
                 continue
-            ranges = {"actuatorfrcrange": (-limits.effort, limits.effort)}
-            if _range(joints[name]) is None:
-                ranges["range"] = limits.lower, limits.upper
+            ends, before = (limits.lower, limits.upper), _range(joints[name])
+            ranges = {"actuatorfrcrange": (-limits.effort, limits.effort), "range": before or ends}
             joints[name].attrib |= {key: _text(pair) for key, pair in _finite(ranges).items()}
+            if before and np.isfinite(ends).all() and not np.allclose(ends, before):
+                self.omitted["wider limits"].append(name)
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
-            motor = motor_name(actuator.joint)
-            numbers = {"gear": (actuator.gear, *[0.0] * 5), "gainprm": actuator.gain}
+            motor, gear = motor_name(actuator.joint), (actuator.gear, *[0.0] * 5)
+            ends = {"name": name, "joint": motor if motor in joints else actuator.joint}
+            numbers = {"gear": gear, "gainprm": actuator.gain, "biasprm": actuator.bias}
             numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
-            _child(
-                self._section("actuator"),
-                "general",
-                name=name,
-                joint=motor if motor in joints else actuator.joint,
-                biastype="affine",
-                biasprm=actuator.bias,
-                **numbers,
-            )
+            _child(self._section("actuator"), "general", biastype="affine", **ends, **numbers)
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return `qpos` and `qvel` of MuJoCo's model of a file, for a state of the scene."""
@@ -563,15 +545,14 @@ class MjcfWriter:
             return float(model.tendon_invweight0[model.tendon(name).id])
 
         squares = [(TURN / STEPS_A_PERIOD / LONGEST_STEP) ** 2]
-        for element, (stiffness, damping) in self._flanks.items():
+        for element, flanks in self._flanks.items():
             inverse = weight(element)
-            numbers = -stiffness * inverse, -damping(1.0 / inverse) * inverse
+            numbers = -flanks.stiffness * inverse, -flanks.damping(1.0 / inverse) * inverse
             element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
-            squares.append(stiffness * inverse)
+            squares.append(flanks.stiffness * inverse)
         springs = [e for e in self.root.iter() if "stiffness" in e.attrib]
         squares += [float(spring.attrib["stiffness"]) * weight(spring) for spring in springs]
-        fastest = math.sqrt(max(squares))
-        step = TURN / STEPS_A_PERIOD / fastest if timestep is None else timestep
+        step = timestep or TURN / STEPS_A_PERIOD / math.sqrt(max(squares))
         self._option.attrib |= {"integrator": integrator, "timestep": _text(step)}
         positions, speeds = self.start(model, start)
         controls = np.zeros(model.nu)
@@ -583,7 +564,7 @@ class MjcfWriter:
         return tostring(self.root, encoding="unicode") + "\n"
 
 
-ALONG: Mapping[type, tuple[str, str | None, Callable[..., bool]]] = {
+ALONG: Mapping[type, tuple[str, str | None, Callable[..., None]]] = {
     Backlash: (HINGE, "axis_first", MjcfWriter.backlash),
     PinInSlot: (SLIDE, "slot_axis", MjcfWriter.ends_of_slot),
     TorsionalSpring: (HINGE, "axis", MjcfWriter.spring),
@@ -595,7 +576,7 @@ ALONG: Mapping[type, tuple[str, str | None, Callable[..., bool]]] = {
 }
 """Classes of elements about or along an axis of their first body: kind of the file's joints on
 which they act, name of the axis, and what adds them to the file."""
-OTHERS: Mapping[type, Callable[..., bool]] = {
+OTHERS: Mapping[type, Callable[..., None]] = {
     JointFriction: MjcfWriter.friction,
     SpringDamper: MjcfWriter.spring_damper,
     JointCoupling: MjcfWriter.coupling,
@@ -605,13 +586,9 @@ OTHERS: Mapping[type, Callable[..., bool]] = {
 }
 
 
-def _range(element: Element) -> tuple[float, float] | None:
-    """Return the limits of a joint or tendon of the file."""
-    limits = element.get("range")
-    if limits is None:
-        return None
-    lower, upper = map(float, limits.split())
-    return lower, upper
+def _range(element: Element) -> list[float]:
+    """Return the limits of a joint or tendon of the file, an empty list without any."""
+    return [*map(float, element.get("range", "").split())]
 
 
 def _finite(ranges: Mapping[str, tuple[float, float]]) -> dict[str, PyTree]:
@@ -622,12 +599,8 @@ def _damping_ratio(restitution: float) -> float:
     """Return the damping ratio of a spring and dashpot with a restitution, at most critical."""
     from scipy.optimize import brentq
 
-    def excess(ratio: float) -> float:
-        return float(clamped_restitution(ratio)) - restitution
-
-    if excess(CRITICAL) >= 0.0:
-        return 1.0
-    return 0.0 if restitution >= 1.0 else float(brentq(excess, 0.0, CRITICAL))  # pyright: ignore
+    restitution = np.clip(restitution, float(clamped_restitution(CRITICAL)), 1.0)
+    return brentq(lambda ratio: float(clamped_restitution(ratio)) - restitution, 0.0, CRITICAL)  # pyright: ignore
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
@@ -680,14 +653,13 @@ def mjcf_of(
     start = pose if state is None else state
     check_names(whole, start)
     ideal, replaced = _with_ideal_joints(whole)
-    places = _places(ideal) if robot is None else robot._places()
-    writer = MjcfWriter(ideal, places, pose)
-    if robot is None and not replaced:
-        writer.require_in_place(pose)
+    writer = MjcfWriter(ideal, robot._places() if robot else _places(ideal), pose)
     if replaced:
         writer.omitted["clearances, replaced by ideal joints,"] += replaced
-    if robot is not None:
+    if robot:
         writer.add_robot(robot)
+    elif not replaced:
+        writer.require_in_place(pose)
     content = writer.finish(location, start, timestep, integrator)
     if writer.omitted:
         parts = (f"{title} of {', '.join(names)}" for title, names in writer.omitted.items())

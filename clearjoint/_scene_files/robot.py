@@ -218,11 +218,7 @@ class Robot:
         return ideal[name]
 
     def state(
-        self,
-        q: Positions = None,
-        qd: Positions = None,
-        *,
-        free: Mapping[str, BodyState] = NOTHING,
+        self, q: Positions = None, qd: Positions = None, *, free: Mapping[str, BodyState] = NOTHING
     ) -> State:
         """Return the state of the scene's bodies for positions and speeds of the joints.
 
@@ -398,16 +394,12 @@ class Robot:
                 zero = _zero(branch)
                 leaves, structure = jax.tree.flatten(zero.position)
                 position = positions.get(branch.joint, tuple(leaves))
-                variable = JointState(
-                    jax.tree.unflatten(structure, position),
-                    speeds.get(branch.joint, zero.speeds),
-                )
-            variables[branch.body] = variable
-            motions[branch.body] = branch.motion(motions[branch.parent], variable)  # pyright: ignore
-            orientations[branch.body] = branch.orientation(
-                orientations[branch.parent],
-                variable,  # pyright: ignore
-            )
+                speed = speeds.get(branch.joint, zero.speeds)
+                variable = JointState(jax.tree.unflatten(structure, position), speed)
+            body, parent, about = branch.body, branch.parent, branch.orientation
+            variables[body] = variable
+            motions[body] = branch.motion(motions[parent], variable)  # pyright: ignore
+            orientations[body] = about(orientations[parent], variable)  # pyright: ignore
         return variables, motions, orientations
 
     def _coordinates(

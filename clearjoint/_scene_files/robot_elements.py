@@ -1,6 +1,7 @@
 """Joints and forces of the scene of a robot: those of its file, and those that the user adds."""
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 from graphlib import TopologicalSorter
@@ -97,16 +98,15 @@ class Elements:
         # Floating joints, and joints within a body, have no joint of the scene.
         pairs = {name: ideal_joint(joint, tree) for name, joint in tree.joints.items()}
         self.ideal = {name: joint for name, joint in pairs.items() if joint is not None}
-        mimics = {j.name: j.mimic for j in tree.joints.values() if j.mimic is not None}
-        is_valid = {name: self._can_follow(name, mimic) for name, mimic in mimics.items()}
-        without = [name for name, valid in is_valid.items() if not valid]
-        self._mimics = {name: mimics[name] for name, valid in is_valid.items() if valid}
-        title = "mimics, between other joints than hinges and sliders,"
-        self.omitted: dict[str, list[str]] = {title: without} if without else {}
-
-    def _can_follow(self, name: str, mimic: Mimic) -> bool:
-        ends = [name] if mimic.leader is None else [name, mimic.leader]
-        return all(self.scalar(end) is not None for end in ends)
+        self.omitted: dict[str, list[str]] = defaultdict(list)
+        self._mimics: dict[str, Mimic] = {}
+        for name, mimic in ((joint.name, joint.mimic) for joint in tree.joints.values()):
+            if mimic is not None:
+                if self.scalar(name) is None or self.scalar(mimic.leader or name) is None:
+                    title = "mimics, between other joints than hinges and sliders,"
+                    self.omitted[title].append(name)
+                else:
+                    self._mimics[name] = mimic
 
     def mimics(self) -> dict[str, Mimic]:
         """Return what joints follow, each after the joint that it follows."""
@@ -144,10 +144,7 @@ class Additions(NamedTuple):
 
 
 def scene_of(
-    tree: LinkTree,
-    loops: tuple[LoopJoint, ...],
-    additions: Additions,
-    gravity: TripleLike | None,
+    tree: LinkTree, loops: tuple[LoopJoint, ...], additions: Additions, gravity: TripleLike | None
 ) -> tuple[Scene, State, Elements]:
     """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
     location = tree.location
@@ -170,7 +167,7 @@ def scene_of(
         if settings is not None and BACKLASH not in settings:
             elements.joints[name] = _clearance(ideal, settings, at)
             if armature:
-                elements.omitted.setdefault("armatures", []).append(name)
+                elements.omitted["armatures"].append(name)
             continue
         elements.joints[name] = ideal
         if armature and isinstance(ideal, HingeOrSlider):
@@ -182,12 +179,10 @@ def scene_of(
     _add_couplings(elements)
     _add_resistances(elements, additions.friction)
     _add_stops(elements, additions.stops)
-    state = {
-        carrier.body: body_state(tuple(moved(carrier.pose, carrier.centre))) for carrier in carriers
-    }
+    centres = {carrier.body: tuple(moved(carrier.pose, carrier.centre)) for carrier in carriers}
     with location.in_errors():
         scene = Scene(bodies, elements.joints, elements.forces, gravity)
-        return scene, State(state), elements
+        return scene, State({name: body_state(at) for name, at in centres.items()}), elements
 
 
 def ideal_joint(joint: RobotJoint, tree: LinkTree) -> AbstractConstraint | None:
@@ -228,7 +223,6 @@ def _backlash(
 ) -> Backlash:
     assert isinstance(hinge, RevoluteJoint)
     options = {key: value for key, value in settings.items() if key != BACKLASH}
-    axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     if "law" not in options and "torsional_stiffness" not in options:
         effort = math.inf if joint.limits is None else joint.limits.effort
         if not 0.0 < effort < math.inf:
@@ -241,7 +235,13 @@ def _backlash(
         # deflection of the surfaces in contact (flanks) is small compared with the play.
         options["torsional_stiffness"] = effort / (0.1 * float(angle))
     with location.in_errors():
-        return Backlash(hinge.first, hinge.second, play=settings[BACKLASH], **axes, **options)
+        return backlash_of(hinge, play=settings[BACKLASH], **options)
+
+
+def backlash_of(hinge: RevoluteJoint, **options: PyTree) -> Backlash:
+    """Return a backlash between the bodies of a hinge, about its axis."""
+    axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
+    return Backlash(hinge.first, hinge.second, **axes, **options)
 
 
 def _arguments_of_play(settings: Play) -> dict[str, Expectation]:
@@ -265,9 +265,9 @@ def _checked(
         remedy = nearest(name, joints, "leave it out")
         location.refuse(name, f"{what} in {kind} {listed(joints)}", remedy)
     if not isinstance(settings, Mapping):
-        remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
-        if what != "play":
-            remedy = f"pass values of {listed(allowed)}"
+        remedy = f"pass values of {listed(allowed)}"
+        if what == "play":
+            remedy = 'pass {"backlash": "0.1 deg"}, or the arguments of a ClearanceJoint'
         location.at(name).refuse(settings, "arguments by name", remedy)
     for argument in settings:
         if argument not in allowed:
@@ -287,19 +287,14 @@ def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
         first, second = tree.carriers[loop.first], tree.carriers[loop.second]
         if first is second:
             continue
-        frames = [
-            tree.poses[link] @ pose
-            for link, pose in ((loop.first, loop.in_first), (loop.second, loop.in_second))
-        ]
+        frames = tree.poses[loop.first] @ loop.in_first, tree.poses[loop.second] @ loop.in_second
         points = tree.in_body(first, frames[0][:3, 3]), tree.in_body(second, frames[1][:3, 3])
         ends = first.body, second.body, *points
         if loop.kind == BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
-            turns = [
-                rounded(c.pose[:3, :3] @ f[:3, :3])
-                for c, f in zip((first, second), frames, strict=True)
-            ]
+            pairs = zip((first, second), frames, strict=True)
+            turns = [rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs]
             joint = FixedJoint(*ends, euler_parameters(rounded(turns[0] @ turns[1].T)))
         if loop.name in tree.joints or loop.name in elements.joints:
             expected = "a name that no other joint has"
@@ -330,15 +325,12 @@ def _constant(joint: HingeOrSlider, position: float) -> AbstractConstraint:
 def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
     """Add springs, dampers and dry friction of joints."""
     for name, joint in elements.tree.joints.items():
-        ideal = elements.scalar(name)
-        if ideal is None:
+        if (ideal := elements.scalar(name)) is None:
             continue
-        at = elements.tree.location.at(name)
-        with at.in_errors():
+        with elements.tree.location.at(name).in_errors():
             if joint.damping or joint.stiffness:
-                what = "spring" if joint.stiffness else "damping"
                 spring = spring_of(ideal, joint.stiffness, joint.damping, joint.rest)
-                elements.add(spring, name, what)
+                elements.add(spring, name, "spring" if joint.stiffness else "damping")
             if joint.friction and friction is not None:
                 elements.add(friction_of(ideal, friction, joint.friction), name, "friction")
 
@@ -357,23 +349,16 @@ def spring_of(
     joint: HingeOrSlider, stiffness: PyTree, damping: PyTree, rest: PyTree
 ) -> AbstractForce:
     """Return the spring and damper of a hinge or slider, relaxed at the position `rest`."""
+    ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
-        return TorsionalSpring(
-            joint.first, joint.second, joint.axis_first, stiffness, damping, rest
-        )
+        return TorsionalSpring(*ends, joint.axis_first, stiffness, damping, rest)
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
     along = euler_parameters(np.column_stack([axis, *across]))
-    return Bushing(
-        joint.first,
-        joint.second,
-        joint.point_first + rest * axis,
-        joint.point_second,
-        stiffness=(stiffness, 0.0, 0.0),
-        damping=(damping, 0.0, 0.0),
-        orientation_first=along,
-        orientation_second=along,
-    )
+    points = joint.point_first + rest * axis, joint.point_second
+    resistances = (stiffness, 0.0, 0.0), (damping, 0.0, 0.0)
+    axes = {"orientation_first": along, "orientation_second": along}
+    return Bushing(*ends, *points, *resistances, **axes)
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
@@ -400,9 +385,7 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
         # Constructors warn of a large play, but here it is the range of the joint.
         with at.in_errors(), quiet():
             if isinstance(joint, RevoluteJoint):
-                axes = {"axis_first": joint.axis_first, "axis_second": joint.axis_second}
-                ends = joint.first, joint.second
-                stop = Backlash(*ends, play=room, middle=middle, **axes, **settings)
+                stop = backlash_of(joint, play=room, middle=middle, **settings)
             else:
                 assert isinstance(joint, PrismaticJoint)
                 if "law" not in settings:

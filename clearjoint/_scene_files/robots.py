@@ -234,9 +234,7 @@ class LinkTree:
         parents = {child: [joint.parent] for child, joint in of_child.items()}
         with location.in_errors():  # an error for a cycle of joints
             parents_first = [*TopologicalSorter(parents).static_order()]
-        for name in parents_first:
-            if name == self.root:
-                continue
+        for name in parents_first[1:]:  # without the root
             joint = of_child[name]
             carrier, pose = self.carriers[joint.parent], self.poses[joint.parent] @ joint.pose
             if self._is_part(joint):
@@ -371,17 +369,12 @@ def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
     moments = [np.trace(_tensor(tree, part, inertials)) for part, inertials in inertias]
-    if (
-        joint is None
-        or joint.kind not in (*HINGES, SLIDER)
-        or not min(sum(masses), sum(moments)) > 0.0
-    ):
+    has_axis = joint is not None and joint.kind in (*HINGES, SLIDER)
+    expected = "the mass of a moving link, unless a hinge or slider moves it and it carries mass"
+    if not (has_axis and min(sum(masses), sum(moments)) > 0.0):
         remedy = (
             "give it an <inertial>, fix it to its parent, or pass for example bound_mass=1e-3 "
             "and bound_inertia=1e-6, least values for bodies in kg and kg m^2"
-        )
-        expected = (
-            "the mass of a moving link, unless a hinge or slider moves it and it carries mass"
         )
         tree.location.at(carrier.links[0]).refuse("no mass", expected, remedy)
     return NEGLIGIBLE * sum(masses), NEGLIGIBLE * sum(moments) * np.eye(3)

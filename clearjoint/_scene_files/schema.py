@@ -37,11 +37,9 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
 def scene_properties(catalogue: "Catalogue") -> Schema:
     """Return the schemas of the top-level keys of a scene file, by key."""
-    return {
-        "format": {"type": "integer", "minimum": 1, "description": "version of the file format"},
-        **catalogue.properties(Scene),
-        "state": _table(catalogue.properties(State), []),
-    }
+    version = {"type": "integer", "minimum": 1, "description": "version of the file format"}
+    state = _table(catalogue.properties(State), [])
+    return {"format": version, **catalogue.properties(Scene), "state": state}
 
 
 @dataclass(frozen=True)
@@ -121,12 +119,8 @@ class Catalogue:
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": required,
-        "additionalProperties": False,
-    }
+    whole: Schema = {"type": "object", "properties": properties, "required": required}
+    return whole | {"additionalProperties": False}
 
 
 def _list_of(item: Schema, length: int | None = None) -> Schema:

@@ -136,12 +136,8 @@ def statistics_derivatives(
         error = sample.std(ddof=1) / np.sqrt(len(sample))
         variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
         variables[f"{name}_standard_error"] = Labelled((), error, unit)
-        for part, row in {
-            "": derivatives,
-            "_standard_error": errors,
-            "_low": derivatives - half,
-            "_high": derivatives + half,
-        }.items():
+        rows = derivatives, errors, derivatives - half, derivatives + half
+        for part, row in zip(("", "_standard_error", "_low", "_high"), rows, strict=True):
             variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
     coordinates = [number.parameter.scale.label(name) for name, number in uncertain.items()]
     labels = {

@@ -262,17 +262,8 @@ def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
     return np.vstack([lower, upper])
 
 
-BODIES = (
-    "#0072B2",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#F0E442",
-    "#16324F",
-    "#999933",
-    "#44AA99",
-    "#882255",
-)
+OKABE_AND_ITO = "#0072B2", "#009E73", "#CC79A7", "#56B4E9", "#F0E442"
+BODIES = *OKABE_AND_ITO, "#16324F", "#999933", "#44AA99", "#882255"
 """Colours of bodies, which colour-blind people can distinguish (after M. Okabe and K. Ito)."""
 GROUND_COLOUR, METAL = "#8C8C8C", "#4D4D4D"
 """Colours of the ground, and of symbols such as pins, balls, springs and journals."""

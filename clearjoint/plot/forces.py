@@ -107,10 +107,8 @@ def joint_forces(
     observed.require_contacts(observation)
     forces = {}
     for name, family in observation.contacts.items():
-        vectors = [
-            np.asarray(contact.normal) * np.asarray(contact.normal_force)[:, None]
-            for contact in family.values()
-        ]
+        pairs = ((np.asarray(c.normal), np.asarray(c.normal_force)) for c in family.values())
+        vectors = [normal * force[:, None] for normal, force in pairs]
         forces[name] = np.linalg.norm(np.sum(vectors, axis=0), axis=1)
     return _over_time(observation.times, forces, window, logarithmic, axes)
 
@@ -237,13 +235,11 @@ class ContactPhase(enum.IntEnum):
     FOLLOWING = 2
 
 
+FOLLOWING_STYLE = {"facecolor": "#9CCBE8", "edgecolor": BLUE, "linewidth": 0.4, "hatch": "////"}
 BAR_STYLES = {
     ContactPhase.FREE_FLIGHT: (0.12, {"facecolor": "0.8", "edgecolor": "0.8"}),
     ContactPhase.IMPACT: (0.80, {"facecolor": DARK, "edgecolor": DARK, "linewidth": 0.8}),
-    ContactPhase.FOLLOWING: (
-        0.45,
-        {"facecolor": "#9CCBE8", "edgecolor": BLUE, "linewidth": 0.4, "hatch": "////"},
-    ),
+    ContactPhase.FOLLOWING: (0.45, FOLLOWING_STYLE),
 }
 """Height of a phase's bar as a fraction of a joint's row, and the bar's matplotlib style."""
 

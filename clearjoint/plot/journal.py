@@ -202,11 +202,8 @@ def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the median of the eccentricity of a base less its
     penetration, which varies only if the bearing or the journal has a profile."""
     bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
-    journals = [
-        name
-        for name, family in observation.contacts.items()
-        if any(contact.eccentricity is not None for contact in family.values())
-    ]
+    families = observation.contacts.items()
+    journals = [n for n, of in families if any(c.eccentricity is not None for c in of.values())]
     require(len(bases) > 0, "joint", joint, f"one with a journal, of {journals}", "name one")
     return float(np.median(np.asarray(bases[0].eccentricity) - bases[0].penetration))
 

@@ -103,11 +103,7 @@ def path(
 
 
 def over_angle(
-    curves: Mapping[str, Curve],
-    quantity: str,
-    *,
-    shaft: str = "crank",
-    axes: Axes | None = None,
+    curves: Mapping[str, Curve], quantity: str, *, shaft: str = "crank", axes: Axes | None = None
 ) -> Axes:
     """Draw curves over the angle of a shaft, in degrees, such as forces over the angle of a crank.
     ``axes.legend()`` adds a legend.

@@ -292,10 +292,7 @@ ENERGIES = {
 
 
 def energy_ledger(
-    observation: Observation,
-    *,
-    window: TimeSpan | None = None,
-    axes: np.ndarray | None = None,
+    observation: Observation, *, window: TimeSpan | None = None, axes: np.ndarray | None = None
 ) -> np.ndarray:
     """Draw the energies of a run over time, and below them the error of their balance, the drift.
 

@@ -151,24 +151,16 @@ def accelerometer(
     # The spring's free length is long compared with its deflection, so that it acts linearly along
     # the axis although it is a spring between two points.
     angular_frequency = 2.0 * math.pi * frequency
-    spring = SpringDamper(
-        body,
-        name,
-        position - ARM * direction,
-        np.zeros(3),
-        stiffness=mass * angular_frequency**2,
-        damping=2.0 * damping_ratio * mass * angular_frequency,
-        free_length=ARM,
-    )
+    stiffness = mass * angular_frequency**2
+    damping = 2.0 * damping_ratio * mass * angular_frequency
+    points = position - ARM * direction, np.zeros(3)
+    spring = SpringDamper(body, name, *points, stiffness, damping, free_length=ARM)
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():
-        with_sensor = replace(
-            scene,
-            bodies={**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))},
-            joints={**scene.joints, name: slide},
-            forces={**scene.forces, name + SPRING: spring},
-        )
+        bodies = {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))}
+        joints, forces = {**scene.joints, name: slide}, {**scene.forces, name + SPRING: spring}
+        with_sensor = replace(scene, bodies=bodies, joints=joints, forces=forces)
     at_rest = _state_at_rest(state.bodies[body], scene, position, direction, angular_frequency)
     start = replace(state, bodies={**state.bodies, name: at_rest})
     return Accelerometer(with_sensor, start, AccelerometerReading(name))
@@ -202,9 +194,6 @@ def _state_at_rest(
     # At rest the spring carries the weight: its deflection is the gravity along the axis over w^2.
     arm = position + direction * float(gravity @ in_global_axes(direction)) / angular_frequency**2
     spin = np.asarray(body.spin)
-    return body_state(
-        np.asarray(body.position) + in_global_axes(arm),
-        np.asarray(body.orientation),
-        np.asarray(body.velocity) + in_global_axes(np.cross(spin, arm)),
-        spin,
-    )
+    place = np.asarray(body.position) + in_global_axes(arm)
+    velocity = np.asarray(body.velocity) + in_global_axes(np.cross(spin, arm))
+    return body_state(place, np.asarray(body.orientation), velocity, spin)

@@ -107,15 +107,12 @@ def moving(
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
     """Return motions after `time`, s, at constant global velocities and spins in body axes."""
-    return {
-        name: Motion(
-            motion.position + motion.velocity * time,
-            motion.rotation @ rotation_matrix(_exponential(motion.spin * time)),
-            motion.velocity,
-            motion.spin,
-        )
-        for name, motion in motions.items()
-    }
+    after = {}
+    for name, motion in motions.items():
+        position = motion.position + motion.velocity * time
+        rotation = motion.rotation @ rotation_matrix(_exponential(motion.spin * time))
+        after[name] = replace(motion, position=position, rotation=rotation)
+    return after
 
 
 def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:

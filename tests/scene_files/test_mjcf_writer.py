@@ -366,10 +366,9 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path
         assert float(position) == pytest.approx(float(other[name]), abs=1e-12)
 
 
-@pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
 def test_stops_play_and_actuators_of_drives(tmp_path, written):
     """Stops are at the limits of the file; of a stop and a play, the narrower one acts; an actuator
-    acts on the rotor."""
+    acts on the rotor. The wider one is named."""
     bodies = "".join(
         f'<body name="on {name}"><joint name="{name}" axis="0 1 0" {options}/>'
         '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
@@ -390,7 +389,11 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
         robot = cj.load_robot(tmp_path / "first.xml", play=added, stops=stops)
         robot = robot.with_drive("twist", cj.Drive(stiffness=80.0, damping=0.1))
         # Within the limits, whatever the revolution.
-        model = written(robot, robot.state({"twist": 5.0 - 2 * math.pi}))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", cj.NotCarriedOverWarning)
+            model = written(robot, robot.state({"twist": 5.0 - 2 * math.pi}))
+        messages = "".join(str(warning.message) for warning in caught)
+        assert ("wider limits of elbow stop" in messages) == bool(added)
         assert model.joint("elbow").range == pytest.approx(limits, abs=1e-12)
         assert model.joint("grip").range == pytest.approx((-0.1, 0.3), abs=1e-12)
         numbers = model.jnt_solref[:, 0]

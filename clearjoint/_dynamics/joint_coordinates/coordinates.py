@@ -118,14 +118,8 @@ class JointMechanics(AbstractMechanics):
             for branch in tree:
                 parent = self._index.get(branch.parent)
                 carrier = None if parent is None else self._links[parent]
-                link, central = evaluate(
-                    _link,
-                    branch.nameless(),
-                    carrier,
-                    variables[branch.body],
-                    self._bodies[branch.body],
-                    one_point,
-                )
+                state, body = variables[branch.body], self._bodies[branch.body]
+                link, central = evaluate(_link, branch.nameless(), carrier, state, body, one_point)
                 self._links.append(link)
                 self._central.append(central)
         # Index of the first link of each tree, and of the first speed of each link, with the number
@@ -162,15 +156,10 @@ class JointMechanics(AbstractMechanics):
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         loads = {}
         for k, branch in enumerate(self._branches):
-            loads[k] = self._evaluate[k](
-                _effective_load,
-                wrenches.get(branch.body, NO_WRENCH),
-                self._links[k],
-                self._axes[k],
-                self._central[k],
-                self._bodies[branch.body].mass,
-                self._weights[k],
-            )
+            wrench, link = wrenches.get(branch.body, NO_WRENCH), self._links[k]
+            inertia = self._central[k], self._bodies[branch.body].mass, self._weights[k]
+            evaluate = self._evaluate[k]
+            loads[k] = evaluate(_effective_load, wrench, link, self._axes[k], *inertia)
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
     @override
@@ -251,11 +240,7 @@ class JointMechanics(AbstractMechanics):
 
 
 def _link(
-    branch: TreeBranch,
-    carrier: Link | None,
-    state: MotionVariables,
-    body: Body,
-    one_point: bool,
+    branch: TreeBranch, carrier: Link | None, state: MotionVariables, body: Body, one_point: bool
 ) -> tuple[Link, Matrix]:
     link = branch.link(carrier, state, one_point)
     return link, central_inertia(body, link.rotation)
@@ -320,18 +305,13 @@ class JointCoordinates(AbstractCoordinates):
         trees, orientations = forest(scene), {GROUND: UPRIGHT}
         motions = _motions(trees, variables)
         for branch, evaluate in _branches(trees):
-            orientations[branch.body] = evaluate(
-                type(branch).orientation,
-                branch.nameless(),
-                orientations[branch.parent],
-                variables[branch.body],
-            )
+            parent, state = orientations[branch.parent], variables[branch.body]
+            turned = evaluate(type(branch).orientation, branch.nameless(), parent, state)
+            orientations[branch.body] = turned
         bodies = {}
         for name in scene.bodies:
-            motion = motions[name]
-            bodies[name] = BodyState(
-                motion.position, orientations[name], motion.velocity, motion.spin
-            )
+            at = motions[name]
+            bodies[name] = BodyState(at.position, orientations[name], at.velocity, at.spin)
         return bodies
 
     @override
@@ -387,10 +367,7 @@ def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) ->
     motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
     for branch, evaluate in _branches(trees):
         motions[branch.body] = evaluate(
-            type(branch).motion,
-            branch.nameless(),
-            motions[branch.parent],
-            variables[branch.body],
+            type(branch).motion, branch.nameless(), motions[branch.parent], variables[branch.body]
         )
     return motions
 

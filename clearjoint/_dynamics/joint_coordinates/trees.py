@@ -12,7 +12,6 @@ derivatives of all joint speeds are zero.
 """
 
 import weakref
-from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import partial
@@ -283,15 +282,7 @@ class JointedBranch:
         if one_point:
             offset, arm = ZERO, offset + arm
         return Link(
-            rotation,
-            offset,
-            arm,
-            spin,
-            angular_bias,
-            bias,
-            gradient,
-            tuple(columns),
-            self.armature,
+            rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns), self.armature
         )
 
     def rates(
@@ -352,7 +343,7 @@ class Topology:
         return frozenset(passed)
 
 
-_known: OrderedDict[int, tuple[weakref.ref[Scene], Topology]] = OrderedDict()
+_known: dict[int, tuple[weakref.ref[Scene], Topology]] = {}
 """Topology of each scene object that exists, and a weak reference to it, by its `id`."""
 
 

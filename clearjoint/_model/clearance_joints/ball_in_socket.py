@@ -53,10 +53,7 @@ class BallInSocket(AbstractCentredJoint):
     _: KW_ONLY
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     socket_radius: Single = quantity(
-        "m",
-        positive=True,
-        usual=(0.0, LARGEST_BEARING),
-        remedy="give lengths in m; 1 mm is 1e-3 m",
+        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
     )
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
     socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
@@ -91,16 +88,8 @@ class BallInSocket(AbstractCentredJoint):
         if self.friction is not None:
             slip = slip_at(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
-        contact = Contact(
-            gap,
-            normal,
-            on_socket,
-            on_ball,
-            slip,
-            line_first=self.socket_point,
-            line_second=self.ball_point,
-        )
-        return {CONTACT: contact}
+        centres = {"line_first": self.socket_point, "line_second": self.ball_point}
+        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, **centres)}
 
     @override
     def deepest_penetration(self) -> Scalar:

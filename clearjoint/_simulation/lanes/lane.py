@@ -6,7 +6,6 @@ The loop over lanes exists twice: as machine code in `clearjoint._native.lanes`,
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -36,7 +35,6 @@ from ..step.step_state import without_weak_types
 from ..step.stepping import running
 from ..step.types import Integers, Numbers
 
-T = TypeVar("T")
 SAVED = "saved"
 """Name of the log of the states at the times to save at."""
 WINDOW = ROWS + 1
@@ -114,7 +112,7 @@ class Lane(eqx.Module):
         return buffers
 
 
-def _under(prefix: str, wanted: Mapping[str, T]) -> dict[str, T]:
+def _under(prefix: str, wanted: Mapping[str, PyTree]) -> dict[str, PyTree]:
     """Return those entries of `wanted` whose key starts with `prefix`, under the rest of
     the key."""
     return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
@@ -148,12 +146,9 @@ def begin_lane(
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
     system = plan.scheme.system(scene)
-    step = begin_run(
-        plan.scheme.method, system, state, start_time, request.end_time, request.first_step
-    )
-    step = eqx.tree_at(
-        lambda s: s.result, step, RESULTS.where(fits, step.result, RESULTS.not_assembled)
-    )
+    method, ends = plan.scheme.method, (request.end_time, request.first_step)
+    step = begin_run(method, system, state, start_time, *ends)
+    step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
     row = Snapshot(step.t, step.y, step.entry_speeds)
     saved = RowBuffer.like(row, ROWS) if plan.saves else None
     return without_weak_types(Lane(plan.loop(system, request).start(step), saved))

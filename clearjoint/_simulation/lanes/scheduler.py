@@ -496,9 +496,8 @@ def _on_device(number: int) -> AbstractContextManager[object]:
 
 @Native
 def _begun(common: Common, task: Task) -> Lane:
-    request = LaneRequest(
-        task.end_time, task.first_step, jnp.full(WINDOW, jnp.inf), common.capacity
-    )
+    window = jnp.full(WINDOW, jnp.inf)
+    request = LaneRequest(task.end_time, task.first_step, window, common.capacity)
     scene = common.scene(task)
     return begin_lane(common.plan, scene, task.state, common.start_time, request)
 
@@ -538,8 +537,5 @@ def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) 
 
 def _lane_status(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
     _, request = own
-    return {
-        "moves": moves(common.plan, lane, request),
-        "runs": lane.runs(common.plan, request.end_time),
-        "time": lane.run.step.t,
-    }
+    running, moving = lane.runs(common.plan, request.end_time), moves(common.plan, lane, request)
+    return {"moves": moving, "runs": running, "time": lane.run.step.t}

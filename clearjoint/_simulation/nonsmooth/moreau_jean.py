@@ -114,7 +114,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
         push, projection_residual = _projection(problem, closed, after, sinks, h)
         residual = jnp.maximum(residual, projection_residual)
     # The positions move with the mean speeds and the push.
-    mean = _mean_speeds(system, middle, last)
+    half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), middle, last)
+    mean = system.with_speeds(middle, half)
     if push is not None:
         mean = system.mechanics(mean).after_speed_change(push)
     moved = _displaced(system, variables, _smooth_rates(rigid, mean, middle_time), h)
@@ -179,9 +180,8 @@ def _contact_steps(
 ) -> dict[str, dict[str, ContactStep]]:
     # Positions move with the mean velocity, so that its product with the impulse is the work. With
     # the opposite sign, it is the energy dissipated.
-    losses = [
-        -0.5 * impulse * (a + b) for impulse, a, b in zip(impulses, before, after, strict=True)
-    ]
+    rows = zip(impulses, before, after, strict=True)
+    losses = [-0.5 * impulse * (a + b) for impulse, a, b in rows]
     steps: dict[str, dict[str, ContactStep]] = {}
     # The normal rows of all contacts come first, then the rows of slip of each contact.
     first = len(contacts)
@@ -214,13 +214,6 @@ def _accelerated(
     """Return variables with the speeds changed by `time`, s, times the `rates`. The
     positions stay."""
     return system.with_speeds(variables, _plus(variables, rates, time))
-
-
-def _mean_speeds(
-    system: System, first: MotionVariables, second: MotionVariables
-) -> MotionVariables:
-    half = jax.tree.map(lambda a, b: add(multiply(a, 0.5), multiply(b, 0.5)), first, second)
-    return system.with_speeds(first, half)
 
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:

@@ -38,7 +38,7 @@ from ..step.settings import check_span
 from ..step.step_state import choose
 from ..step.trial_step import all_finite
 from .contact_problem import require_restitution, restitutions
-from .moreau_jean import SOLVED, ContactStep, Rigid, advance
+from .moreau_jean import SOLVED, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
 """Tolerance within which a driver, a constraint that prescribes a motion as a function of time,
@@ -129,12 +129,10 @@ def _with_breakpoints(
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
     """Return the run `now`, at the time `stop`, with the velocities that drivers prescribe just
     after it. They change only if a driver has a breakpoint at `stop`."""
-    # For each joint with breakpoints, `has_breakpoint` tells whether one of them is in the span,
+    # For each joint with breakpoints, the first entry tells whether one of them is in the span,
     # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
     since = since_breakpoints(system, start, stop)
-    joints = [
-        has_breakpoint for name, (has_breakpoint, _) in since.items() if name in system.scene.joints
-    ]
+    joints = [found for name, (found, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
@@ -171,14 +169,7 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
     zero, no_count = jnp.zeros(()), jnp.zeros((), int)
-    no_totals = ContactTotals(
-        impacts=no_count,
-        impulse=zero,
-        dissipated=zero,
-        hardest=zero,
-        fastest=zero,
-        penetration=zero,
-    )
+    no_totals = ContactTotals(no_count, *[zero] * 5)
     laws = rigid.system.scene.laws()
     return RigidRun(
         t=t,
@@ -201,7 +192,17 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     contacts, solved = end.contacts, end.residual <= SOLVED
 
     def total(name: str, label: str) -> ContactTotals:
-        return _total(now.totals[name][label], contacts[name][label], now.touching[name][label])
+        totals, step = now.totals[name][label], contacts[name][label]
+        pushes = step.impulse > 0.0
+        approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
+        return ContactTotals(
+            impacts=totals.impacts + (pushes & ~now.touching[name][label]),
+            impulse=totals.impulse + step.impulse,
+            dissipated=totals.dissipated + step.dissipated,
+            hardest=jnp.maximum(totals.hardest, step.impulse),
+            fastest=jnp.maximum(totals.fastest, approach),
+            penetration=jnp.maximum(totals.penetration, step.penetration),
+        )
 
     result = RESULTS.where(finite, now.result, RESULTS.non_finite)
     result = RESULTS.where(finite & ~solved, RESULTS.contact_unsolved, result)
@@ -223,19 +224,6 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
         steps=now.steps + 1,
     )
     return replace(choose(good, following, now), result=result)
-
-
-def _total(totals: ContactTotals, step: ContactStep, touched: Condition) -> ContactTotals:
-    pushes = step.impulse > 0.0
-    approach = jnp.where(pushes, jnp.maximum(-step.opening, 0.0), 0.0)
-    return ContactTotals(
-        impacts=totals.impacts + (pushes & ~touched),
-        impulse=totals.impulse + step.impulse,
-        dissipated=totals.dissipated + step.dissipated,
-        hardest=jnp.maximum(totals.hardest, step.impulse),
-        fastest=jnp.maximum(totals.fastest, approach),
-        penetration=jnp.maximum(totals.penetration, step.penetration),
-    )
 
 
 MOST_STEPS = 1e9
@@ -335,15 +323,12 @@ def simulate_nonsmooth(
         require(bool(float(step) >= shortest), "step", step, expected, remedy)
         times = save.times_between(scene, start_time, end_time)
         redundant_constraints = check_start(scene, state, start_time, coordinates)
-    formulation = Formulation(
-        coordinates, redundant=bool(redundant_constraints) if redundant is None else redundant
-    )
+    are_redundant = bool(redundant_constraints) if redundant is None else redundant
+    formulation = Formulation(coordinates, redundant=are_redundant)
     between = jnp.asarray([] if times is None else times)
     stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
-    chosen = None if restitution is None else _array(restitution)
-    run = run_compiled(
-        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
-    )
+    numbers = _array(step), None if restitution is None else _array(restitution)
+    run = run_compiled(fold_constants(scene), formulation, state, stops, *numbers, admissible)
     inner = None if times is None else stops[1:-1]
     solution = _solution(*run, inner, formulation, redundant_constraints)
     if traced:
@@ -371,10 +356,9 @@ def _solution(
         # If the run failed, all rows from the failure on have its result code and no meaning.
         history, count = rows.totals, (rows.result == RESULTS.successful).sum()
         # Rigid contacts have no entry speeds, but a saved state lists one for each contact.
-        entry_speeds = each_label(
-            lambda name, label: jnp.zeros_like(rows.totals[name][label].impulse), rows.totals
-        )
-        saved = Trajectory(times, State(rows.bodies, entry_speeds))
+        laws = rows.totals
+        zeros = each_label(lambda name, label: jnp.zeros_like(laws[name][label].impulse), laws)
+        saved = Trajectory(times, State(rows.bodies, zeros))
     return NonsmoothSolution(
         time=end.t,
         final=State(jax.tree.map(lambda leaf: leaf[-1], stops.bodies)),

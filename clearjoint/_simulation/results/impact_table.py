@@ -75,12 +75,8 @@ class Impacts(AbstractTabular):
         """Return the table made of `rows`, in any order: tuples of a value for each field."""
         names = [f.name for f in fields(Impacts)]
         columns = list(zip(*rows, strict=True)) or [()] * len(names)
-        table = Impacts(
-            **{
-                name: np.array(column, dtype=object if name in NAMED else float)
-                for name, column in zip(names, columns, strict=True)
-            }
-        )
+        kinds = [object if name in NAMED else float for name in names]
+        table = Impacts(*map(np.array, columns, kinds))
         # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
         keys = table.contact.astype(str), table.joint.astype(str), table.onset
         return table._rows(np.lexsort(keys))

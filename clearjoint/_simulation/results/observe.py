@@ -422,18 +422,9 @@ def observe_compiled(
             }
             for joint in dynamics.rows
         }
-        observation = Observation(
-            times=t,
-            contacts=_contacts(scene, dynamics),
-            modes=_modes(scene, dynamics),
-            reactions=reactions,
-            accelerations=accelerations,
-            drift=drift,
-            drift_rate=drift_rate,
-            energies=energies,
-            reactions_unique=unique,
-        )
-        return jax.tree.map(jnp.asarray, observation)
+        contacts, modes = _contacts(scene, dynamics), _modes(scene, dynamics)
+        series = contacts, modes, reactions, accelerations, drift, drift_rate, energies
+        return jax.tree.map(jnp.asarray, Observation(t, *series, reactions_unique=unique))
 
     return over_rows(at, count, times, states)
 
@@ -541,15 +532,13 @@ def along_compiled(
 
         if not rates:
             return value(t, variables)
-        speeds, _ = holding(system, memory).rates(
-            variables, state.entry_speeds, t, bristles=bristles
-        )
+        held = holding(system, memory)
+        speeds, _ = held.rates(variables, state.entry_speeds, t, bristles=bristles)
         # The direction of the derivative is that of the motion: time advances at the rate 1, and
         # the variables at their rates. `jax.jvp` demands floats, but components may be Python
         # numbers.
-        point, along = jax.tree.map(
-            lambda number: jnp.asarray(number, dtype=float), ((t, variables), (1.0, speeds))
-        )
+        as_float = partial(jnp.asarray, dtype=float)
+        point, along = jax.tree.map(as_float, ((t, variables), (1.0, speeds)))
         return jax.jvp(value, point, along)[1]
 
     return over_rows(at, count, times, states)

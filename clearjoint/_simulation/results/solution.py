@@ -157,16 +157,14 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     bodies = {name: _body(body, left, x, h) for name, body in states.bodies.items()}
     ends = np.where(x[:, 0] == 1.0, left + 1, left)
 
-    def linear(rows: np.ndarray) -> np.ndarray:
+    def linear(rows: Numbers) -> np.ndarray:
+        rows = np.asarray(rows)
         y = x.reshape(-1, *[1] * (rows.ndim - 1))
         return (1.0 - y) * rows[left] + y * rows[left + 1]
 
-    entry_speeds, memory = jax.tree.map(
-        lambda rows: np.asarray(rows)[ends], (states.entry_speeds, states.memory)
-    )
-    work, bristles = jax.tree.map(
-        lambda rows: linear(np.asarray(rows)), (states.work, states.bristles)
-    )
+    both = states.entry_speeds, states.memory
+    entry_speeds, memory = jax.tree.map(lambda rows: np.asarray(rows)[ends], both)
+    work, bristles = jax.tree.map(linear, (states.work, states.bristles))
     return State(bodies, entry_speeds, work, bristles, memory)
 
 

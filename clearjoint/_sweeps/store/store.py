@@ -391,12 +391,8 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 def _same_axes(layout: Layout, other: Layout) -> bool:
     """Whether two sweeps have axes of the same names and values in the same order, and are both
     zipped or both not."""
-    if (layout.zipped, len(layout.axes)) != (other.zipped, len(other.axes)):
-        return False
-    return all(
-        a.name == b.name and np.array_equal(a.values, b.values)
-        for a, b in zip(layout.axes, other.axes, strict=True)
-    )
+    axes, others = ([(a.name, a.values.tolist()) for a in x.axes] for x in (layout, other))
+    return layout.zipped == other.zipped and axes == others
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:

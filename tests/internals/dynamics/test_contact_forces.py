@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.contact_forces import contact_force
+from clearjoint._dynamics.contact_forces import contact_force, contact_wrenches
+from clearjoint._model.joints.base import SideForce
 from clearjoint.extend import ZERO, Contact, Vector
+from tests.support.motions import AT_REST
 from tests.support.planes import Plane
 
 DEPTH, RATE = 3e-14, -0.06
@@ -40,6 +42,21 @@ def test_force_of_a_closed_spring_continues_past_the_wall(law):
     slopes = [jax.jacfwd(lambda d: forces_at(law, True, d))(s * DEPTH) for s in (1.0, -1.0)]
     np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-14)
     assert not np.any(forces_at(law, False, DEPTH))
+
+
+def test_moment_of_friction_acts_beside_a_side_force():
+    """The bodies get the moment about the normal with opposite signs, and the side force too."""
+    normal, moment, push = Vector(0.0, 0.6, 0.8), 0.7, Vector(0.0, 0.0, 3.0)
+    side = SideForce(ZERO, ZERO, ZERO, push)
+    contact = Contact(cj.extend.Gap(0.0, 0.0), normal, ZERO, ZERO, None, side=side)
+    plane = cj.Stop("a", "b", normal=(1, 0, 0), law=cj.laws.Hertz(1e9))
+    motions = {"a": AT_REST, "b": AT_REST}
+    total = {name: np.zeros(6) for name in motions}
+    for name, wrench in contact_wrenches(plane, contact, 0.0, None, motions, moment):
+        total[name] += [*wrench.force, *wrench.moment]
+    expected = [0.0, 0.0, 3.0, 0.0, 0.42, 0.56]
+    np.testing.assert_allclose(total["b"], expected, rtol=1e-12)
+    np.testing.assert_allclose(total["a"], -np.array(expected), rtol=1e-12)
 
 
 class Preloaded(cj.extend.AbstractContactLaw):

@@ -2,6 +2,7 @@
 
 from unittest.mock import ANY
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -24,7 +25,15 @@ def test_rounding_errors_are_not_printed():
 
 
 @pytest.mark.parametrize(
-    "value", [np.array([1.0 + 2.0j]), np.array(["2026-01-01"], "M8[D]"), True, [None, 1.0]]
+    "value",
+    [
+        np.array([1.0 + 2.0j]),
+        jnp.array([1.0 + 2.0j]),
+        jnp.array(True),
+        np.array(["2026-01-01"], "M8[D]"),
+        True,
+        [None, 1.0],
+    ],
 )
 def test_only_real_numbers_are_numbers(value):
     with pytest.raises(ValueError, match="`mass` must be a number or an array of numbers"):
