@@ -162,10 +162,11 @@ def print_costs(scene: str, size: str, call: str, which: str) -> None:
     say(memory=memory)
     for _ in range(CALLS_BEFORE if call == SIMULATE else 1):
         run(SHORT)
-    rounds = [
-        _timed(lambda span: [run(span) for _ in range(CALLS_COUNTED)][0], SHORT)
-        for _ in range(ROUNDS if call == SIMULATE else 1)
-    ]
+
+    def several(span: float, run: Callable[[float], int] = run) -> int:
+        return [run(span) for _ in range(CALLS_COUNTED)][0]
+
+    rounds = [_timed(several, SHORT) for _ in range(ROUNDS if call == SIMULATE else 1)]
     together, few = sorted(rounds)[len(rounds) // 2]
     again = together / CALLS_COUNTED
     say(again=again)
