@@ -194,9 +194,11 @@ class Bounded(AbstractScale):
 
     @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return pi/sqrt(3), the standard deviation of the coordinate if only the bounds are known,
-        with a value that is uniformly distributed between them."""
-        return math.pi / math.sqrt(3.0)
+        """Return pi/sqrt(3) at a coordinate of zero: the standard deviation of the coordinate if
+        only the bounds are known, with a value that is uniformly distributed between them. Towards
+        the bounds it rises, so that it always stands for the same standard deviation of the value.
+        """
+        return math.pi / math.sqrt(3.0) * math.cosh(0.5 * coordinate) ** 2
 
     @override
     def label(self, name: str) -> str:

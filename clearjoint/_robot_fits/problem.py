@@ -76,10 +76,15 @@ SHARE = 0.1
 neither the user nor the robot has one."""
 FACTOR = 100.0
 """Change of a speed at the start, 1/s, that counts as typical, over the noise of the position."""
-STILL = 4.0
-"""Range of positions, in multiples of their noise, up to which a joint counts as at rest."""
+STILL = 1.5
+"""Standard deviation of positions, in multiples of their noise, up to which a joint counts as at
+rest in a log."""
 REST = 10
 """Number of samples for which a joint must be at rest in the beginning to start at rest."""
+SLOPE = 3.3
+"""Slope of positions over time, in standard errors, up to which a joint counts as at rest. Noise
+alone exceeds it in one of 1000 logs: a speed at the start that is found only where noise looks like
+one is wrong, and makes estimates that depend on it wrong too."""
 IN_PLAY = "start in the play"
 """What a fit finds of the side of a drive train that is not logged, from -1 to 1."""
 CERTAIN = 10.0
@@ -334,8 +339,14 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
 
 
 def _begins_at_rest(samples: Logged) -> bool:
-    first = samples.values[:REST]
-    return samples.noise is not None and bool(np.ptp(first) <= STILL * samples.noise)
+    """Return whether the first samples are those of a joint at rest, by the slope of the line
+    through them."""
+    if samples.noise is None:
+        return False
+    times, values = samples.times[:REST], np.unwrap(samples.values[:REST])
+    offsets = times - times.mean()
+    error = samples.noise / np.linalg.norm(offsets)  # of the slope
+    return bool(abs(offsets @ values) / (offsets @ offsets) <= SLOPE * error)
 
 
 def _load_at_start(

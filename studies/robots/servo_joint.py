@@ -102,6 +102,11 @@ class Draw:
         low, high = self.found.fit.intervals.get(name, (np.inf, -np.inf))
         return low <= TRUTH[name] <= high
 
+    def error(self, name: str) -> float:
+        """Return the error of an estimate over its standard error; NaN if it is not determined."""
+        deviation = self.found.fit.standard_errors.get(name, np.nan)
+        return (self.estimate(name) - TRUTH[name]) / deviation
+
     @property
     def mean_square(self) -> float:
         """Mean square of the residuals over their noise."""
@@ -114,15 +119,18 @@ def measure(quick: bool) -> tuple[list[tuple[str, ...]], Draw]:
     end = 1.5 if quick else END
     draws = [Draw(*fitted(servo_log(seed, end))) for seed in range(1 if quick else DRAWS)]
     first, by_motor = draws[0], Draw(*fitted(servo_log(0, end), sampled=False))
-    rows = [("parameter", "true", "by `Servo`", "intervals that hold it", "by `Motor`")]
+    over = "error over standard error, mean ± deviation"
+    rows = [("parameter", "true", "by `Servo`", "intervals that hold it", over, "by `Motor`")]
     for name, value in TRUTH.items():
         held = f"{sum(draw.holds(name) for draw in draws)} of {len(draws)}"
         servo, motor = (f"{draw.estimate(name):.4g}" for draw in (first, by_motor))
-        rows.append((name, f"{value:.4g}", servo, held, motor))
+        errors = [draw.error(name) for draw in draws]
+        spread = f"{np.mean(errors):.2f} ± {np.std(errors):.2f}"
+        rows.append((name, f"{value:.4g}", servo, held, spread, motor))
     servo, motor = (f"{draw.mean_square:.3g}" for draw in (first, by_motor))
-    rows.append(("mean square of the residuals", "1", servo, "", motor))
+    rows.append(("mean square of the residuals", "1", servo, "", "", motor))
     median, motor = np.median([draw.seconds for draw in draws]), by_motor.seconds
-    rows.append(("processor time of a fit", "", f"{median:.1f} s", "", f"{motor:.1f} s"))
+    rows.append(("processor time of a fit", "", f"{median:.1f} s", "", "", f"{motor:.1f} s"))
     return rows, first
 
 

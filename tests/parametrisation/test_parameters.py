@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.special import logit
 
 import clearjoint as cj
 
@@ -90,3 +91,12 @@ def test_a_parameter_without_a_value_is_refused(scene):
     made = cj.Parameter(cj.Parameter.change(lambda scene, state, x: (scene, state), 1.0).variation)
     with pytest.raises(ValueError, match=r"`value` must be.*MadeByFunction.*is None: pass"):
         made.coordinate_in(scene, None)
+
+
+def test_the_limit_of_information_between_bounds():
+    """It stands for one standard deviation of the value, in the middle for a uniform value."""
+    scale = cj.Bounded(-1.0, 1.0)
+    uniform = np.random.default_rng(0).uniform(0.0, 1.0, 100_000)
+    assert scale.uninformative_std(0.0) == pytest.approx(np.std(logit(uniform)), rel=0.01)
+    errors = [scale.uninformative_std(u) * scale.slope(u) for u in (-7.0, 0.0, 3.0)]
+    np.testing.assert_allclose(errors, errors[1], rtol=1e-12)

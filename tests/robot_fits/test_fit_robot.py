@@ -1,5 +1,7 @@
 """Play, friction and inertia of robots from logs that SciPy simulates."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -91,6 +93,14 @@ def test_a_load_that_never_reverses_does_not_show_the_play(with_drive):
     assert np.isnan(found.to_dataframe().loc["elbow play", "low"])
 
 
+def chi_squared_of_truth(found):
+    """Chi squared of one run with the true values, from rest at zero in the middle of the play."""
+    fit = found.fit
+    true = {**dict.fromkeys(fit.parameters, 0.0), **TRUTH}
+    once = {"guess": true, "max_iterations": 1, "check_runs": 0, **QUIET}
+    return cj.identify(fit.scene, fit.state, fit.measurements, fit.parameters, **once).chi_squared
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("side", ["elbow", "elbow motor"])
 def test_intervals_hold_the_truth_in_27_of_30_draws(side, robot):
@@ -99,7 +109,30 @@ def test_intervals_hold_the_truth_in_27_of_30_draws(side, robot):
         log = log_of(log_table(JOINT, *swinging(seed, 6.0), side=side, seed=seed), side)
         found = cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
         counts = {name: counts[name] + inside for name, inside in held(found).items()}
+        # In the lowest minimum, the likelihood is at least that of the truth.
+        assert found.fit.chi_squared <= chi_squared_of_truth(found), seed
     assert min(counts.values()) >= 27, counts
+
+
+@dataclass(frozen=True)
+class StartsInPlay(GearedJoint):
+    """A joint whose rotor starts at a place in the play, from -1 to 1."""
+
+    place: float = 0.0
+
+    def at_rest(self, angle):
+        return super().at_rest(angle) + np.array([0.5 * self.place * self.play, 0.0, 0.0, 0.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [-1.0, 1.0])
+def test_a_motor_that_starts_at_a_flank(place, robot):
+    table = log_table(StartsInPlay(place=place), *swinging(0, 3.0))
+    found = cj.fit_robot(robot, log_of(table), FIND, {"elbow": "torque"}, **QUIET)
+    fit = found.fit
+    assert not found.undetermined and fit.estimates["elbow motor start in the play"] * place > 0.5
+    for name, value in TRUTH.items():
+        assert abs(fit.estimates[name] - value) < 3.3 * fit.standard_errors[name], name
 
 
 @pytest.mark.slow
