@@ -19,7 +19,7 @@ from .._math.vectors import ConstantFolded, fold_constants, unpack
 from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import AbstractScale, Parameter
-from .variations import Change, NumberSetter
+from .variations import Change, NumberSetter, changed
 
 Coordinates = jax.Array | np.ndarray
 
@@ -131,10 +131,8 @@ class ParametrisedScene(AbstractSceneFamily):
 
     @override
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        scene, state = self.base
-        for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
-            scene, state = change(scene, state, scale.value(values[k]))
-        return scene, state
+        numbers = [scale.value(values[k]) for k, scale in enumerate(self.scales)]
+        return changed(*self.base, zip(self.changes, numbers, strict=True))
 
     @override
     def varied(self) -> PyTree[bool]:
@@ -220,10 +218,7 @@ class DirectedScene(AbstractSceneFamily):
 
     @override
     def scene_and_state(self, values: dict[str, PyTree]) -> tuple[Scene, State]:
-        scene, state = self.base
-        for name, change in self.changes:
-            scene, state = change(scene, state, values[name])
-        return scene, state
+        return changed(*self.base, [(change, values[name]) for name, change in self.changes])
 
     @override
     def with_derivatives(

@@ -345,10 +345,11 @@ def _across_discontinuities(
     ends = y1, y_tangents
     if contacts:
         changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
-        # JAX needs less time to trace derivatives inside of a branch than those of a branch.
-        ends = jax.lax.cond(
-            changes, partial(corrected, contacts_corrected), lambda ends: ends, ends
-        )
+        # JAX needs less time to trace derivatives inside of a branch than those of a branch. To
+        # transpose a branch, it divides it into its linear part and the rest twice, unless the
+        # branch is a call, whose division is kept.
+        correct = jax.jit(partial(corrected, contacts_corrected))
+        ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)
     if jumps or y1.bristles:
         ends = corrected(others_corrected, ends)
     return ends
