@@ -231,7 +231,7 @@ class DirectedScene(AbstractSceneFamily):
             return function(self.scene(values), *rest)
 
         places = self.values, *primals
-        directions = self.direction, *jax.tree.map(lambda leaf: leaf[0], tangents)
+        directions = self.direction, *jax.tree.map(_without_axis, tangents)
         # `jax.linear_transpose` can transpose this with respect to direction and tangents.
         value, derivatives, auxiliary = jax.jvp(at, places, directions, has_aux=True)
         return value, auxiliary, _with_axis(derivatives)
@@ -239,4 +239,9 @@ class DirectedScene(AbstractSceneFamily):
 
 def _with_axis(tree: PyTree) -> PyTree:
     """Return a PyTree with a first axis of length one in each array: that of the one tangent."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], tree)
+    # JAX traces an index in several times the time of its primitive.
+    return jax.tree.map(lambda leaf: jax.lax.expand_dims(jnp.asarray(leaf), (0,)), tree)
+
+
+def _without_axis(leaf: jax.Array) -> jax.Array:
+    return jax.lax.squeeze(jnp.asarray(leaf), (0,))

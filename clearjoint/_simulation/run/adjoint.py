@@ -32,13 +32,13 @@ from ..step.method import Scheme, SystemFamily
 from ..step.solvers import UnrolledExplicit
 from ..step.step_state import Attempt, Method, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
-from ..step.trial_step import solved_step
+from ..step.trial_step import solved_step, term_of
 from ..step.types import Integers, Numbers
 from .host_run import end_of
 from .outputs import REDUCTIONS
 from .recorders import ReductionRecorder, RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
-from .sampling import first_step_of, look_at_tangents
+from .sampling import first_step_of, first_tangents, initial_with_tangents, look_at_tangents
 
 ROWS = 1024
 """Number of accepted steps in a segment of the run, and in a call of the backward loop."""
@@ -229,18 +229,6 @@ def _linear_step(
     return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
 
 
-def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt:
-    trial = solved_step(method, system, step, t1, None)
-    return Attempt(
-        step=accepted_state(method, system, None, step, trial, jnp.asarray(True)),
-        accepted=jnp.asarray(True),
-        t_start=step.t,
-        entry_speeds_start=step.entry_speeds,
-        information=trial.outcome.information,
-        time_map=trial.time_map,
-    )
-
-
 def _observed(
     systems: SystemFamily, method: Method, tried: Attempt, time: Scalar, outputs: Mapping
 ) -> Values:
@@ -263,25 +251,48 @@ def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
 
 
 @Native
+def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> Attempt:
+    """Compute N recorded steps again, and return them, with a first axis of length N in each
+    array."""
+    method, system = run.scheme.method, run.systems(values).system()
+
+    def again(_: None, row: jax.Array) -> tuple[None, Attempt]:
+        step, t1 = _row_of(example, row)
+        trial = solved_step(method, system, step, t1, None)
+        after = accepted_state(method, system, None, step, trial, jnp.asarray(True))
+        tried = Attempt(
+            # Dense output needs neither of these.
+            step=replace(after, second_rates={}, solver_state=None),
+            accepted=jnp.asarray(True),
+            t_start=step.t,
+            entry_speeds_start=step.entry_speeds,
+            information=trial.outcome.information,
+            time_map=trial.time_map,
+        )
+        return None, jax.tree.map(jnp.asarray, tried)
+
+    return jax.lax.scan(again, None, rows)[1]
+
+
+@Native
 def values_at(
     run: Adjoint,
     values: PyTree,
-    example: Step,
     outputs: Mapping[str, Quantity],
-    rows: Numbers,
+    steps: Attempt,
     times: Numbers,
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run. The k-th time lies in
-    the step that row k of `rows` records."""
+    """Return quantities, (N,) each, at N times, s since the start of the run, each in the step of
+    `steps`, from `repeated`, with the same number."""
     method, system = run.scheme.method, run.systems(values).system()
 
-    def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
-        tried = _repeated(method, system, *_row_of(example, pair[0]))
-        y, entry_speeds = look_inside(method, system, tried, pair[1])
-        instant = Instant(system, pair[1], y.motion, entry_speeds, y.work, y.bristles, y.memory)
+    def at(_: None, pair: tuple[Attempt, Scalar]) -> tuple[None, Values]:
+        tried, time = pair
+        y, entry_speeds = look_inside(method, system, tried, time)
+        instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
         return None, {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}
 
-    return jax.lax.scan(at, None, (rows, times))[1]
+    return jax.lax.scan(at, None, (steps, times))[1]
 
 
 class StepTangents(NamedTuple):
@@ -302,19 +313,17 @@ def pulled_outputs(
     values: PyTree,
     example: Step,
     outputs: Mapping[str, Quantity],
-    rows: Numbers,
+    steps: Attempt,
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
     """Pull `cotangents` of the derivatives of quantities, at N times as in `values_at`, back
     through the map from tangents of steps, and direction, to these derivatives. Return the
     cotangents of the `StepTangents` of each step, (N, m), and the sum of those of the direction."""
-    method, system = run.scheme.method, run.systems(values).system()
-    none = jax.tree.map(jnp.zeros_like, values)
+    method, none = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
-        row, time, seeds = parts
-        tried = _repeated(method, system, *_row_of(example, row))
+        tried, time, seeds = parts
 
         def along(tangents: StepTangents, direction: PyTree) -> Values:
             step = replace(tried.step, tangents=tangents.end)
@@ -327,7 +336,7 @@ def pulled_outputs(
         pulled, by_direction = transposed({name: seed[None] for name, seed in seeds.items()})
         return jax.tree.map(jnp.add, total, by_direction), in_one_array(pulled)
 
-    total, pulled = jax.lax.scan(pull, none, (rows, times, cotangents))
+    total, pulled = jax.lax.scan(pull, none, (steps, times, cotangents))
     return pulled, total
 
 
@@ -387,13 +396,17 @@ def backward(
 
 
 @Native
-def pulled_start(run: Adjoint, values: PyTree, cotangents: Tangents) -> PyTree:
+def pulled_start(
+    run: Adjoint, values: PyTree, example: Step, row: Numbers, cotangents: Tangents
+) -> PyTree:
     """Pull `cotangents` back through the map from the direction of the parameters to the tangents
-    before the first step."""
+    before the first step, of which `row` is the `StepRow`."""
+    method, (step, _) = run.scheme.method, _row_of(example, jnp.asarray(row))
 
-    def along(direction: PyTree) -> Tangents | None:
-        family = run.systems(values, direction).family
-        return first_step_of(run.scheme, family, run.origin, run.end, run.first_step).tangents
+    def along(direction: PyTree) -> Tangents:
+        systems = run.systems(values, direction)
+        initial = initial_with_tangents(systems, step.t)
+        return first_tangents(method, term_of(method), systems, step, run.own_end, initial)
 
     none = jax.tree.map(jnp.zeros_like, values)
     return jax.linear_transpose(along, none)(cotangents)[0]

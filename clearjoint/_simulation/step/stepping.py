@@ -68,6 +68,7 @@ for the last.
 
 def start(
     method: Method,
+    term: diffrax.ODETerm,
     system: System,
     t0: Scalar,
     t_end: Scalar,
@@ -80,6 +81,8 @@ def start(
 
     **Arguments:**
 
+    - `term`: the equations by `term_of` the method, which JAX traces once if the caller uses them
+      again.
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
       deflections and memories; missing ones are initialised.
@@ -91,7 +94,7 @@ def start(
     entry_speeds = initial_entry_speeds(system.scene, contact_gaps, entry_speeds)
     memory = initial_memories(system, y.motion, t0, y.memory)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles), memory=memory)
-    term, args = term_of(method), (system, entry_speeds)
+    args = system, entry_speeds
     y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
     # `wrap(1)` tells diffrax's controller that time runs forward.
     t_next, controller_state = method.controller.wrap(1).init(
