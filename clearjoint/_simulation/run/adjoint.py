@@ -160,10 +160,10 @@ class Adjoint(eqx.Module):
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with derivatives along the
         guard's direction; with a `direction`, along this one, as linear functions of it."""
-        family = replace(self.family, values=values)
-        if direction is not None:
+        family, is_transposed = replace(self.family, values=values), direction is not None
+        if is_transposed:
             family = replace(family, direction=direction)
-        return SystemFamily(family, self.scheme.formulation, self.origin)
+        return SystemFamily(family, self.scheme.formulation, self.origin, is_transposed)
 
     def loop(self, values: PyTree, rows: int) -> RunLoop:
         """Return the loop of a run that records up to `rows` accepted steps."""

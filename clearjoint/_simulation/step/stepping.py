@@ -16,6 +16,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
+from ..._compilation import traced_once
 from ..._dynamics.breakpoints import breakpoints, has_breakpoints, one_sided_time
 from ..._dynamics.bristles import initial_bristles, updated_bristles
 from ..._dynamics.contact_events import (
@@ -351,7 +352,8 @@ def _across_discontinuities(
         # JAX needs less time to trace derivatives inside of a branch than those of a branch. To
         # transpose a branch, it divides it into its linear part and the rest twice, unless the
         # branch is a call, whose division is kept.
-        correct = jax.jit(partial(corrected, contacts_corrected))
+        is_transposed = family is not None and family.is_transposed
+        correct = traced_once(partial(corrected, contacts_corrected), is_transposed)
         ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)
     if jumps or y1.bristles:
         ends = corrected(others_corrected, ends)
