@@ -29,10 +29,11 @@ from ..._result_codes import RESULTS
 from ...quantities.base import Instant, Quantity
 from ..step.dense_output import look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
-from ..step.solvers import UnrolledExplicit
+from ..step.solvers import DenseInformation, UnrolledExplicit
 from ..step.step_state import Attempt, Method, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
-from ..step.trial_step import solved_step, term_of
+from ..step.time_map import AbstractTimeMap
+from ..step.trial_step import solved_step, term_of, time_map_of
 from ..step.types import Integers, Numbers
 from .host_run import end_of
 from .outputs import REDUCTIONS
@@ -251,43 +252,57 @@ def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
 
 
 @Native
-def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> Attempt:
-    """Compute N recorded steps again, and return them, with a first axis of length N in each
-    array."""
+def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
+    """Compute N recorded steps again, and return for each of them the numbers, (N, k), of the
+    `Attempt` from which dense output is computed."""
     method, system = run.scheme.method, run.systems(values).system()
 
-    def again(_: None, row: jax.Array) -> tuple[None, Attempt]:
+    def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
         step, t1 = _row_of(example, row)
         trial = solved_step(method, system, step, t1, None)
         after = accepted_state(method, system, None, step, trial, jnp.asarray(True))
-        tried = Attempt(
-            # Dense output needs neither of these.
-            step=replace(after, second_rates={}, solver_state=None),
-            accepted=jnp.asarray(True),
-            t_start=step.t,
-            entry_speeds_start=step.entry_speeds,
-            information=trial.outcome.information,
-            time_map=trial.time_map,
-        )
-        return None, jax.tree.map(jnp.asarray, tried)
+        return None, in_one_array(_attempt(step, after, trial.outcome.information, trial.time_map))
 
     return jax.lax.scan(again, None, rows)[1]
+
+
+def _attempt(
+    step: Step, after: Step, information: DenseInformation, time_map: AbstractTimeMap | None
+) -> Attempt:
+    return Attempt(
+        # Dense output needs neither of these.
+        step=replace(after, second_rates={}, solver_state=None),
+        accepted=jnp.asarray(True),
+        t_start=step.t,
+        entry_speeds_start=step.entry_speeds,
+        information=information,
+        time_map=time_map,
+    )
+
+
+def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
+    """Return the `Attempt` with given numbers, those of a step in `repeated`."""
+    method, step = run.scheme.method, replace(example, tangents=None)
+    assert isinstance(method.solver, UnrolledExplicit)
+    information = method.solver.information_like(step.y)
+    return like(_attempt(step, step, information, time_map_of(method, step, step.t)), numbers)
 
 
 @Native
 def values_at(
     run: Adjoint,
     values: PyTree,
+    example: Step,
     outputs: Mapping[str, Quantity],
-    steps: Attempt,
+    steps: Numbers,
     times: Numbers,
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run, each in the step of
-    `steps`, from `repeated`, with the same number."""
+    """Return quantities, (N,) each, at N times, s since the start of the run, each in the step with
+    the same number in `steps`, the result of `repeated`."""
     method, system = run.scheme.method, run.systems(values).system()
 
-    def at(_: None, pair: tuple[Attempt, Scalar]) -> tuple[None, Values]:
-        tried, time = pair
+    def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
+        tried, time = _attempt_of(run, example, pair[0]), pair[1]
         y, entry_speeds = look_inside(method, system, tried, time)
         instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
         return None, {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}
@@ -313,7 +328,7 @@ def pulled_outputs(
     values: PyTree,
     example: Step,
     outputs: Mapping[str, Quantity],
-    steps: Attempt,
+    steps: Numbers,
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
@@ -323,7 +338,8 @@ def pulled_outputs(
     method, none = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
-        tried, time, seeds = parts
+        numbers, time, seeds = parts
+        tried = _attempt_of(run, example, numbers)
 
         def along(tangents: StepTangents, direction: PyTree) -> Values:
             step = replace(tried.step, tangents=tangents.end)

@@ -30,7 +30,7 @@ from ..._result_codes import result_number
 from ...quantities.base import Instant, Quantity
 from ..reductions.base import AbstractReduction, result_name
 from ..results.solution import SUCCESSFUL, Solution
-from ..step.step_state import Attempt, Step
+from ..step.step_state import Step
 from ..step.stepping import running
 from ..step.types import Numbers
 from . import adjoint
@@ -217,14 +217,15 @@ class RecordedRun:
     @cached_property
     def _sampled(self) -> dict[str, np.ndarray]:
         recorder, samples = self.recorder, self._samples
+        shared = recorder.run, self.at, self.example, recorder.quantities
         pieces = [
-            adjoint.values_at(recorder.run, self.at, recorder.quantities, self._repeated(rows), at)
-            for rows, at in _pieces(samples.rows, samples.times)
+            adjoint.values_at(*shared, self._repeated(rows), times)
+            for rows, times in _pieces(samples.rows, samples.times)
         ]
         return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(samples.times)], *pieces)
 
-    def _repeated(self, rows: np.ndarray) -> Attempt:
-        # These are some ten times as long as the rows, and are not kept.
+    def _repeated(self, rows: np.ndarray) -> np.ndarray:
+        # These numbers are several times as many as those of the rows, and are not kept.
         return adjoint.repeated(self.recorder.run, self.at, self.example, rows)
 
     def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
