@@ -226,7 +226,7 @@ class RecordedRun:
 
     def _repeated(self, rows: np.ndarray) -> np.ndarray:
         # These numbers are several times as many as those of the rows, and are not kept.
-        return adjoint.repeated(self.recorder.run, self.at, self.example, rows)
+        return np.asarray(adjoint.repeated(self.recorder.run, self.at, self.example, rows))
 
     def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
         """Return the outputs from values of the quantities at the times of `_samples`."""

@@ -182,16 +182,21 @@ def test_closed_form_of_an_oscillator(predict):
 
 
 def test_more_times_than_are_computed_at_once(predict):
-    """The fixture computes 16 at once."""
-    times, output = np.linspace(0.0, 0.3, 37), {"x": POSITION["x"]}
-    made = cj.predictor(*on_spring(), 0.3, PATHS, output, times, SETTINGS)
+    """The fixture computes 16 at once. The force depends on the stiffness also directly."""
+
+    def force(now):
+        return now.scene.forces["spring"].stiffness * POSITION["x"](now)
+
+    times = np.linspace(0.0, 0.3, 37)
+    made = cj.predictor(*on_spring(), 0.3, PATHS, {"force": force}, times, SETTINGS)
     weights = np.random.default_rng(2).standard_normal(37)
-    total, gradient = jax.value_and_grad(lambda v: jnp.dot(weights, made(v)["x"]))(made.values)
+    total, gradient = jax.value_and_grad(lambda v: jnp.dot(weights, made(v)["force"]))(made.values)
     c, s = np.cos(10.0 * times), np.sin(10.0 * times)
-    np.testing.assert_allclose(made(made.values)["x"], 0.1 * c, rtol=0, atol=1e-8)
-    assert float(total) == pytest.approx(0.1 * weights @ c, abs=1e-8)
-    assert float(gradient["start"]) == pytest.approx(weights @ c, abs=1e-7)
-    assert float(gradient["stiffness"]) == pytest.approx(-0.005 * weights @ (times * s), abs=1e-8)
+    np.testing.assert_allclose(made(made.values)["force"], 10.0 * c, rtol=0, atol=1e-6)
+    assert float(total) == pytest.approx(10.0 * weights @ c, abs=1e-6)
+    assert float(gradient["start"]) == pytest.approx(100.0 * weights @ c, abs=1e-5)
+    expected = weights @ (0.1 * c - 0.5 * times * s)
+    assert float(gradient["stiffness"]) == pytest.approx(expected, abs=1e-6)
 
 
 REDUCTIONS = {
