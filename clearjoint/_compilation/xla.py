@@ -44,22 +44,29 @@ CALLS = {
 """Primitives that only call a jaxpr, each with the name of its parameter that holds this jaxpr."""
 
 
-def traced_once(function: Callable[..., Result]) -> Callable[..., Result]:
+def traced_once(function: Callable[..., Result], recomputes: bool = False) -> Callable[..., Result]:
     """Wrap a function of PyTrees so that JAX traces it once for arguments of equal structure.
 
     A function that is called several times within a program, such as the rates in the stages of a
     step, would otherwise be traced at each call. Leaves that are not arrays must be hashable. The
     jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in
     which a global variable that the function reads may have changed.
+
+    **Arguments:** `recomputes`: whether the transpose of the function's derivative computes the
+    function again (`jax.checkpoint`), instead of taking all that it needs of it as arguments. A
+    large function has thousands of these, which native code passes through memory.
     """
 
     # Only arrays are traced; other leaves are static, so that the function can branch on them.
     @partial(jax.jit, static_argnums=1)
     def traced(arrays: tuple[PyTree, ...], others: tuple[tuple[PyTree, ...], PyTree]) -> Result:
         leaves, structure = others
-        mixed = [a if other is None else other for a, other in zip(arrays, leaves, strict=True)]
-        arguments = jax.tree.unflatten(structure, mixed)
-        return function(*arguments)
+
+        def of_arrays(arrays: tuple[PyTree, ...]) -> Result:
+            mixed = [a if other is None else other for a, other in zip(arrays, leaves, strict=True)]
+            return function(*jax.tree.unflatten(structure, mixed))
+
+        return jax.checkpoint(of_arrays)(arrays) if recomputes else of_arrays(arrays)
 
     def call(*arguments: PyTree) -> Result:
         leaves, structure = jax.tree.flatten(arguments)

@@ -8,6 +8,7 @@ the onset.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import reduce
 from typing import TypeAlias
 
 import jax
@@ -74,10 +75,9 @@ def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
 
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
     """Return whether any condition is true."""
-    any_true = jnp.asarray(False)
-    for condition in conditions:
-        any_true = any_true | condition
-    return any_true
+    # JAX traces an operator in several times the time of its primitive.
+    arrays = [jnp.asarray(condition) for condition in conditions]
+    return reduce(jax.lax.bitwise_or, arrays, jnp.asarray(False))
 
 
 def uses_entry_speed(scene: Scene) -> bool:

@@ -23,7 +23,7 @@ Element = TypeVar("Element", bound=AbstractElement)
 Module = TypeVar("Module", bound=eqx.Module)
 Result = TypeVar("Result")
 _PROBE = "<probe>"
-_NOT_RENAMED = (
+NOT_RENAMED = (
     ArithmeticError,
     AttributeError,
     LookupError,
@@ -64,16 +64,12 @@ class Kinds:
         JAX would sort these by other names. `others` have no names of bodies.
         """
         if are_many(self._counts[type(element)]):
-            common_names = {
-                name: name if name == GROUND else f"<body {k}>"
-                for k, name in enumerate(dict.fromkeys(element.body_names()))
-            }
             # Whatever the function raises for other names, it raises below for the true ones.
             try:
-                renamed = _renamed(element, common_names)
+                renamed, common_names = with_common_names(element)
                 renamed_motions = {new: motions[old] for old, new in common_names.items()}
                 result = traced_for_a_kind(function, renamed, renamed_motions, *others)
-            except _NOT_RENAMED:
+            except NOT_RENAMED:
                 return function(element, motions, *others)
             true_names = {new: old for old, new in common_names.items()}
             return jax.tree.map(
@@ -82,11 +78,16 @@ class Kinds:
         return function(element, motions, *others)
 
 
-def _renamed(element: Element, names: dict[str, str]) -> Element:
-    """Return an element with other names of its bodies.
+def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
+    """Return an element with other names of its bodies, the same for all elements of a kind, and
+    these names by the true ones.
 
     **Raises:** `NotSharedError` if names are in other places than fields of it and of its parts.
     """
+    names = {
+        name: name if name == GROUND else f"<body {k}>"
+        for k, name in enumerate(dict.fromkeys(element.body_names()))
+    }
     renamed = element
     for path, name in list(_texts(element)):
         # A text that equals a name of a body may have another meaning, such as an axis "x".
@@ -95,7 +96,7 @@ def _renamed(element: Element, names: dict[str, str]) -> Element:
     expected = tuple(names[name] for name in element.body_names())
     if renamed.body_names() != expected:
         raise NotSharedError
-    return renamed
+    return renamed, names
 
 
 def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:

@@ -80,7 +80,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
     if _is(b, 0):
         return a
     if _is(a, 0):
-        return -b
+        return jax.lax.neg(b) if isinstance(b, Tracer) else -b
     return jax.lax.sub(a, b) if have_primitive(a, b) else a - b
 
 

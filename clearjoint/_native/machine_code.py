@@ -307,13 +307,13 @@ def load_or_make(
     - if they contain other values that `digest_of` refuses;
     - if the program cannot be pickled or written.
     """
-    kept = load(function, arguments)
+    place = _place(function, arguments)
+    kept = _read_program(place)
     if kept is not None:
         return cast(Program, kept)
-    # The place is determined after the program is made, so that it is `None` if the package's code
-    # has changed in the meantime.
-    program, place = make(), _place(function, arguments)
-    if place is not None:
+    program = make()
+    # It is not saved if the package's code has changed in the meantime.
+    if place is not None and _is_unchanged():
         store, key = place
         with suppress(*_NOT_PICKLED), system_errors_suppressed():
             store.write(key, pickle.dumps(program))
@@ -323,7 +323,10 @@ def load_or_make(
 def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
     """Load the program that `load_or_make` has saved for the same function and arguments; ``None``
     if there is none, or if it cannot be read."""
-    place = _place(function, arguments)
+    return _read_program(_place(function, arguments))
+
+
+def _read_program(place: tuple[ProgramStore, str] | None) -> object:
     if place is None:
         return None
     store, key = place
@@ -331,6 +334,12 @@ def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> obje
     with suppress(*_NOT_PICKLED):
         return None if content is None else pickle.loads(content)
     return None
+
+
+def _is_unchanged() -> bool:
+    with suppress(ChangedCodeError):
+        return bool(source_digest())
+    return False
 
 
 def _place(

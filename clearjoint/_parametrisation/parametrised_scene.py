@@ -19,7 +19,7 @@ from .._math.vectors import ConstantFolded, fold_constants, unpack
 from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import AbstractScale, Parameter
-from .variations import Change, NumberSetter
+from .variations import Change, NumberSetter, changed
 
 Coordinates = jax.Array | np.ndarray
 
@@ -131,10 +131,8 @@ class ParametrisedScene(AbstractSceneFamily):
 
     @override
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        scene, state = self.base
-        for k, (change, scale) in enumerate(zip(self.changes, self.scales, strict=True)):
-            scene, state = change(scene, state, scale.value(values[k]))
-        return scene, state
+        numbers = [scale.value(values[k]) for k, scale in enumerate(self.scales)]
+        return changed(*self.base, zip(self.changes, numbers, strict=True))
 
     @override
     def varied(self) -> PyTree[bool]:
@@ -215,10 +213,7 @@ class DirectedScene(AbstractSceneFamily):
 
     @override
     def scene_and_state(self, values: dict[str, PyTree]) -> tuple[Scene, State]:
-        scene, state = self.base
-        for name, change in self.changes:
-            scene, state = change(scene, state, values[name])
-        return scene, state
+        return changed(*self.base, [(change, values[name]) for name, change in self.changes])
 
     @override
     def with_derivatives(
@@ -231,7 +226,7 @@ class DirectedScene(AbstractSceneFamily):
             return function(self.scene(values), *rest)
 
         places = self.values, *primals
-        directions = self.direction, *jax.tree.map(lambda leaf: leaf[0], tangents)
+        directions = self.direction, *jax.tree.map(_without_axis, tangents)
         # `jax.linear_transpose` can transpose this with respect to direction and tangents.
         value, derivatives, auxiliary = jax.jvp(at, places, directions, has_aux=True)
         return value, auxiliary, _with_axis(derivatives)
@@ -239,4 +234,9 @@ class DirectedScene(AbstractSceneFamily):
 
 def _with_axis(tree: PyTree) -> PyTree:
     """Return a PyTree with a first axis of length one in each array: that of the one tangent."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf)[None], tree)
+    # JAX traces an index in several times the time of its primitive.
+    return jax.tree.map(lambda leaf: jax.lax.expand_dims(jnp.asarray(leaf), (0,)), tree)
+
+
+def _without_axis(leaf: jax.Array) -> jax.Array:
+    return jax.lax.squeeze(jnp.asarray(leaf), (0,))

@@ -9,14 +9,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from .._fields.checks import require, require_names
-from .._fields.leaves import with_leaves
 from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import Parameter
 from .paths import Number, marked, value_at
-from .variations import Change, SceneNumber
+from .variations import AbstractLeafSetter, Change, SceneNumber
 
 Part = Callable[[Scene], PyTree] | Parameter
 """A function of a scene that selects a number, an array or a whole element, or a `Parameter`."""
@@ -24,17 +24,16 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 
 @dataclass(frozen=True)
-class PartSetter:
-    """Function that sets the leaves of a scene with the indices `leaves`."""
+class PartSetter(AbstractLeafSetter):
+    """A `Change` that sets the leaves of the scene with the indices `leaves` to the arrays of the
+    value."""
 
     leaves: tuple[int, ...]
 
-    def __call__(self, scene: Scene, state: State, value: PyTree) -> tuple[Scene, State]:
-        """Return the scene with the arrays of `value`, and the state."""
-        leaves = jax.tree.leaves(scene)
+    @override
+    def set_in(self, scene: list[PyTree], state: list[PyTree], value: PyTree) -> None:
         for k, array in zip(self.leaves, jax.tree.leaves(value), strict=True):
-            leaves[k] = array
-        return with_leaves(scene, leaves), state
+            scene[k] = array
 
 
 def parts_of(

@@ -4,7 +4,7 @@ A path is a function such as ``lambda scene: scene.joints["pin"].clearance``. It
 component (``scene.gravity[1]``), or several numbers, which ties them: they get the same value.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from types import EllipsisType
@@ -116,19 +116,20 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
     >>> float(wider.joints["shoulder"].clearance)
     0.001
     """
-    return set_values(tree, numbers_at(tree, path), value)
-
-
-def set_values(tree: PyTree, numbers: list[Number], value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with the same value at all given locations."""
-    leaves, value = jax.tree.leaves(tree), as_number(value)
-    require_fits(leaves, numbers, value)
-    for number in numbers:
-        leaves[number.leaf] = _replaced(leaves[number.leaf], number.component, value)
+    leaves = jax.tree.leaves(tree)
+    set_in_leaves(leaves, numbers_at(tree, path), value)
     return with_leaves(tree, leaves)
 
 
-def require_fits(leaves: list[PyTree], numbers: list[Number], value: Leaf) -> None:
+def set_in_leaves(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) -> None:
+    """Set the same value at all given locations in the leaves of a scene or state."""
+    value = as_number(value)
+    require_fits(leaves, numbers, value)
+    for number in numbers:
+        leaves[number.leaf] = _replaced(leaves[number.leaf], number.component, value)
+
+
+def require_fits(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) -> None:
     """Check that the located numbers exist among the `leaves`, and have the shape of the value."""
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)

@@ -1,8 +1,9 @@
 """Ways in which a value of a sweep's axis or of a fit's parameter enters a run."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import groupby
 from typing import ClassVar, NoReturn
 
 import jax
@@ -10,10 +11,11 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._fields.checks import as_number, require
+from .._fields.leaves import with_leaves
 from .._math.vectors import Scalar
 from .._model.bodies import State
 from .._model.scene import Scene
-from .paths import Number, NumberPath, numbers_at, require_fits, set_values, unit_at
+from .paths import Number, NumberPath, numbers_at, require_fits, set_in_leaves, unit_at
 
 Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 """Function ``change(scene, state, value)`` that returns the pair (scene, state) with the value."""
@@ -264,15 +266,44 @@ def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
     return scene, state
 
 
+class AbstractLeafSetter(abc.ABC):
+    """A `Change` that only sets leaves of the scene or of the state."""
+
+    @abc.abstractmethod
+    def set_in(self, scene: list[PyTree], state: list[PyTree], value: PyTree) -> None:
+        """Set the value in the leaves of a scene and of a state."""
+
+    def __call__(self, scene: Scene, state: State, value: PyTree) -> tuple[Scene, State]:
+        """Return the pair (scene, state) with the value."""
+        return changed(scene, state, [(self, value)])
+
+
+def changed(
+    scene: Scene, state: State, changes: Iterable[tuple[Change, PyTree]]
+) -> tuple[Scene, State]:
+    """Return the pair (scene, state) after changes, each with its value, in their order."""
+    # Scene and state are flattened once for neighbouring setters of leaves. For sixty parameters,
+    # each program of a gradient would otherwise take half a second more to trace.
+    for sets_leaves, group in groupby(changes, lambda c: isinstance(c[0], AbstractLeafSetter)):
+        if not sets_leaves:
+            for change, value in group:
+                scene, state = change(scene, state, value)
+            continue
+        leaves = jax.tree.leaves(scene), jax.tree.leaves(state)
+        for setter, value in group:
+            assert isinstance(setter, AbstractLeafSetter)
+            setter.set_in(*leaves, value)
+        scene, state = with_leaves(scene, leaves[0]), with_leaves(state, leaves[1])
+    return scene, state
+
+
 @dataclass(frozen=True)
-class NumberSetter:
+class NumberSetter(AbstractLeafSetter):
     """A `Change` that sets the value at given locations in the scene or in the state."""
 
     numbers: tuple[Number, ...]
     in_scene: bool
 
-    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return the pair (scene, state) with `value` at all locations."""
-        if self.in_scene:
-            return set_values(scene, list(self.numbers), value), state
-        return scene, set_values(state, list(self.numbers), value)
+    @override
+    def set_in(self, scene: list[PyTree], state: list[PyTree], value: Scalar) -> None:
+        set_in_leaves(scene if self.in_scene else state, self.numbers, value)

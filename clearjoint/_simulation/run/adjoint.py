@@ -29,16 +29,17 @@ from ..._result_codes import RESULTS
 from ...quantities.base import Instant, Quantity
 from ..step.dense_output import look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
-from ..step.solvers import UnrolledExplicit
+from ..step.solvers import DenseInformation, UnrolledExplicit
 from ..step.step_state import Attempt, Method, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
-from ..step.trial_step import solved_step
+from ..step.time_map import AbstractTimeMap
+from ..step.trial_step import solved_step, term_of, time_map_of
 from ..step.types import Integers, Numbers
 from .host_run import end_of
 from .outputs import REDUCTIONS
 from .recorders import ReductionRecorder, RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
-from .sampling import first_step_of, look_at_tangents
+from .sampling import first_step_of, first_tangents, initial_with_tangents, look_at_tangents
 
 ROWS = 1024
 """Number of accepted steps in a segment of the run, and in a call of the backward loop."""
@@ -160,10 +161,10 @@ class Adjoint(eqx.Module):
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with derivatives along the
         guard's direction; with a `direction`, along this one, as linear functions of it."""
-        family = replace(self.family, values=values)
-        if direction is not None:
+        family, is_transposed = replace(self.family, values=values), direction is not None
+        if is_transposed:
             family = replace(family, direction=direction)
-        return SystemFamily(family, self.scheme.formulation, self.origin)
+        return SystemFamily(family, self.scheme.formulation, self.origin, is_transposed)
 
     def loop(self, values: PyTree, rows: int) -> RunLoop:
         """Return the loop of a run that records up to `rows` accepted steps."""
@@ -229,18 +230,6 @@ def _linear_step(
     return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
 
 
-def _repeated(method: Method, system: System, step: Step, t1: Scalar) -> Attempt:
-    trial = solved_step(method, system, step, t1, None)
-    return Attempt(
-        step=accepted_state(method, system, None, step, trial, jnp.asarray(True)),
-        accepted=jnp.asarray(True),
-        t_start=step.t,
-        entry_speeds_start=step.entry_speeds,
-        information=trial.outcome.information,
-        time_map=trial.time_map,
-    )
-
-
 def _observed(
     systems: SystemFamily, method: Method, tried: Attempt, time: Scalar, outputs: Mapping
 ) -> Values:
@@ -263,25 +252,62 @@ def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
 
 
 @Native
+def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
+    """Compute N recorded steps again, and return for each of them the numbers, (N, k), of the
+    `Attempt` from which dense output is computed."""
+    method, system = run.scheme.method, run.systems(values).system()
+
+    def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
+        step, t1 = _row_of(example, row)
+        trial = solved_step(method, system, step, t1, None)
+        after = accepted_state(method, system, None, step, trial, jnp.asarray(True))
+        return None, in_one_array(_attempt(step, after, trial.outcome.information, trial.time_map))
+
+    return jax.lax.scan(again, None, rows)[1]
+
+
+def _attempt(
+    step: Step, after: Step, information: DenseInformation, time_map: AbstractTimeMap | None
+) -> Attempt:
+    return Attempt(
+        # Dense output needs neither of these.
+        step=replace(after, second_rates={}, solver_state=None),
+        accepted=jnp.asarray(True),
+        t_start=step.t,
+        entry_speeds_start=step.entry_speeds,
+        information=information,
+        time_map=time_map,
+    )
+
+
+def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
+    """Return the `Attempt` with given numbers, those of a step in `repeated`."""
+    method, step = run.scheme.method, replace(example, tangents=None)
+    assert isinstance(method.solver, UnrolledExplicit)
+    information = method.solver.information_like(step.y)
+    return like(_attempt(step, step, information, time_map_of(method, step, step.t)), numbers)
+
+
+@Native
 def values_at(
     run: Adjoint,
     values: PyTree,
     example: Step,
     outputs: Mapping[str, Quantity],
-    rows: Numbers,
+    steps: Numbers,
     times: Numbers,
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run. The k-th time lies in
-    the step that row k of `rows` records."""
+    """Return quantities, (N,) each, at N times, s since the start of the run, each in the step with
+    the same number in `steps`, the result of `repeated`."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
-        tried = _repeated(method, system, *_row_of(example, pair[0]))
-        y, entry_speeds = look_inside(method, system, tried, pair[1])
-        instant = Instant(system, pair[1], y.motion, entry_speeds, y.work, y.bristles, y.memory)
+        tried, time = _attempt_of(run, example, pair[0]), pair[1]
+        y, entry_speeds = look_inside(method, system, tried, time)
+        instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
         return None, {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}
 
-    return jax.lax.scan(at, None, (rows, times))[1]
+    return jax.lax.scan(at, None, (steps, times))[1]
 
 
 class StepTangents(NamedTuple):
@@ -302,19 +328,18 @@ def pulled_outputs(
     values: PyTree,
     example: Step,
     outputs: Mapping[str, Quantity],
-    rows: Numbers,
+    steps: Numbers,
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
     """Pull `cotangents` of the derivatives of quantities, at N times as in `values_at`, back
     through the map from tangents of steps, and direction, to these derivatives. Return the
     cotangents of the `StepTangents` of each step, (N, m), and the sum of those of the direction."""
-    method, system = run.scheme.method, run.systems(values).system()
-    none = jax.tree.map(jnp.zeros_like, values)
+    method, none = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
-        row, time, seeds = parts
-        tried = _repeated(method, system, *_row_of(example, row))
+        numbers, time, seeds = parts
+        tried = _attempt_of(run, example, numbers)
 
         def along(tangents: StepTangents, direction: PyTree) -> Values:
             step = replace(tried.step, tangents=tangents.end)
@@ -327,7 +352,7 @@ def pulled_outputs(
         pulled, by_direction = transposed({name: seed[None] for name, seed in seeds.items()})
         return jax.tree.map(jnp.add, total, by_direction), in_one_array(pulled)
 
-    total, pulled = jax.lax.scan(pull, none, (rows, times, cotangents))
+    total, pulled = jax.lax.scan(pull, none, (steps, times, cotangents))
     return pulled, total
 
 
@@ -387,13 +412,17 @@ def backward(
 
 
 @Native
-def pulled_start(run: Adjoint, values: PyTree, cotangents: Tangents) -> PyTree:
+def pulled_start(
+    run: Adjoint, values: PyTree, example: Step, row: Numbers, cotangents: Tangents
+) -> PyTree:
     """Pull `cotangents` back through the map from the direction of the parameters to the tangents
-    before the first step."""
+    before the first step, of which `row` is the `StepRow`."""
+    method, (step, _) = run.scheme.method, _row_of(example, jnp.asarray(row))
 
-    def along(direction: PyTree) -> Tangents | None:
-        family = run.systems(values, direction).family
-        return first_step_of(run.scheme, family, run.origin, run.end, run.first_step).tangents
+    def along(direction: PyTree) -> Tangents:
+        systems = run.systems(values, direction)
+        initial = initial_with_tangents(systems, step.t)
+        return first_tangents(method, term_of(method), systems, step, run.own_end, initial)
 
     none = jax.tree.map(jnp.zeros_like, values)
     return jax.linear_transpose(along, none)(cotangents)[0]

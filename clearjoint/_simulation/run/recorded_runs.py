@@ -5,7 +5,7 @@ are the transposes of their steps.
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -217,8 +217,16 @@ class RecordedRun:
     @cached_property
     def _sampled(self) -> dict[str, np.ndarray]:
         recorder, samples = self.recorder, self._samples
-        at_times = self.example, recorder.quantities, samples.rows, samples.times
-        return adjoint.values_at(recorder.run, self.at, *at_times)
+        shared = recorder.run, self.at, self.example, recorder.quantities
+        pieces = [
+            adjoint.values_at(*shared, self._repeated(rows), times)
+            for rows, times in _pieces(samples.rows, samples.times)
+        ]
+        return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(samples.times)], *pieces)
+
+    def _repeated(self, rows: np.ndarray) -> np.ndarray:
+        # These numbers are several times as many as those of the rows, and are not kept.
+        return np.asarray(adjoint.repeated(self.recorder.run, self.at, self.example, rows))
 
     def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
         """Return the outputs from values of the quantities at the times of `_samples`."""
@@ -239,10 +247,15 @@ class RecordedRun:
         recorder, samples = self.recorder, self._samples
         if recorder.outputs.reductions:
             (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
-        at_times = self.example, recorder.quantities, samples.rows, samples.times, cotangents
-        pulled, total = adjoint.pulled_outputs(recorder.run, self.at, *at_times)
+        shared, pulled = (recorder.run, self.at, self.example, recorder.quantities), []
+        total = jax.tree.map(np.zeros_like, self.at)
+        for rows, times, seeds in _pieces(samples.rows, samples.times, cotangents):
+            steps = self._repeated(rows)
+            of_piece, by_direction = adjoint.pulled_outputs(*shared, steps, times, seeds)
+            pulled.append(np.asarray(of_piece))
+            total = jax.tree.map(np.add, total, by_direction)
         end = np.zeros(sum(map(np.size, jax.tree.leaves(self.example.tangents))))
-        return Seeds(end, total, np.asarray(pulled), samples.places)
+        return Seeds(end, total, np.concatenate(pulled)[: len(samples.times)], samples.places)
 
     @property
     def places(self) -> np.ndarray:
@@ -278,8 +291,23 @@ class RecordedRun:
         """Return the derivatives by all parameters; `start` has the cotangents of the tangents
         before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
-        along = adjoint.pulled_start(self.recorder.run, self.at, before)
+        first = self._rows_at(np.zeros(1, int))[0]
+        along = adjoint.pulled_start(self.recorder.run, self.at, self.example, first, before)
         return jax.tree.map(np.add, start.total, along)
+
+
+def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterator[tuple]:
+    """Yield `ROWS` of N rows at a time, with their times and cotangents. The last ones are filled
+    up by copies of the last row, with cotangents of zero. Up to `ROWS` rows are one piece."""
+    missing = -len(rows) % adjoint.ROWS if len(rows) > adjoint.ROWS else 0
+
+    def filled(column: np.ndarray, mode: str) -> np.ndarray:
+        return np.pad(column, [(0, missing)] + [(0, 0)] * (np.ndim(column) - 1), mode)  # pyright: ignore
+
+    columns = filled(rows, "edge"), filled(times, "edge")
+    columns += jax.tree.map(lambda column: filled(column, "constant"), cotangents)
+    for k in range(0, len(rows), adjoint.ROWS):
+        yield jax.tree.map(lambda column, k=k: column[k : k + adjoint.ROWS], columns)
 
 
 class Seeds(NamedTuple):
@@ -339,9 +367,10 @@ def _is_well(step: Step) -> bool:
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
-    """Return a segment that keeps only the rows of the steps in which some of the times lie."""
+    """Return a segment that keeps only the rows of the first step, and of the steps in which some
+    of the times lie."""
     assert segment.rows is not None
-    numbers = np.unique(np.searchsorted(segment.ends, times))
+    numbers = np.unique([0, *np.searchsorted(segment.ends, times)])
     last = len(segment.ends) - 1
     numbers = np.minimum(numbers, last)
     return segment._replace(rows=None, picked={int(k): segment.rows[k].copy() for k in numbers})

@@ -27,6 +27,7 @@ from ..step.method import SystemFamily
 from ..step.rotation_limit import rotating_bodies
 from ..step.step_state import Attempt, Method, Step, Variables, choose
 from ..step.stepping import attempt, blank_attempt, running, start
+from ..step.trial_step import term_of
 
 R = TypeVar("R", bound=PyTree)
 
@@ -209,7 +210,7 @@ def begin_run(
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)
-    return start(method, system, t0, t_end, first_step, y, state.entry_speeds)
+    return start(method, term_of(method), system, t0, t_end, first_step, y, state.entry_speeds)
 
 
 def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:

@@ -9,7 +9,9 @@ and tangents together.
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -84,14 +86,15 @@ class Sampled(eqx.Module):
     records: Records = eqx.field(default_factory=dict)
 
 
-def start_with_tangents(
-    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
-) -> Step:
-    """Return the complete state of a run with tangents before its first step. Times are in s, on
-    the clock of the systems, which is zero at `family.origin`."""
+Initial: TypeAlias = tuple[Variables, EntrySpeeds]
+"""Variables and entry speeds as the initial state has them, or their derivatives."""
 
-    def initial(system: System, values: Coordinates) -> tuple[tuple[Variables, EntrySpeeds], None]:
-        state = family_of_scenes.start(values)
+
+def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, Initial]:
+    """Return variables and entry speeds at the start of a run, and their derivatives."""
+
+    def initial(system: System, values: Coordinates) -> tuple[Initial, None]:
+        state = of_scenes.start(values)
         motion = system.encode(state.bodies)
         memory = initial_memories(system, motion, t0, state.memory)
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles), memory)
@@ -100,13 +103,34 @@ def start_with_tangents(
     # `with_derivatives` evaluates a function of the system, and differentiates it along directions
     # of the parameters. For this it takes the derivatives of the function's other arguments, which
     # for the parameters themselves are these directions.
-    family_of_scenes, count = family.family, family.family.tangents
-    (y, entry_speeds), _, (y_along, entry_speeds_along) = family.with_derivatives(
-        initial, (family_of_scenes.values,), (family_of_scenes.seeds,)
-    )
-    # Entry speeds and energy ledger, which the initial state may lack, are added here.
+    of_scenes = family.family
+    first, _, along = family.with_derivatives(initial, (of_scenes.values,), (of_scenes.seeds,))
+    return first, along
+
+
+def start_with_tangents(
+    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
+) -> Step:
+    """Return the complete state of a run with tangents before its first step. Times are in s, on
+    the clock of the systems, which is zero at `family.origin`."""
+    # Entry speeds and energy ledger, which the initial state may lack, are added by `start`.
+    initial, term = initial_with_tangents(family, t0), term_of(method)
     system = family.system()
-    step = start(method, system, t0, t_end, first_step, y, entry_speeds, derivatives=True)
+    step = start(method, term, system, t0, t_end, first_step, *initial[0], derivatives=True)
+    return replace(step, tangents=first_tangents(method, term, family, step, t_end, initial))
+
+
+def first_tangents(
+    method: Method,
+    term: diffrax.ODETerm,
+    family: SystemFamily,
+    step: Step,
+    t_end: Scalar,
+    initial: tuple[Initial, Initial],
+) -> Tangents:
+    """Return the derivatives of the state before the first step, from those of the `initial`
+    variables and entry speeds."""
+    (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
     # which depend on the parameters too. The solver's `init` ignores the end of the first step, so
@@ -114,10 +138,11 @@ def start_with_tangents(
     def solver_state(
         system: System, y: Variables, entry_speeds: EntrySpeeds
     ) -> tuple[SolverState, None]:
-        return method.solver.init(term_of(method), t0, t_end, y, (system, entry_speeds)), None
+        return method.solver.init(term, step.t, t_end, y, (system, entry_speeds)), None
 
     # The energy ledger does not depend on the parameters at the start.
-    y_along = replace(y_along, work=dict.fromkeys(step.y.work, jnp.zeros(count)))
+    none = jnp.zeros(family.family.tangents)
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
 
     # The entry speed of a contact that begins at the start is its penetration rate there, which
     # depends on the parameters like that of a later onset.
@@ -133,7 +158,7 @@ def start_with_tangents(
     _, _, state_along = family.with_derivatives(
         solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
     )
-    return replace(step, tangents=Tangents(y_along, entry_speeds_along, state_along))
+    return Tangents(y_along, entry_speeds_along, state_along)
 
 
 def look_at_tangents(

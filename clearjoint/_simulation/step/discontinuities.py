@@ -6,6 +6,7 @@ The derivative of the motion then lacks a term, and no run would show it. Likewi
 at some angle: the instant of the jump depends on the parameters (see `.saltation`).
 """
 
+from contextlib import suppress
 from functools import reduce
 
 import equinox as eqx
@@ -17,6 +18,7 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
 from ..._compilation import program_of
+from ..._dynamics.kinds import NOT_RENAMED, with_common_names
 from ..._dynamics.system import System
 from ..._fields.checks import is_of_package, require
 from ..._fields.objects import with_arrays
@@ -90,6 +92,14 @@ runs trace, except for those that are exactly 0 or 1."""
 def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     """Return whether a function of time, or the forces or constraint rates of an element, in packed
     form, may have a jump or a kink in time."""
+    if isinstance(part, AbstractElement):
+        # Elements of a kind are traced once. Errors for other names are raised for the true ones.
+        with suppress(*NOT_RENAMED):
+            return _recently_compared(with_common_names(part)[0])
+    return _recently_compared(part)
+
+
+def _recently_compared(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     flat = FlatArguments.of((fold_constants(with_arrays(part)),))
     compares = None if flat.traced else _COMPARES.recent(flat.key)
     if compares is None:

@@ -87,12 +87,17 @@ Auxiliary = TypeVar("Auxiliary")
 
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
-    p parameters, such as the logarithm of a parameter on a logarithmic scale. The time of the
-    systems is zero at `origin`, s; it is the scene's time if `origin` is ``None``."""
+    p parameters, such as the logarithm of a parameter on a logarithmic scale.
+
+    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if both are
+      equal.
+    - `is_transposed`: whether JAX will transpose the derivatives.
+    """
 
     family: AbstractSceneFamily
     formulation: Formulation
     origin: Scalar | None = None
+    is_transposed: bool = eqx.field(default=False, static=True)
 
     def system(self) -> System:
         """Return the equations of motion for the values of the parameters at which derivatives are

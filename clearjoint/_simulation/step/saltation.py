@@ -20,6 +20,7 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 
+from ..._compilation import shared_by_many
 from ..._dynamics.contact_events import ContactGap, ContactGaps, any_of, contact_gaps
 from ..._dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
 from ..._dynamics.kinds import Kinds
@@ -121,9 +122,11 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
     """Return whether a contact begins or ends between two instants, of those contacts whose force,
     or its slope, may jump."""
+    jumping = _jumping_contacts(scene)
+    count = sum(map(len, jumping.values()))
     return any_of(
-        _changes(before[name][label], after[name][label])
-        for name, labels in _jumping_contacts(scene).items()
+        shared_by_many(count, _changes, before[name][label], after[name][label])
+        for name, labels in jumping.items()
         for label in labels
     )
 
@@ -137,13 +140,19 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
     the penetration is zero except for rounding. At a rate of zero the result is zero.
     """
 
-    def time(name: str, label: str) -> Scalar:
-        start, end = before[name][label], after[name][label]
-        moves = _changes(start, end) & (end.rate != 0.0)
-        since = end.depth / jnp.where(moves, end.rate, 1.0)
-        return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
+    jumping = _jumping_contacts(scene)
+    count = sum(map(len, jumping.values()))
 
-    return each_label(time, _jumping_contacts(scene))
+    def time(name: str, label: str) -> Scalar:
+        return shared_by_many(count, _contact_time, before[name][label], after[name][label])
+
+    return each_label(time, jumping)
+
+
+def _contact_time(start: ContactGap, end: ContactGap) -> Scalar:
+    moves = _changes(start, end) & (end.rate != 0.0)
+    since = end.depth / jnp.where(moves, end.rate, 1.0)
+    return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
 
 def _mean_forces(

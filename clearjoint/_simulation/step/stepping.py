@@ -16,6 +16,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
+from ..._compilation import traced_once
 from ..._dynamics.breakpoints import breakpoints, has_breakpoints, one_sided_time
 from ..._dynamics.bristles import initial_bristles, updated_bristles
 from ..._dynamics.contact_events import (
@@ -68,6 +69,7 @@ for the last.
 
 def start(
     method: Method,
+    term: diffrax.ODETerm,
     system: System,
     t0: Scalar,
     t_end: Scalar,
@@ -80,6 +82,8 @@ def start(
 
     **Arguments:**
 
+    - `term`: the equations by `term_of` the method, which JAX traces once if the caller uses them
+      again.
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
       deflections and memories; missing ones are initialised.
@@ -91,7 +95,7 @@ def start(
     entry_speeds = initial_entry_speeds(system.scene, contact_gaps, entry_speeds)
     memory = initial_memories(system, y.motion, t0, y.memory)
     y = replace(y, bristles=initial_bristles(system.scene, y.bristles), memory=memory)
-    term, args = term_of(method), (system, entry_speeds)
+    args = system, entry_speeds
     y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
     # `wrap(1)` tells diffrax's controller that time runs forward.
     t_next, controller_state = method.controller.wrap(1).init(
@@ -345,10 +349,12 @@ def _across_discontinuities(
     ends = y1, y_tangents
     if contacts:
         changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
-        # JAX needs less time to trace derivatives inside of a branch than those of a branch.
-        ends = jax.lax.cond(
-            changes, partial(corrected, contacts_corrected), lambda ends: ends, ends
-        )
+        # JAX needs less time to trace derivatives inside of a branch than those of a branch. To
+        # transpose a branch, it divides it into its linear part and the rest twice, unless the
+        # branch is a call, whose division is kept.
+        is_transposed = family is not None and family.is_transposed
+        correct = traced_once(partial(corrected, contacts_corrected), is_transposed)
+        ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)
     if jumps or y1.bristles:
         ends = corrected(others_corrected, ends)
     return ends

@@ -51,7 +51,9 @@ def rates_of(
     return stacked(rates) if are_stacked else rates
 
 
-def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
+def term_of(
+    method: Method, step: Step | None = None, family: SystemFamily | None = None
+) -> diffrax.ODETerm:
     """Return the differential equations as a diffrax term, a function of time, variables and
     `args`, the pair `(system, entry_speeds)`.
 
@@ -61,8 +63,10 @@ def term_of(method: Method, step: Step | None = None) -> diffrax.ODETerm:
 
     The rates are traced once per term and reused for all stages. Each term traces anew, because the
     traced function uses values of the surrounding trace.
+
+    **Arguments:** `family`: the system as a function of parameters, if the step has tangents.
     """
-    traced_rates = traced_once(rates_of)
+    traced_rates = traced_once(rates_of, family is not None and family.is_transposed)
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
 
@@ -167,11 +171,11 @@ def solved_step(
             kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
             solver_state = jax.lax.cond(
                 step.proposal.made_jump,
-                lambda: method.solver.init(term_of(method, step), *start),
+                lambda: method.solver.init(term_of(method, step, family), *start),
                 lambda: kept,
             )
         y1, error, information, solver_state, result = method.solver.step(
-            term_of(method, step),
+            term_of(method, step, family),
             step.t,
             t1,
             y,

@@ -124,6 +124,7 @@ def test_errors_of_handlers_of_signals_end_the_program(monkeypatch, tmp_path):
     place = store, "ab"
     with monkeypatch.context() as patched:
         patched.setattr(machine_code, "_place", lambda *_: place)
+        patched.setattr(machine_code, "_is_unchanged", lambda: True)
         with pytest.raises(LimitReachedError):
             raise_in(machine_code.load_or_make, scaled, (), Sends)
         store.write("ab", pickle.dumps(SendsWhenRead()))

@@ -33,6 +33,7 @@ from clearjoint._simulation.step.landing import Landing
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Method, Variables
 from clearjoint._simulation.step.stepping import attempt, start
+from clearjoint._simulation.step.trial_step import term_of
 from clearjoint.extend import Formulation, System, unpack
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
@@ -280,7 +281,7 @@ def test_without_an_onset_at_the_start_the_latest_one_is_long_past():
     method, system = scheme().method, scheme().system(unpack(scene(pin(DAMPED))))
     y = Variables(system.encode(unpack(STATE.bodies)), {})
     times = (jnp.asarray(t) for t in (0.0, 1.0, 1e-6))
-    step = start(method, system, *times, y, {}, derivatives=True)
+    step = start(method, term_of(method), system, *times, y, {}, derivatives=True)
     assert not bool(step.proposal.begins_contact)
     assert float(step.proposal.time_since_onset) == np.inf
 

@@ -12,6 +12,7 @@ from clearjoint._simulation.run.host_run import _first_rows
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import attempt, start
+from clearjoint._simulation.step.trial_step import term_of
 from clearjoint.extend import EulerParameters, pack, rotation_matrix, unpack
 from studies.cost import long_runs
 
@@ -45,7 +46,7 @@ def test_rates_kept_for_the_next_step_match_the_settled_state():
     method, system = scheme.method, scheme.system(unpack(scene))
     motion = system.encode(unpack({"rod": off}))
     t0, t_end, length = (jnp.asarray(number) for number in (0.0, 1.0, 1e-6))
-    first = start(method, system, t0, t_end, length, Variables(motion, {}), {})
+    first = start(method, term_of(method), system, t0, t_end, length, Variables(motion, {}), {})
     step = jax.jit(lambda step: attempt(method, system, step, t_end).step)(first)
     assert int(step.accepted) == 1
     assert np.linalg.norm(pack(step.y.motion["rod"].orientation)) == pytest.approx(1.0, abs=1e-4)

@@ -147,19 +147,19 @@ def test_gradients_of_a_run_that_continues(end):
 
 TIMES = np.array([0.0, 0.1, 0.1, 0.25, 0.3])
 POSITION = {"x": cj.quantities.Position("ball", "x"), "v": cj.quantities.Velocity("ball", "x")}
+PATHS = {
+    "stiffness": lambda scene: scene.forces["spring"].stiffness,
+    "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
+}
 
 
 @pytest.fixture(scope="module")
 def predict():
     """In segments of 16 steps, of which only the first are kept."""
-    paths = {
-        "stiffness": lambda scene: scene.forces["spring"].stiffness,
-        "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
-    }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(adjoint, "ROWS", 16)
         patch.setattr(recorded_runs, "KEPT_BYTES", 8000)
-        yield cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, SETTINGS)
+        yield cj.predictor(*on_spring(), 0.3, PATHS, POSITION, TIMES, SETTINGS)
 
 
 def test_closed_form_of_an_oscillator(predict):
@@ -179,6 +179,24 @@ def test_closed_form_of_an_oscillator(predict):
     numbers = {name: float(value) for name, value in values.items()}
     gradient = jax.grad(lambda numbers: predict(numbers)["x"].sum())(numbers)
     assert float(gradient["start"]) == pytest.approx(c.sum(), rel=1e-7)
+
+
+def test_more_times_than_are_computed_at_once(predict):
+    """The fixture computes 16 at once. The force depends on the stiffness also directly."""
+
+    def force(now):
+        return now.scene.forces["spring"].stiffness * POSITION["x"](now)
+
+    times = np.linspace(0.0, 0.3, 37)
+    made = cj.predictor(*on_spring(), 0.3, PATHS, {"force": force}, times, SETTINGS)
+    weights = np.random.default_rng(2).standard_normal(37)
+    total, gradient = jax.value_and_grad(lambda v: jnp.dot(weights, made(v)["force"]))(made.values)
+    c, s = np.cos(10.0 * times), np.sin(10.0 * times)
+    np.testing.assert_allclose(made(made.values)["force"], 10.0 * c, rtol=0, atol=1e-6)
+    assert float(total) == pytest.approx(10.0 * weights @ c, abs=1e-6)
+    assert float(gradient["start"]) == pytest.approx(100.0 * weights @ c, abs=1e-5)
+    expected = weights @ (0.1 * c - 0.5 * times * s)
+    assert float(gradient["stiffness"]) == pytest.approx(expected, abs=1e-6)
 
 
 REDUCTIONS = {
