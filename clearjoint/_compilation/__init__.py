@@ -15,6 +15,7 @@ from .program_store import prepare_folder as prepare_folder
 from .xla import Compiled as Compiled
 from .xla import HostFirst as HostFirst
 from .xla import NotSharedError as NotSharedError
+from .xla import SharedFunctions as SharedFunctions
 from .xla import are_many as are_many
 from .xla import elementwise as elementwise
 from .xla import one_call as one_call

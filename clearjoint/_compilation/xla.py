@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import cache, cached_property, partial, update_wrapper, wraps
-from typing import Generic, NamedTuple, ParamSpec, TypeVar
+from typing import Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -110,21 +110,6 @@ class _Program:
 
 
 _program: ContextVar[_Program | None] = ContextVar("program", default=None)
-_shared_by_call: ContextVar[dict[Hashable, "_Shared"] | None] = ContextVar("call", default=None)
-
-
-@contextmanager
-def one_call() -> Iterator[None]:
-    """Context of a call of the package that makes several programs, which share the functions that
-    `traced_for_a_kind` traces: for a humanoid with servos, a tenth of the first answer was tracing
-    them again. Later calls trace anew, because a global variable that a function reads may have
-    changed."""
-    of_outer = _shared_by_call.get()
-    token = _shared_by_call.set({} if of_outer is None else of_outer)
-    try:
-        yield
-    finally:
-        _shared_by_call.reset(token)
 
 
 @contextmanager
@@ -185,6 +170,26 @@ class _Shared:
         arrays = self._function(*filter(_is_array, leaves))
         others, form = self._results
         return jax.tree.unflatten(form, _joined(others, arrays))
+
+
+SharedFunctions: TypeAlias = dict[Hashable, _Shared]
+"""Functions that `traced_for_a_kind` has traced."""
+_shared_by_call: ContextVar[SharedFunctions | None] = ContextVar("call", default=None)
+
+
+@contextmanager
+def one_call(shared: SharedFunctions | None = None) -> Iterator[None]:
+    """Context of a call of the package that makes several programs, which share the functions that
+    `traced_for_a_kind` traces: for a humanoid with servos, a tenth of the first answer was tracing
+    them again. Later calls trace anew, because a global variable that a function reads may have
+    changed. Calls that belong together pass the same dictionary `shared`, empty at first."""
+    if shared is None:
+        shared = _shared_by_call.get()
+    token = _shared_by_call.set({} if shared is None else shared)
+    try:
+        yield
+    finally:
+        _shared_by_call.reset(token)
 
 
 _ARRAY = ...

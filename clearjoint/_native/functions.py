@@ -623,9 +623,9 @@ class Result:
     def __init__(self, tree: PyTree):
         self._tree = tree
         self._leaves, self._structure = jax.tree.flatten(tree)
-        # Key of the flattened result, and whether all leaves are arrays of floats, once one is
-        # known. The result itself is not kept, because it holds the memory of its call.
-        self._key: tuple[Hashable, bool] | None = None
+        # Of a flattened result, once one is known: its key, whether all leaves are arrays, and
+        # whether of floats. The result itself is not kept, because it holds the memory of its call.
+        self._form: tuple[Hashable, bool, bool] | None = None
 
     @override
     def __reduce__(self) -> tuple[object, ...]:
@@ -648,15 +648,14 @@ class Result:
 
     def _flattened(self, remaining: Iterator[np.ndarray]) -> FlatArguments:
         leaves, structure = self._with(remaining), self._structure
-        if self._key is None:
+        if self._form is None:
             example = of_leaves(None, leaves, structure)
-            self._key = example.key, example.all_floats
-        key, all_floats = self._key
-        arrays = leaves if all_floats else [leaf for leaf in leaves if eqx.is_array(leaf)]
+            self._form = example.key, example.arrays is leaves, example.all_floats
+        key, all_arrays, all_floats = self._form
         return FlatArguments(
             lambda: (jax.tree.unflatten(structure, leaves),),
             leaves,
-            arrays,
+            leaves if all_arrays else [leaf for leaf in leaves if eqx.is_array(leaf)],
             traced=False,
             key=key,
             all_floats=all_floats,

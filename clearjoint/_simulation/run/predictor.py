@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from ..._compilation import SharedFunctions, one_call
 from ..._export.datasets import setting_notes
 from ..._fields.checks import require
 from ..._fields.objects import with_arrays
@@ -82,6 +83,8 @@ class Predictor:
         )
         self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
+        # Functions that the programs of values and gradients share (see `one_call`).
+        self._traced: SharedFunctions = {}
         # By whether constraints are redundant, which needs other equations of motion.
         self._recorders: dict[bool, Recorder] = {}
         self._shapes = {n: jax.ShapeDtypeStruct(times.shape, float) for n in outputs.quantities}
@@ -143,9 +146,10 @@ class Predictor:
     def _values(self, values: dict[str, PyTree], or_nan: bool = False) -> dict[str, np.ndarray]:
         starts, shape = self._elements(values)
         outputs: list[dict[str, np.ndarray]] = []
-        for group in _groups(starts):
-            for run in self._recorded(group, or_nan):
-                outputs.append(self._outputs_of(run, or_nan))
+        with one_call(self._traced):
+            for group in _groups(starts):
+                for run in self._recorded(group, or_nan):
+                    outputs.append(self._outputs_of(run, or_nan))
         return _in_batch(outputs, shape)
 
     def _outputs_of(self, run: RecordedRun | None, or_nan: bool) -> dict[str, np.ndarray]:
@@ -162,9 +166,10 @@ class Predictor:
         starts, shape = self._elements(values, batch)
         along = _elements_of(self._shapes, cotangents, shape)
         slopes: list[PyTree] = []
-        for group, of_group in zip(_groups(starts), _groups(along), strict=True):
-            runs = [run for run in self._recorded(group) if run is not None]
-            slopes += _gradients(runs, of_group)
+        with one_call(self._traced):
+            for group, of_group in zip(_groups(starts), _groups(along), strict=True):
+                runs = [run for run in self._recorded(group) if run is not None]
+                slopes += _gradients(runs, of_group)
         return _in_batch(slopes, shape)
 
     def _elements(
