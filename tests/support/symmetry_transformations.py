@@ -220,6 +220,7 @@ UNITS = {
     "N": (1, 1, -2),
     "Pa": (-1, 1, -2),
     "rad": (0, 0, 0),
+    "Hz": (0, 0, -1),
     "1": (0, 0, 0),
 }
 """Powers of metre, kilogram and second."""
@@ -231,7 +232,8 @@ def factor(unit: str, scale: Scale, powers: Mapping[str, float]) -> float:
 
     `powers` are those that a law has for the letters in an exponent of its units.
     """
-    above, _, below = unit.partition("/")
+    # "N m/(rad/s)" is "N m s/rad".
+    above, _, below = re.sub(r"/\((\S+)/(\S+)\)", r" \2/\1", unit).partition("/")
     found = 1.0
     for part, sense in ((above, 1.0), (below, -1.0)):
         for single in part.split():
