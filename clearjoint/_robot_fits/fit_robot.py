@@ -23,6 +23,7 @@ from .._identification.levenberg_marquardt import Ending
 from .._information.analysis import Identifiability, identifiability
 from .._information.horizon import fit_horizon
 from .._math.smoothing import wrapped
+from .._math.vectors import Scalar
 from .._measurements.robot_logs import RobotLog
 from .._model.bodies import State
 from .._model.joints.base import AbstractForce
@@ -190,6 +191,19 @@ class RobotFit(AbstractTabular):
             for name, p in self.fit.parameters.items()
             if isinstance(p.variation, AbstractSeriesVariation)
         ]
+
+        def reading(name: str, exact: Scalar, elapsed: Scalar) -> Scalar:
+            own = (pair for pair in errors if name in pair[0].series)
+            return exact + sum(error.error(value, exact, elapsed) for error, value in own)
+
+        # The first reading of a position is that of a sensor with errors, which are linear.
+        starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
+        for name, (parameter, value) in starts.items():
+            series_name = name.replace("start ", "")
+            if problem.subjects[name][1] == "start position" and series_name in series:
+                zero, one = (float(reading(series_name, x, 0.0)) for x in (0.0, 1.0))
+                starts[name] = parameter, (value - zero) / (one - zero)
+        scene, state = changed(problem.scene, problem.state, starts)
         instants = {name: np.asarray(s.times) for name, s in series.items()}
         for error, value in errors:
             if isinstance(error, SeriesDelay):
@@ -197,7 +211,7 @@ class RobotFit(AbstractTabular):
                 instants |= {name: delayed[name] for name in error.series if name in series}
         times = np.unique(np.concatenate([*instants.values()]))
         run = simulate(
-            *(problem.scene, problem.state, float(times[-1])),
+            *(scene, state, float(times[-1])),
             settings_or(settings, presets.identification),
             Saving(times),
             outputs={name: s.channel for name, s in series.items()},
@@ -207,9 +221,8 @@ class RobotFit(AbstractTabular):
         predicted = {}
         for name, s in series.items():
             exact = jnp.asarray(run.outputs[name])[np.searchsorted(times, instants[name])]
-            own = [pair for pair in errors if name in pair[0].series]
-            elapsed = jnp.asarray(s.times) - start
-            difference = exact + sum(e.error(v, exact, elapsed) for e, v in own) - s.values
+            read = jnp.asarray(reading(name, exact, jnp.asarray(s.times) - start))
+            difference = read - s.values
             if s.period is not None:
                 difference = wrapped(difference, s.period)
             predicted[name] = np.asarray(s.values + difference)
@@ -345,8 +358,10 @@ def fit_robot(
     fit, undetermined = None, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
-        report = identifiability(scene, state, present, measured, settings, start_time=log.start)
-        reasons = _undetermined(report, problem, present)
+        # A delay is no number of the scene, by which a run could be differentiated beforehand.
+        examined = {n: p for n, p in present.items() if not isinstance(p.variation, SeriesDelay)}
+        report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
+        reasons = _undetermined(report, problem, examined)
         if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons

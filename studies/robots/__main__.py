@@ -1,6 +1,6 @@
 """Robots: which files can be loaded, and what the log of a servo tells of its joint.
 
-python -m studies.robots [PART] [--files FOLDER] [--quick], where PART is files or servo
+python -m studies.robots [PART] [--files FOLDER] [--quick], where PART is files, servo, logs or arm
 """
 
 import argparse
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from studies.common.output import Output, run_parts
 from studies.common.report import markdown
-from studies.robots import files, servo_joint
+from studies.robots import files, logs, servo_joint
 
 HERE = Path(__file__).resolve().parent
 
@@ -29,12 +29,21 @@ def servo_part(output: Output) -> list[str]:
     return [f"\n{markdown(rows)}"]
 
 
+def logs_part(folder: Path, output: Output) -> list[str]:
+    """Return the tables of public logs; draw positions that were not fitted."""
+    tables, shown = logs.measure(folder, output.quick)
+    if shown:
+        output.save(logs.figure(shown), "logs")
+    return [f"\n{markdown(table)}" for table in tables]
+
+
 def main(arguments: Sequence[str] | None = None) -> list[str]:
     """Run the parts that the command line names."""
     parser = argparse.ArgumentParser(add_help=False)
     parser.add_argument("--files", type=Path, default=HERE)
     options, others = parser.parse_known_args(arguments)
     parts = {"files": partial(files_part, options.files), "servo": servo_part}
+    parts |= {"logs": partial(logs_part, options.files)}
     return run_parts(__file__, __doc__, parts, "one short log", others)
 
 
