@@ -1,11 +1,13 @@
 """Public logs of robots: our fit, and the prediction of logs that were not fitted, beside that of
 MuJoCo's standard joint."""
 
+import json
 import tempfile
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -98,11 +100,10 @@ def pendulum_logs(folder: Path) -> dict[tuple[int, str], cj.RobotLog]:
     """Return the logs of the XL330 by gain and trajectory, as long as the torque is on."""
     logs = {}
     for path in sorted(folder.glob("*.json")):
-        content = pd.read_json(path, typ="series")
+        content = json.loads(path.read_text())
         table = pd.DataFrame(content["entries"])
-        table = table[table["torque_enable"].cumprod().astype(bool)]
-        logs[int(content["kp"]), str(content["trajectory"])] = cj.RobotLog.read(
-            table,
+        logs[content["kp"], content["trajectory"]] = cj.RobotLog.read(
+            table.head(int(np.cumprod(table["torque_enable"].to_numpy(int)).sum())),
             time="timestamp",
             angles={"servo": cj.LogColumn("position [rad]", noise=COUNT / np.sqrt(12.0))},
             goals={"servo": "goal_position [rad]"},
@@ -115,13 +116,8 @@ def pendulum(folder: Path) -> tuple[list[Rows], list[Prediction]]:
     logs = pendulum_logs(folder)
     drive = cj.Drive(armature=2e-3, stiffness=100.0, damping=0.1, friction=0.02, loss=0.2)
     robot = rig(PENDULUM, drive)
-    encoder = cj.Encoder(*robot.link_side("servo"))
-    servo = cj.Servo(
-        *robot.motor_side("servo"),
-        *(0.0, 500.0, START["gain"]),
-        delay=2e-3,
-        encoder=encoder,
-    )
+    behind = {"delay": 2e-3, "encoder": cj.Encoder(*robot.link_side("servo"))}
+    servo = cj.Servo(*robot.motor_side("servo"), 0.0, 500.0, START["gain"], **behind)
     find = {"servo": {"friction": None, "damping": 0.02, "armature": None, "loss": None}}
     further = {
         "gain": cj.Parameter(lambda s: s.forces["servo drive"].proportional, cj.Log()),
@@ -132,16 +128,15 @@ def pendulum(folder: Path) -> tuple[list[Rows], list[Prediction]]:
     standard = PENDULUM.fitted(log, {**START, "offset": 0.0})
 
     def both(kp: int, log: cj.RobotLog) -> tuple[np.ndarray, np.ndarray]:
-        gain = found.fit.estimates["gain"]
-        # At full voltage the torque is limited; the gain tells it, since both grow with the torque
-        # of the motor.
-        changes = {"proportional": gain * kp / KP, "torque_limit": gain / (KP * DUTY)}
-        ours = found.predict(
-            log, {"servo": replace(found.fit.scene.forces["servo drive"], **changes)}
+        # The gain tells the torque at full voltage too.
+        own, other = (
+            {"gain": gain * kp / KP, "limit": gain / (KP * DUTY)}
+            for gain in (found.fit.estimates["gain"], standard["gain"])
         )
-        gain = standard["gain"]
-        numbers = {**standard, "gain": gain * kp / KP, "limit": gain / (KP * DUTY)}
-        return ours["servo position"], PENDULUM.predicted(numbers, log)
+        changes = {"proportional": own["gain"], "torque_limit": own["limit"]}
+        driven_by = {"servo": replace(found.fit.scene.forces["servo drive"], **changes)}
+        ours = found.predict(log, driven_by)["servo position"]
+        return ours, PENDULUM.predicted(standard | other, log)
 
     rows: Rows = [("rms of prediction, mrad", "clearjoint", "MuJoCo's joint")]
     shown, parts = [], {"fitted": {(KP, TRAJECTORIES[0]): log}}
@@ -203,7 +198,7 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
     encoder = cj.Encoder(*robot.link_side("servo"))
     servo = cj.Servo(*robot.motor_side("servo"), 0.0, 200.0, HOLDING_GAIN, encoder=encoder)
 
-    def pulled(scene: cj.Scene, state: cj.State, largest: float) -> tuple[cj.Scene, cj.State]:
+    def pulled(scene: cj.Scene, state: cj.State, largest: Any) -> tuple[cj.Scene, cj.State]:
         values = largest * jnp.asarray(pull)
         return cj.set_value(scene, lambda s: s.forces["bands"].torque.values, values), state
 
@@ -215,7 +210,9 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
     find = {"servo": ["play", "friction", "damping"]}
     found = fitted(robot, first, find, {"servo": servo}, parameters=further, max_iterations=40)
     standard_joint = replace(LEVER, pull=(times, pull))
-    standard = standard_joint.fitted(first, {**HOLDING, "pull": PULL, "lag": LAG})
+    standard = standard_joint.fitted(
+        first, {**HOLDING, "pull": PULL, "lag": LAG}, known=("gain", "armature")
+    )
 
     errors, shown = [], []
     for part in (first, *others):
@@ -262,17 +259,17 @@ def ur10e_log(folder: Path, name: str, begin: int, end: int) -> cj.RobotLog:
 
 def ur10e(folder: Path) -> tuple[list[Rows], list[Prediction]]:
     """Fit the currents of the UR10e on a given motion, and predict those on others."""
-    path = folder.parent / "URe" / "urdf" / "ur10e.urdf"
-    robot = cj.load_robot(path)
+    path, log = folder.parent / "URe" / "urdf" / "ur10e.urdf", ur10e_log(folder, *FITTED)
+    with warnings.catch_warnings(action="ignore", category=cj.NotCarriedOverWarning):
+        robot = cj.load_robot(path)
+        standard = standard_currents(robot, log)
     for joint in robot.joints:
         robot = robot.with_drive(joint, cj.Drive(armature=1.0))
     find = {n: {"friction": 6.0, "damping": 8.0, "armature": None} for n in robot.joints}
     gains = {f"{n} gain": cj.Parameter.gain(f"{n} torque") for n in robot.joints}
-    log = ur10e_log(folder, *FITTED)
     driven_by = dict.fromkeys(robot.joints, "angle")
     found = fitted(robot, log, find, driven_by, parameters=gains, max_iterations=20)
     others = {title: ur10e_log(folder, *part) for title, part in OTHERS.items()}
-    standard = standard_currents(cj.load_robot(path), log)
     rows: Rows = [("joint", "friction, N m", "damping, N m s/rad", "armature, kg m²", "N m/A")]
     for n, known in zip(robot.joints, GAINS, strict=True):
         kinds = [f"{n} {kind}" for kind in ("friction", "damping", "armature")]
@@ -281,33 +278,32 @@ def ur10e(folder: Path) -> tuple[list[Rows], list[Prediction]]:
     errors: Rows = [("rms error over rms current", "clearjoint", "MuJoCo's joint")]
     for title, part in {"fitted": log, **others}.items():
         ours, theirs = found.predict(part), standard(part)
-        logged = {n: samples.values for n, samples in part.torques.items()}
-        pairs = [(ours[f"{n} torque"] - v, theirs[n] - v) for n, v in logged.items()]
         shares = [
-            [rms(d) / rms(v) for d in pair] for pair, v in zip(pairs, logged.values(), strict=True)
+            [rms(ours[f"{n} torque"] - v) / rms(v), rms(theirs[n] - v) / rms(v)]
+            for n, (_, v, _, _) in part.torques.items()
         ]
-        errors.append((title, *(f"{np.mean(own):.1%}" for own in zip(*shares, strict=True))))
+        errors.append((title, *(f"{share:.1%}" for share in np.mean(shares, axis=0))))
     return [rows, errors], []
 
 
 COLLECTIONS = {
-    "bam/data.bak/raw": ("Rhoban/bam at af22604", pendulum),
-    "logs/motor_telemetry_single.csv": (
-        "roboninecom/Measuring-Backlash-in-Popular-UART-Servos",
+    "Rhoban/bam": ("bam/data.bak/raw", pendulum),
+    "roboninecom/Measuring-Backlash-in-Popular-UART-Servos": (
+        "logs/motor_telemetry_single.csv",
         stand,
     ),
-    "dataset_ur10e": ("shamilmamedov/dynamic_calibration", ur10e),
+    "shamilmamedov/dynamic_calibration": ("dataset_ur10e", ur10e),
 }
-"""Repositories of GitHub, and how their logs are fitted, by a path in them."""
+"""Where logs are in repositories of GitHub, and how they are fitted."""
 
 
-def measure(folder: Path, quick: bool) -> tuple[list[Rows], list[Prediction]]:
-    """Return the tables of the collections in a folder, and predictions to draw."""
+def measure(folder: Path) -> tuple[list[Rows], list[Prediction]]:
+    """Return the tables of the repositories in a folder, and predictions to draw."""
     tables, shown = [], []
-    for path, (source, fit) in COLLECTIONS.items():
+    for repository, (path, fit) in COLLECTIONS.items():
         present = sorted(folder.rglob(path))
         if not present:
-            print(f"No {path!r} in {folder}: clone https://github.com/{source} there.")
+            print(f"No logs of {repository} in {folder}: clone it from GitHub, see the README.")
             continue
         rows, parts = fit(present[0])
         tables, shown = [*tables, *rows], [*shown, *parts]

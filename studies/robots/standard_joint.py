@@ -3,7 +3,7 @@ does it: by SciPy's least squares over rollouts."""
 
 import importlib
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -42,6 +42,7 @@ class StandardJoint:
 
     @cached_property
     def model(self) -> Any:
+        """The model, whose numbers `predicted` replaces."""
         mujoco: Any = importlib.import_module("mujoco")
         spec = mujoco.MjSpec.from_string(
             XML.format(step=STEP, mass=self.mass, length=self.length, inertia=self.inertia)
@@ -70,14 +71,14 @@ class StandardJoint:
         at = np.append(log.start, states[0, :, 0]), np.append(begin[1], states[0, :, 1])
         return np.interp(logged.times - lag, *at) + offset
 
-    def fitted(self, log: cj.RobotLog, starts: Numbers) -> Numbers:
-        """Return the numbers that fit a log best, from starts."""
-        names, logged = [*starts], log.angles["servo"].values
+    def fitted(self, log: cj.RobotLog, starts: Numbers, known: Sequence[str] = ()) -> Numbers:
+        """Return the numbers that fit a log best, from starts; those that are known keep them."""
+        names, logged = [n for n in starts if n not in known], log.angles["servo"].values
         signed = np.array([name in SIGNED for name in names])
 
         def numbers(x: np.ndarray) -> Numbers:
             values = np.where(signed, x, np.exp(np.where(signed, 0.0, np.clip(x, -30.0, 10.0))))
-            return dict(zip(names, values.tolist(), strict=True))
+            return starts | dict(zip(names, values.tolist(), strict=True))
 
         begin = np.array([starts[n] if n in SIGNED else np.log(starts[n]) for n in names])
         # Rollouts with dry friction are rough at smaller differences.
@@ -100,7 +101,7 @@ def standard_currents(
     def columns(log: cj.RobotLog) -> dict[str, np.ndarray]:
         data, motion, torques = mujoco.MjData(model), {}, []
         for name, (times, values, noise, _) in log.angles.items():
-            weights = np.full(len(times), 1.0 / noise)
+            weights = np.full(len(times), 1.0 / (noise or np.inf))
             spline = UnivariateSpline(times, np.unwrap(values), weights, k=3, s=len(times))
             motion[name] = [spline.derivative(k)(times) if k else spline(times) for k in range(3)]
         for k in range(len(times)):
