@@ -279,6 +279,11 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         for name, spline in positions.items()
     }
     for name in log.angles:
+        # A link turns with its logged motor, as a motor does with its link.
+        link = _other_side(robot, log, name)
+        if link in robot.joints:
+            q[link], qd[link] = q[name], qd[name]
+    for name in log.angles:
         # The start of another is known as accurately as a single sample, so that it is a parameter.
         if name in following:
             continue

@@ -169,8 +169,8 @@ WINDOWS = (1.6, 6.4), (8.4, 12.9), (14.6, 19.4), (21.3, 25.9)
 """Times between the moves to the goal, s; the first window is fitted."""
 HOLDING: Numbers = {"friction": 0.05, "damping": 0.6, "armature": 0.028, "gain": HOLDING_GAIN}
 """Starts: friction and armature of this servo by Rhoban/bam."""
-PULL, LAG = 0.19, -0.05
-"""Starts of the largest pull, N m, and of the age of a position in the log, s."""
+PULL, LAGS = 0.19, (0.05, -0.1)
+"""Start of the largest pull, N m, and starts of the age of a position in the log, s."""
 
 
 def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
@@ -202,18 +202,22 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
         values = largest * jnp.asarray(pull)
         return cj.set_value(scene, lambda s: s.forces["bands"].torque.values, values), state
 
-    further = {
-        "pull": cj.Parameter.change(pulled, PULL, cj.Log(), "N m"),
-        "lag": cj.Parameter.delay("servo position", value=LAG),
-    }
     first, *others = (log.between(*window) for window in WINDOWS)
-    find = {"servo": ["play", "friction", "damping"]}
-    found = fitted(robot, first, find, {"servo": servo}, parameters=further, max_iterations=40)
-    standard_joint = replace(LEVER, pull=(times, pull))
-    standard = standard_joint.fitted(
-        first, {**HOLDING, "pull": PULL, "lag": LAG}, known=("gain", "armature")
+    find, options = {"servo": ["play", "friction", "damping"]}, {"max_iterations": 40}
+    fits, known, standard_joint = [], ("gain", "armature"), replace(LEVER, pull=(times, pull))
+    for lag in LAGS:
+        further = {
+            "pull": cj.Parameter.change(pulled, PULL, cj.Log(), "N m"),
+            "lag": cj.Parameter.delay("servo position", value=lag),
+        }
+        fits.append(fitted(robot, first, find, {"servo": servo}, parameters=further, **options))
+    found = min(fits, key=lambda found: found.fit.chi_squared)
+    standard = min(
+        (standard_joint.fitted(first, HOLDING | {"pull": PULL, "lag": lag}, known) for lag in LAGS),
+        key=lambda numbers: rms(
+            standard_joint.predicted(numbers, first) - first.angles["servo"].values
+        ),
     )
-
     errors, shown = [], []
     for part in (first, *others):
         logged = part.angles["servo"]
