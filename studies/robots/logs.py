@@ -183,15 +183,9 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
     stretch = (2347 - table["pos (4)"]).clip(0) - (table["pos (3)"] - 1747).clip(0)
     times, pull = log.angles["servo"].times, stretch.to_numpy() / 400.0
 
-    drive = cj.Drive(
-        armature=HOLDING["armature"],
-        friction=0.05,
-        viscosity=0.6,
-        link_friction=0.01,
-        play="0.3 deg",
-        stiffness=60.0,
-        damping=0.1,
-    )
+    gear: dict[str, Any] = {"play": "0.3 deg", "stiffness": 60.0, "damping": 0.1}
+    gear |= {"friction": 0.05, "viscosity": 0.6, "link_friction": 0.01}
+    drive = cj.Drive(armature=HOLDING["armature"], **gear)
     robot = rig(LEVER, drive)
     bands = cj.DriveTorque(*robot.link_side("servo"), cj.PiecewiseLinear(times, PULL * pull))
     robot = robot.with_elements({"bands": bands})
@@ -204,7 +198,7 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
 
     first, *others = (log.between(*window) for window in WINDOWS)
     find, options = {"servo": ["play", "friction", "damping"]}, {"max_iterations": 40}
-    fits, known, standard_joint = [], ("gain", "armature"), replace(LEVER, pull=(times, pull))
+    fits, starts = [], [HOLDING | {"pull": PULL, "lag": lag} for lag in LAGS]
     for lag in LAGS:
         further = {
             "pull": cj.Parameter.change(pulled, PULL, cj.Log(), "N m"),
@@ -212,12 +206,8 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
         }
         fits.append(fitted(robot, first, find, {"servo": servo}, parameters=further, **options))
     found = min(fits, key=lambda found: found.fit.chi_squared)
-    standard = min(
-        (standard_joint.fitted(first, HOLDING | {"pull": PULL, "lag": lag}, known) for lag in LAGS),
-        key=lambda numbers: rms(
-            standard_joint.predicted(numbers, first) - first.angles["servo"].values
-        ),
-    )
+    standard_joint = replace(LEVER, pull=(times, pull))
+    standard = standard_joint.fitted(first, *starts, known=("gain", "armature"))
     errors, shown = [], []
     for part in (first, *others):
         logged = part.angles["servo"]

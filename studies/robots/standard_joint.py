@@ -71,20 +71,28 @@ class StandardJoint:
         at = np.append(log.start, states[0, :, 0]), np.append(begin[1], states[0, :, 1])
         return np.interp(logged.times - lag, *at) + offset
 
-    def fitted(self, log: cj.RobotLog, starts: Numbers, known: Sequence[str] = ()) -> Numbers:
-        """Return the numbers that fit a log best, from starts; those that are known keep them."""
-        names, logged = [n for n in starts if n not in known], log.angles["servo"].values
+    def fitted(self, log: cj.RobotLog, *starts: Numbers, known: Sequence[str] = ()) -> Numbers:
+        """Return the numbers that fit a log best, of those to which each of the starts leads; those
+        that are known keep them."""
+        names, logged = [n for n in starts[0] if n not in known], log.angles["servo"].values
         signed = np.array([name in SIGNED for name in names])
 
         def numbers(x: np.ndarray) -> Numbers:
             values = np.where(signed, x, np.exp(np.where(signed, 0.0, np.clip(x, -30.0, 10.0))))
-            return starts | dict(zip(names, values.tolist(), strict=True))
+            return starts[0] | dict(zip(names, values.tolist(), strict=True))
 
-        begin = np.array([starts[n] if n in SIGNED else np.log(starts[n]) for n in names])
+        def residuals(x: np.ndarray) -> np.ndarray:
+            return self.predicted(numbers(x), log) - logged
+
         # Rollouts with dry friction are rough at smaller differences.
         options: dict[str, Any] = {"diff_step": 1e-4, "x_scale": np.where(signed, 0.01, 1.0)}
-        found = least_squares(lambda x: self.predicted(numbers(x), log) - logged, begin, **options)
-        return numbers(found.x)
+        ends = [
+            least_squares(
+                residuals, [s[n] if n in SIGNED else np.log(s[n]) for n in names], **options
+            )
+            for s in starts
+        ]
+        return numbers(min(ends, key=lambda end: end.cost).x)
 
 
 def standard_currents(
