@@ -199,9 +199,9 @@ class RobotFit(AbstractTabular):
         # The first reading of a position is that of a sensor with errors, which are linear.
         starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
         for name, (parameter, value) in starts.items():
-            series_name = name.replace("start ", "")
-            if problem.subjects[name][1] == "start position" and series_name in series:
-                zero, one = (float(reading(series_name, x, 0.0)) for x in (0.0, 1.0))
+            side, kind = problem.subjects[name]
+            if kind == "start position":
+                zero, one = (float(reading(f"{side} position", x, 0.0)) for x in (0.0, 1.0))
                 starts[name] = parameter, (value - zero) / (one - zero)
         scene, state = changed(problem.scene, problem.state, starts)
         instants = {name: np.asarray(s.times) for name, s in series.items()}
