@@ -208,12 +208,10 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
     found = min(fits, key=lambda found: found.fit.chi_squared)
     standard_joint = replace(LEVER, pull=(times, pull))
     standard = standard_joint.fitted(first, *starts, known=("gain", "armature"))
-    errors, shown = [], []
+    errors = []
     for part in (first, *others):
-        logged = part.angles["servo"]
         pair = found.predict(part)["servo position"], standard_joint.predicted(standard, part)
-        errors.append([(predicted - logged.values) / COUNT for predicted in pair])
-        shown.append(Prediction("STS3215, not fitted: held, and pulled", *logged[:2], *pair))
+        errors.append([(predicted - part.angles["servo"].values) / COUNT for predicted in pair])
     rows: Rows = [
         ("rms of prediction, counts", "clearjoint", "MuJoCo's joint"),
         ("fitted", *(f"{rms(own):.1f}" for own in errors[0])),
@@ -221,7 +219,7 @@ def stand(path: Path) -> tuple[list[Rows], list[Prediction]]:
     ]
     names = {"servo play": "play, rad", "servo friction": "friction, N m"}
     names |= {"pull": "largest pull, N m"}
-    return [[("parameter", "estimate", "95 %"), *estimates(found, names)], rows], shown[2:3]
+    return [[("parameter", "estimate", "95 %"), *estimates(found, names)], rows], []
 
 
 # Six joints that follow their log, shamilmamedov/dynamic_calibration. ---------------------------
