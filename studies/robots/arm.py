@@ -165,7 +165,7 @@ class SimulatedArm:
         }
         log = cj.RobotLog.read(table, angles=columns)
         find = {name: ["play", "friction"] for name in self.names}
-        found = cj.fit_robot(arm, log, find, drives, grow=(), progress=False)
+        found = cj.fit_robot(arm, log, find, drives, grow=(), max_iterations=40, progress=False)
         return found, time.process_time() - begun
 
 
