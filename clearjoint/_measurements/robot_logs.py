@@ -164,7 +164,8 @@ class RobotLog:
           `pandas.DataFrame`. For a CSV file without header, pass ``header=None`` and numbers of
           columns. In a Parquet file, the numbers of a column of lists, such as "state", have the
           names "state.0", "state.1" and so on.
-        - `time`: column of the times, in s unless its name has a unit, as in "t [ms]".
+        - `time`: column of the times, in s unless its name has a unit, as in "t [ms]", or of dates
+          in the form of ISO 8601.
         - `angles`, `torques`, `goals`: columns by the name of the joint, each a `LogColumn`, or the
           name of a column, with its unit unless the header has it: "q3 [deg]".
         - `missing`: "drop" omits samples that are not finite numbers; "refuse" raises an error.
@@ -179,8 +180,7 @@ class RobotLog:
         remedy = 'pass for example angles={"elbow": "q3 [deg]"}'
         require(bool({**angles, **torques, **goals}), "angles", {}, "columns by joint", remedy)
         name, unit = split_header(time)
-        times = times_in(find(name, "time"), unit or "s")
-        times = times - times[0]
+        times = _since_first(find(name, "time"), unit)
 
         def read(argument: str, columns: Columns, units: tuple[str, ...]) -> dict[str, Logged]:
             logged = {}
@@ -228,6 +228,19 @@ class RobotLog:
             return shorter
 
         return RobotLog(cut(self.angles), cut(self.torques), cut(self.goals))
+
+
+def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N"]:
+    """Return the times in a column, s, from the first one on."""
+    import pandas as pd
+
+    if not pd.api.types.is_numeric_dtype(column.values):
+        with suppress(ValueError, TypeError):
+            dates = pd.Series(pd.to_datetime(column.values, format="ISO8601"))
+            seconds = (dates - dates.iloc[0]).dt.total_seconds()
+            column = replace(column, values=seconds, unit="s")
+    times = times_in(column, unit or "s")
+    return times - times[0]
 
 
 def _logged(

@@ -7,6 +7,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 from typing_extensions import override
@@ -21,11 +22,14 @@ from .._identification.identify import OnIteration, identify, warn_of
 from .._identification.starts import Guess
 from .._information.analysis import Identifiability, identifiability
 from .._information.horizon import fit_horizon
+from .._math.smoothing import wrapped
+from .._math.vectors import Scalar
 from .._measurements.robot_logs import RobotLog
 from .._model.bodies import State
+from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter
-from .._parametrisation.variations import AbstractSeriesVariation
+from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
 from .._simulation.results.solution import SimulationError
@@ -39,6 +43,7 @@ from .problem import (
     STILL,
     DrivenBy,
     Find,
+    Mode,
     RobotProblem,
     backlash_name,
     drive_name,
@@ -166,6 +171,69 @@ class RobotFit(AbstractTabular):
             n: np.asarray(s.values + self.fit.residuals[n] * s.noise) for n, s in series.items()
         }
 
+    def predict(
+        self, log: RobotLog, driven_by: DrivenBy | None = None, settings: Settings | None = None
+    ) -> dict[str, Float[np.ndarray, " N"]]:
+        """Return the predicted values of each series of another log, (N,), as `predictions`: those
+        of a log that was not fitted tell what a fit is worth.
+
+        The run begins with the log's first positions and, unless it begins at rest, their rates.
+        Joints are driven as in the fit, and as `driven_by` says otherwise: for another gain, pass
+        ``{"elbow": dataclasses.replace(found.fit.scene.forces["elbow drive"], proportional=9.0)}``.
+        Delays and other errors of sensors that were fitted apply. `settings` are those of the run,
+        by default as in `identify`.
+
+        **Raises:** `ValueError` as `fit_robot`. `SimulationError` if the run fails.
+        """
+        drives = self.fit.scene.forces
+        driven: dict[str, Mode | AbstractForce] = {
+            name: mode if isinstance(mode, str) else drives[drive_name(name)]
+            for name, mode in self.driven_by.items()
+        }
+        problem = robot_problem(self.robot, log, {}, {**driven, **(driven_by or {})})
+        series, start = problem.measurements.series, log.start
+        errors = [
+            (p.variation, self.fit.estimates[name])
+            for name, p in self.fit.parameters.items()
+            if isinstance(p.variation, AbstractSeriesVariation)
+        ]
+
+        def reading(name: str, exact: Scalar, elapsed: Scalar) -> Scalar:
+            own = (pair for pair in errors if name in pair[0].series)
+            return exact + sum(error.error(value, exact, elapsed) for error, value in own)
+
+        # The first reading of a position is that of a sensor with errors, which are linear.
+        starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
+        for name, (parameter, value) in starts.items():
+            side, kind = problem.subjects[name]
+            if kind == "start position":
+                zero, one = (float(reading(f"{side} position", x, 0.0)) for x in (0.0, 1.0))
+                starts[name] = parameter, (value - zero) / (one - zero)
+        scene, state = changed(problem.scene, problem.state, starts)
+        instants = {name: np.asarray(s.times) for name, s in series.items()}
+        for error, value in errors:
+            if isinstance(error, SeriesDelay):
+                delayed = {n: np.maximum(t - value, start) for n, t in instants.items()}
+                instants |= {name: delayed[name] for name in error.series if name in series}
+        times = np.unique(np.concatenate([*instants.values()]))
+        run = simulate(
+            *(scene, state, float(times[-1])),
+            settings_or(settings, presets.identification),
+            Saving(times),
+            outputs={name: s.channel for name, s in series.items()},
+            start_time=start,
+            progress=False,
+        )
+        predicted = {}
+        for name, s in series.items():
+            exact = jnp.asarray(run.outputs[name])[np.searchsorted(times, instants[name])]
+            read = jnp.asarray(reading(name, exact, jnp.asarray(s.times) - start))
+            difference = read - s.values
+            if s.period is not None:
+                difference = wrapped(difference, s.period)
+            predicted[name] = np.asarray(s.values + difference)
+        return predicted
+
     def hysteresis(self) -> dict[str, Hysteresis]:
         """Return torque over position of each driven joint with a logged torque and position.
 
@@ -250,12 +318,13 @@ def fit_robot(
         - "play", rad, "stiffness", N m/rad, and "restitution" of the flanks of `Robot.with_drive`.
         - "friction", N m, independent of the speed, and "damping", N m s/rad, of the motor's side,
           and "link friction". A friction that the robot lacks is a
-          `RegularisedCoulomb`, under which a loaded joint creeps by at most 1e-4 rad/s.
+          `RegularisedCoulomb`, under which a loaded joint creeps by at most 1e-4 rad/s. "loss" of
+          the gear, over its torque, if the `Drive` has one.
         - "armature", kg m^2, of the motor, at the joint.
         - "inertia", kg m^2, of the link about its centre of mass, along the joint's axis. Its other
           moments change in proportion. "mass", kg, of the link.
 
-      Of sliders: "friction", "damping", "link friction", "armature" and "mass".
+      Of sliders: "friction", "damping", "link friction", "loss", "armature" and "mass".
     - `driven_by`: how joints are driven, by name; other joints move freely.
         - "angle": the joint, or its motor if that turns apart, follows its logged position, which
           is smoothed by as much as its noise. Its logged torque is compared with the one that this
@@ -296,8 +365,10 @@ def fit_robot(
     fit, undetermined = None, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
-        report = identifiability(scene, state, present, measured, settings, start_time=log.start)
-        reasons = _undetermined(report, problem, present)
+        # A delay is no number of the scene, by which a run could be differentiated beforehand.
+        examined = {n: p for n, p in present.items() if not isinstance(p.variation, SeriesDelay)}
+        report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
+        reasons = _undetermined(report, problem, examined)
         if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons

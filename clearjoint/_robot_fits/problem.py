@@ -48,6 +48,7 @@ OF_HINGES = {
     "friction": "N m",
     "damping": "N m s/rad",
     "link friction": "N m",
+    "loss": "1",
     "armature": "kg m^2",
     "inertia": "kg m^2",
     "mass": "kg",
@@ -56,6 +57,7 @@ OF_SLIDERS = {
     "friction": "N",
     "damping": "N s/m",
     "link friction": "N",
+    "loss": "1",
     "armature": "kg",
     "mass": "kg",
 }
@@ -185,6 +187,22 @@ class StartInPlay:
         return scene, self.robot.moved(state, {self.follower: place})
 
 
+@dataclass(frozen=True)
+class GearLoss:
+    """Function that gives a friction a load over the torque, or force, that presses it; the force
+    of flanks acts on a `radius`, m."""
+
+    friction: str
+    radius: float
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        return set_value(
+            scene,
+            lambda s: s.joints[self.friction].load_ratio,  # pyright: ignore
+            value * self.radius,
+        ), state
+
+
 def wind_up(scene: Scene, follower: str, leader: str, load: float) -> Scalar:
     """Return by how much one side of a drive train is ahead of the other under the load, N m, with
     which the motor holds the link; zero, the middle of the play, without load."""
@@ -255,16 +273,24 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
                 driven = _with_friction(driven, joint, kind, guess if start is None else start)
             parameters[name] = _parameter(driven, joint, kind, start, units[kind])
             subjects[name] = joint, kind
-    # The second time of each table is the first of its column.
+    # The second time of each table is the first of its column. Where a joint is driven it follows
+    # the log from the start on.
+    following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
     qd = {
-        name: 0.0 if _begins_at_rest(log.angles[name]) else float(spline.rates[1])
+        name: 0.0
+        if name not in following and _begins_at_rest(log.angles[name])
+        else float(spline.rates[1])
         for name, spline in positions.items()
     }
     for name in log.angles:
-        # Where a joint is driven it follows the log from the start on. The start of another is
-        # known as accurately as a single sample, so that it is a parameter.
-        if any(mode == "angle" and name == motor_of(robot, j) for j, mode in driven_by.items()):
+        # A link turns with its logged motor, as a motor does with its link.
+        link = _other_side(robot, log, name)
+        if link in robot.joints:
+            q[link], qd[link] = q[name], qd[name]
+    for name in log.angles:
+        # The start of another is known as accurately as a single sample, so that it is a parameter.
+        if name in following:
             continue
         for (subject, kind), parameter in _of_start(robot, log, name, q, qd).items():
             parameters[f"{subject} {kind}"] = parameter
@@ -447,26 +473,28 @@ def _guess(
 
 
 def _friction_name(robot: Robot, joint: str, kind: str) -> str:
-    apart = motor_of(robot, joint) != joint
-    if kind == "link friction":
-        names = f"{joint} friction", f"{joint} link friction"
-        return next((name for name in names if name in robot.scene.joints), names[1])
-    return f"{motor_of(robot, joint)} friction" if apart else f"{joint} friction"
+    ends = (
+        ("friction", "link friction") if kind == "link friction" else ("motor friction", "friction")
+    )
+    names = [f"{joint} {end}" for end in ends]
+    if kind != "link friction" and motor_of(robot, joint) != joint:
+        return names[0]
+    return next((name for name in names if name in robot.scene.joints), names[1])
 
 
 def _with_friction(robot: Robot, joint: str, kind: str, start: float | None) -> Robot:
     """Return the robot with friction or damping of a joint, if it has none."""
     name = _friction_name(robot, joint, kind)
     present = robot.scene.joints.get(name)
-    has_damper = kind == "damping" and _damper(robot, joint) is not None
-    if has_damper or (isinstance(present, JointFriction) and kind != "damping"):
+    if kind == "damping" and _damper(robot, joint) is not None:
+        return robot
+    if isinstance(present, JointFriction) and (kind != "damping" or present.viscosity is not None):
         return robot
     expected = "given, since the robot has none and the log no torque of the joint"
     remedy = f'pass {{"{kind}": start}}'
     require(start is not None, f"find[{joint!r}][{kind!r}]", start, expected, remedy)
     if isinstance(present, JointFriction):
-        viscosity = start if present.viscosity is None else present.viscosity
-        joints = {**robot.scene.joints, name: replace(present, viscosity=viscosity)}
+        joints = {**robot.scene.joints, name: replace(present, viscosity=start)}
         return replace(robot, scene=replace(robot.scene, joints=joints))
     side = joint if kind == "link friction" else motor_of(robot, joint)
     ideal = robot.scene.joints[side]
@@ -497,6 +525,16 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
             return Parameter(lambda s: s.forces[damper].damping, scale, value=start, unit=unit)
         return Parameter(lambda s: s.joints[name].viscosity, scale, value=start, unit=unit)
     assert isinstance(ideal, HingeOrSlider) and isinstance(motor, HingeOrSlider)
+    if kind == "loss":
+        name = _friction_name(robot, joint, "friction")
+        friction, backlash = scene.joints.get(name), scene.joints.get(backlash_name(joint))
+        loses = isinstance(friction, JointFriction) and friction.load_ratio is not None
+        remedy = f"robot.with_drive({joint!r}, cj.Drive(stiffness=..., loss=0.1, ...)) adds it"
+        require(loses, argument, kind, "of a joint whose drive has a loss", remedy)
+        assert isinstance(friction, JointFriction)
+        radius = float(backlash.radius) if isinstance(backlash, Backlash) else 1.0
+        start = float(as_number(friction.load_ratio)) / radius if start is None else start
+        return Parameter.change(GearLoss(name, radius), start, scale, unit)
     if kind == "armature":
         name, remedy = motor_of(robot, joint), "add it by robot.with_drive(joint, cj.Drive(...))"
         expected = "of a joint with an armature"

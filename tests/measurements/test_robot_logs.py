@@ -45,6 +45,19 @@ def test_every_source_gives_the_same_log(kind, tmp_path):
     assert torque.noise == pytest.approx(0.01)
 
 
+def test_times_may_be_dates(tmp_path):
+    dates = pd.to_datetime(1e9 + TIMES, unit="s", utc=True)
+    table = pd.DataFrame({"stamp": dates, "q [rad]": ANGLES})
+    texts = table.assign(stamp=[date.isoformat().replace("+00:00", "Z") for date in dates])
+    texts.to_csv(tmp_path / "log.csv", index=False)
+    for source in (table, tmp_path / "log.csv"):
+        log = cj.RobotLog.read(source, time="stamp", angles={"elbow": "q"})
+        np.testing.assert_allclose(log.angles["elbow"].times, TIMES - 10.0, atol=1e-6)
+    wrong = texts.assign(stamp=["2025-11-12T10:03:29.555Z", "later", "latest", "last"])
+    with pytest.raises(ValueError, match="Row 1 of column 'stamp'.*a finite number"):
+        cj.RobotLog.read(wrong, time="stamp", angles={"elbow": "q"})
+
+
 def test_counts_of_an_encoder_become_angles():
     table = pd.DataFrame({"t": TIMES, "raw": [2048, 3072, 1024, 2049]})
     forward = cj.LogColumn.encoder("raw", counts=4096, zero=2048)

@@ -1,10 +1,12 @@
 """Play, friction and inertia of robots from logs that SciPy simulates."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import clearjoint as cj
 from clearjoint import plot
@@ -165,6 +167,96 @@ def test_torques_of_a_joint_that_follows_its_angle(tmp_path):
         assert found.fit.standard_errors[name] == pytest.approx(error, rel=0.05)
 
 
+def servo_log(gain, size, noise=1e-4):
+    """A log of a motor on a rigid joint, which SciPy simulates, with the delay and the bias of its
+    sensor: goals and positions, and the positions without noise."""
+    times = np.arange(0.0, 0.8, 0.005)
+    goals = size * (1.0 - np.cos(9.0 * times))
+    about_joint = JOINT.inertia + JOINT.mass * JOINT.length**2 + JOINT.armature
+
+    def rates(t, y):
+        goal = goals[min(int(t / 0.005 + 1e-9), len(goals) - 1)]
+        resisting = JOINT.friction * np.tanh(y[1] / 1e-4) + JOINT.damping * y[1]
+        torque = gain * (goal - y[0]) - JOINT.weight * np.sin(y[0]) - resisting
+        return y[1], torque / about_joint
+
+    options = {"method": "LSODA", "rtol": 1e-9, "atol": 1e-11, "max_step": 1e-3}
+    motion = solve_ivp(rates, (0.0, 0.8), (0.0, 0.0), dense_output=True, **options)
+    angles = motion.sol(np.maximum(times - DELAY, 0.0))[0] + BIAS
+    noisy = angles + noise * np.random.default_rng(0).standard_normal(len(times))
+    table = pd.DataFrame({"t": times, "goal [rad]": goals, "q [rad]": noisy})
+    columns = {"elbow": cj.LogColumn("q", noise=noise)}, {"elbow": "goal"}
+    return cj.RobotLog.read(table, angles=columns[0], goals=columns[1]), angles
+
+
+DELAY, BIAS = 0.008, 0.02
+
+
+def test_logs_that_were_not_fitted_are_predicted(tmp_path):
+    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
+    law = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
+    drive = cj.Drive(armature=JOINT.armature, friction=0.15, viscosity=0.1, law=law)
+    robot = cj.load_robot(tmp_path / "rig.urdf").with_drive("elbow", drive)
+    motor = cj.Motor(*robot.motor_side("elbow"), 0.0, proportional=20.0, derivative=0.0)
+    sensor = {
+        "delay": cj.Parameter.delay("elbow position"),
+        "bias": cj.Parameter.bias("elbow position"),
+    }
+    log, _ = servo_log(20.0, 0.4)
+    find, options = {"elbow": ["friction", "damping"]}, {"parameters": sensor, "grow": (), **QUIET}
+    found = cj.fit_robot(robot, log, find, {"elbow": motor}, **options)
+    truth = {
+        "elbow friction": JOINT.friction,
+        "elbow damping": JOINT.damping,
+        "delay": DELAY,
+        "bias": BIAS,
+    }
+    for name, value in truth.items():
+        low, high = found.fit.intervals[name]
+        assert low < value < high, name
+    # The friction of a drive without play is that of the fit, and not a second one.
+    assert [n for n in found.robot.scene.joints if "friction" in n] == ["elbow motor friction"]
+    np.testing.assert_allclose(
+        found.predict(log)["elbow position"], found.predictions["elbow position"], atol=3e-4
+    )
+    other, expected = servo_log(35.0, -0.3)
+    stiffer = {"elbow": replace(motor, proportional=35.0)}
+    predicted = found.predict(other, stiffer)["elbow position"]
+    np.testing.assert_allclose(predicted, expected, atol=1e-3)
+    assert np.abs(found.predict(other)["elbow position"] - expected).max() > 0.02
+
+
+@pytest.mark.slow
+def test_the_loss_of_a_gear_is_found(tmp_path):
+    """Two inertias on a spring, whose torque times the loss adds to the friction of the rotor."""
+    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
+    law = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
+    gear = {"stiffness": 200.0, "damping": 0.5}
+    drive = cj.Drive(armature=JOINT.armature, friction=0.2, loss=0.1, law=law, **gear)
+    robot = cj.load_robot(tmp_path / "rig.urdf").with_drive("elbow", drive)
+    times, torques = swinging(0, 2.0, size=1.5)
+    torque, about_joint = CubicSpline(times, torques, bc_type="natural"), JOINT.inertia + 0.0625
+
+    def rates(t, y):
+        spring = 200.0 * (y[1] - y[0])
+        transmitted = spring + 0.5 * (y[3] - y[2])
+        resisting = (0.2 + 0.3 * abs(spring)) * np.tanh(y[2] / 1e-4)
+        of_link = (-JOINT.weight * np.sin(y[1]) - transmitted) / about_joint
+        return y[2], y[3], (torque(t) - resisting + transmitted) / JOINT.armature, of_link
+
+    options = {"method": "LSODA", "t_eval": times, "rtol": 1e-8, "atol": 1e-10, "max_step": 2e-3}
+    angles = solve_ivp(rates, (0.0, 2.0), np.zeros(4), **options).y[1]
+    noisy = angles + 1e-3 * np.random.default_rng(0).standard_normal(len(times))
+    table = pd.DataFrame({"t": times, "q [rad]": noisy, "tau [N m]": torques})
+    angle = cj.LogColumn("q", noise=1e-3)
+    log = cj.RobotLog.read(table, angles={"elbow": angle}, torques={"elbow": "tau"})
+    find = {"elbow": ["friction", "loss"]}
+    found = cj.fit_robot(robot, log, find, {"elbow": "torque"}, grow=(), **QUIET)
+    for name, value in {"elbow friction": 0.2, "elbow loss": 0.3}.items():
+        low, high = found.fit.intervals[name]
+        assert low < value < high and high - low < 0.1, (name, low, high)
+
+
 LOG = log_of(log_table(JOINT, *swinging(0, 0.1)))
 WRONG = {
     "joint": ({"elbo": ["play"]}, {"elbow": "torque"}, "one of elbow, but is 'elbo': .*'elbow'"),
@@ -172,6 +264,7 @@ WRONG = {
     "unit": ({"elbow": {"play": "1 kg"}}, {"elbow": "torque"}, "find, `elbow.play`: found '1 kg'"),
     "mode": ({"elbow": ["play"]}, {"elbow": "torques"}, "one of angle, torque, held torque"),
     "not logged": ({"elbow": ["play"]}, {"elbow": "angle"}, "what the log has for 'elbow motor'"),
+    "no loss": ({"elbow": ["loss"]}, {"elbow": "torque"}, "whose drive has a loss.*with_drive"),
     "no law": ({"elbow": ["restitution"]}, {"elbow": "torque"}, "a law with a restitution"),
 }
 

@@ -1,12 +1,18 @@
-"""The study of robots: files of a folder, and a quick fit of a servo's log."""
+"""The study of robots: files of a folder, and fits of logs."""
 
 import importlib.util
 
+import numpy as np
+import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
-from studies.robots import files, servo_joint
+import clearjoint as cj
+from studies.robots import files, logs, servo_joint
 from studies.robots.__main__ import main
+from studies.robots.arm import SimulatedArm
 from studies.robots.geared_joint import URDF
+from studies.robots.standard_joint import StandardJoint
 
 ARM = URDF.format(inertia=0.01)
 TIP = '<link name="tip"/><joint name="wrist" type="continuous"><parent link="arm"/>'
@@ -40,6 +46,46 @@ def test_files_are_loaded_as_messages_say_and_compared(tmp_path):
     assert (
         "| refused, with element and remedy | 1 |" in main(["files", "--files", str(tmp_path)])[0]
     )
+
+
+def test_logs_that_are_not_there_are_named(tmp_path, capsys):
+    assert main(["logs", "--files", str(tmp_path)]) == []
+    lines = capsys.readouterr().out.splitlines()
+    assert all(any(name in line for line in lines) for name in logs.COLLECTIONS)
+
+
+def test_mujoco_standard_joint_is_fitted():
+    """To a motion by SciPy, with the offset and the lag of the log."""
+    pytest.importorskip("mujoco")
+    joint, times = StandardJoint(mass=0.5, length=0.1, inertia=1e-3), np.arange(0.0, 1.5, 0.01)
+    goals = 0.8 * np.sin(5.0 * times)
+
+    def rates(t, y):
+        goal = goals[min(int(t / 0.01 + 1e-9), len(goals) - 1)]
+        torque = 2.0 * (goal - y[0]) - 0.5 * 9.81 * 0.1 * np.sin(y[0])
+        resisting = 0.05 * y[1] + 0.03 * np.tanh(y[1] / 1e-3)
+        return y[1], (torque - resisting) / (0.006 + 0.003)
+
+    options = {"method": "LSODA", "rtol": 1e-8, "atol": 1e-10, "max_step": 1e-3}
+    solution = solve_ivp(rates, (0.0, 1.5), (0.0, 0.0), dense_output=True, **options)
+    angles = solution.sol(np.maximum(times - 0.004, 0.0))[0] + 0.01
+    table = pd.DataFrame({"t": times, "q [rad]": angles, "goal [rad]": goals})
+    log = cj.RobotLog.read(table, angles={"servo": "q"}, goals={"servo": "goal"})
+    truth = {"friction": 0.03, "damping": 0.05, "armature": 0.003, "gain": 2.0, "offset": 0.01}
+    truth |= {"lag": 0.004}
+    starts = {"friction": 0.01, "damping": 0.1, "armature": 0.002, "gain": 1.5, "offset": 0.0}
+    found = joint.fitted(log, {**starts, "lag": 0.0})
+    for name, value in truth.items():
+        assert found[name] == pytest.approx(value, rel=0.1, abs=2e-3), name
+
+
+@pytest.mark.slow
+def test_a_joint_of_the_arm_is_fitted():
+    pytest.importorskip("pinocchio")
+    found, _ = SimulatedArm(1, 0.4).fitted(0)
+    for name, value in {"pan play": np.radians(0.2), "pan friction": 4.0}.items():
+        low, high = found.fit.intervals[name]
+        assert low < value < high
 
 
 @pytest.mark.slow

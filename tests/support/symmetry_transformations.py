@@ -232,8 +232,7 @@ def factor(unit: str, scale: Scale, powers: Mapping[str, float]) -> float:
 
     `powers` are those that a law has for the letters in an exponent of its units.
     """
-    # "N m/(rad/s)" is "N m s/rad".
-    above, _, below = re.sub(r"/\((\S+)/(\S+)\)", r" \2/\1", unit).partition("/")
+    above, _, below = re.sub("[()]", "", unit).partition("/")
     found = 1.0
     for part, sense in ((above, 1.0), (below, -1.0)):
         for single in part.split():

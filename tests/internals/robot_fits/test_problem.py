@@ -1,0 +1,54 @@
+"""The problem of a fit of a robot to its log."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import clearjoint as cj
+from clearjoint._robot_fits.problem import robot_problem
+from studies.robots.geared_joint import URDF
+
+
+def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
+    """Also if its first positions differ by less than their noise, so that it counts as at rest."""
+    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=0.01))
+    robot, times = cj.load_robot(tmp_path / "rig.urdf"), np.arange(100) / 200.0
+    table = pd.DataFrame({"t": times, "q [rad]": 0.01 * times, "tau [N m]": 0.0 * times})
+    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    problem = robot_problem(robot, log, {}, {"elbow": "angle"})
+    assert abs(problem.robot.speeds(problem.state)["elbow"] - 0.01) < 1e-9
+    cj.simulate(problem.scene, problem.state, 0.1, progress=False)  # refuses other speeds
+    free = robot_problem(robot, log, {}, {"elbow": "torque"})
+    assert free.robot.speeds(free.state)["elbow"] == 0.0
+
+
+@pytest.mark.parametrize("mode", ["torque", "angle"])
+def test_links_start_with_their_logged_motors(mode, tmp_path):
+    """Also those of joints before, on which the load of a joint depends."""
+    tip = """<link name="tip"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="wrist" type="continuous"><parent link="arm"/><child link="tip"/>
+<origin xyz="0 0 -0.5"/><axis xyz="0 1 0"/></joint></robot>"""
+    text = URDF.format(inertia=0.01).replace("</robot>", tip)
+    (tmp_path / "two.urdf").write_text(text)
+    robot, start = cj.load_robot(tmp_path / "two.urdf"), {"elbow": 0.9, "wrist": -0.4}
+    gear = cj.Drive(armature=0.02, play="0.5 deg", stiffness=2000.0)
+    table = pd.DataFrame({"t": np.arange(20) / 200.0})
+    for name, angle in start.items():
+        robot = robot.with_drive(name, gear)
+        table[f"{name} [rad]"], table[f"{name} tau [N m]"] = angle, 1.0
+    log = cj.RobotLog.read(
+        table,
+        angles={f"{name} motor": cj.LogColumn(name, noise=1e-4) for name in start},
+        torques={name: cj.LogColumn(f"{name} tau", noise=0.1) for name in start},
+    )
+    problem = robot_problem(robot, log, {}, dict.fromkeys(start, mode))
+    assert robot.angles(problem.state) == pytest.approx(
+        {**start, "elbow motor": 0.9, "wrist motor": -0.4}, abs=1e-9
+    )
+    if mode == "torque":
+        held = robot.torques(start)
+        for name in start:
+            change = problem.parameters[f"{name} motor start position"].variation.make
+            assert change.load == pytest.approx(float(held[name]))
