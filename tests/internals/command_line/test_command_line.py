@@ -652,7 +652,7 @@ def run_folder(folder):
         impacts=cj.results.Impacts.of_rows([("pin", "W", *first[2:]), first]),
         formulation=Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte()),
         redundant_constraints=(),
-        settings=setting_notes(cj.Settings()),
+        settings=setting_notes(vars(cj.Settings())),
     )
     folders.write_scene(folder, scene, state)
     formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
