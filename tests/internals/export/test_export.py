@@ -50,7 +50,7 @@ def solution(**changes) -> cj.results.Solution:
         "impacts": None,
         "formulation": Formulation(),
         "redundant_constraints": (),
-        "settings": setting_notes(cj.presets.accurate),
+        "settings": setting_notes(vars(cj.presets.accurate)),
     }
     return cj.results.Solution(**{**parts, **changes})
 

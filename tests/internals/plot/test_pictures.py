@@ -18,7 +18,7 @@ def test_a_report_has_all_panels_and_tables(tmp_path):
         for k in range(1, 11)
     ]
     solution = solution_of(solution.saved, cj.results.Impacts.of_rows(rows))
-    solution = replace(solution, settings=setting_notes(cj.Settings(rtol=1e-7)))
+    solution = replace(solution, settings=setting_notes(vars(cj.Settings(rtol=1e-7))))
     page = plot.report(scene, solution, tmp_path / "page.png", title="Round")
     assert (tmp_path / "page.png").stat().st_size > 50_000
     texts = [text.get_text().replace("\n", " ") for text in page.findobj(plt.Text)]
