@@ -57,7 +57,7 @@ some machines."""
 LANES = 8
 LIMIT = 120.0
 """Processor time, s, after which a measurement ends."""
-CALLS_BEFORE, CALLS_COUNTED, ROUNDS = 20, 25, 3
+CALLS_BEFORE, CALLS_COUNTED, ROUNDS = 20, 25, 9
 """Calls before repeated calls are timed, after which native code checks starts; calls that are
 timed together; and how often, of which the median is taken."""
 NUDGE = 1e-9
