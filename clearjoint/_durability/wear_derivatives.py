@@ -159,9 +159,18 @@ def derivatives_in_spans(
     times = np.unique(np.concatenate(spans))
     outputs = {f"{joint} {name}": Signal(joint, name) for joint in rates for name in SIGNALS}
     parameters = {name: Parameter.change(along, 0.0) for name, along in directions.items()}
-    options = {"start_time": start_time, "throw": False, "progress": False}
-    arguments = scene, state, times[-1], parameters, outputs, times, settings
-    run = sensitivities(*arguments, **options)
+    run = sensitivities(
+        scene,
+        state,
+        times[-1],
+        parameters,
+        outputs,
+        times,
+        settings,
+        start_time=start_time,
+        throw=False,
+        progress=False,
+    )
     if run.result != RESULTS.successful:
         return None, run.result
     derivatives = np.zeros((len(spans), len(directions), len(rates), len(PARTS), samples))

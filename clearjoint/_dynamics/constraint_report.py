@@ -88,8 +88,15 @@ def constraint_report(
     rows = rows.in_order_of(scene)
     redundant, uncertain = dependent(rows.names, rows.reduced, {})
     assert rows.jacobian is not None
-    equations = rows.texts(), rows.values, rows.rates, rows.jacobian
-    return ConstraintReport(rows.bodies, *equations, redundant, uncertain)
+    return ConstraintReport(
+        bodies=rows.bodies,
+        names=rows.texts(),
+        values=rows.values,
+        rates=rows.rates,
+        jacobian=rows.jacobian,
+        redundant=redundant,
+        uncertain=uncertain,
+    )
 
 
 RowName = tuple[str, str]
@@ -139,11 +146,15 @@ class StartRows(NamedTuple):
             # Without rows, the array has lost its second axis.
             jacobian = np.asarray(jacobian).reshape(len(every), 6 * len(bodies))
             jacobian = jacobian[every][:, _columns(self.bodies, bodies)]
-        values, rates = (np.asarray(numbers)[every] for numbers in (self.values, self.rates))
-        all_names = tuple(self.all_names[k] for k in every)
-        names = tuple(self.names[k] for k in remaining)
-        reduced = np.asarray(self.reduced)[remaining]
-        return StartRows(values, rates, all_names, bodies, names, reduced, jacobian)
+        return StartRows(
+            values=np.asarray(self.values)[every],
+            rates=np.asarray(self.rates)[every],
+            all_names=tuple(self.all_names[k] for k in every),
+            bodies=bodies,
+            names=tuple(self.names[k] for k in remaining),
+            reduced=np.asarray(self.reduced)[remaining],
+            jacobian=jacobian,
+        )
 
 
 def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
@@ -190,9 +201,15 @@ def start_rows(
         for name, row in _by_name(remaining).items():
             names.append(name)
             reduced.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
-    residuals = _stacked(values), _stacked(rates)
-    labels = tuple(rows), tuple(scene.bodies), tuple(names)
-    return StartRows(*residuals, *labels, _stacked(reduced), jacobian)
+    return StartRows(
+        values=_stacked(values),
+        rates=_stacked(rates),
+        all_names=tuple(rows),
+        bodies=tuple(scene.bodies),
+        names=tuple(names),
+        reduced=_stacked(reduced),
+        jacobian=jacobian,
+    )
 
 
 def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:

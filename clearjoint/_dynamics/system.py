@@ -260,13 +260,13 @@ class System(eqx.Module):
         Without the rotors, they give the smallest change in a metric that leaves the rotors out.
         """
         rows = [*rows, *(row for row, _ in rotors)]
-        directions, solver = (
-            [mechanics.projected(r.jacobian) for r in rows],
+        return ConstraintEquations(
+            mechanics,
+            [mechanics.projected(row.jacobian) for row in rows],
             self.formulation.solver(),
+            row_weights(self.scene.bodies, rows) if self.formulation.redundant else None,
+            [1.0 / armature for _, armature in rotors],
         )
-        weights = row_weights(self.scene.bodies, rows) if self.formulation.redundant else None
-        compliances = [1.0 / armature for _, armature in rotors]
-        return ConstraintEquations(mechanics, directions, solver, weights, compliances)
 
     def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""

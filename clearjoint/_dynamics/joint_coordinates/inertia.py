@@ -48,8 +48,9 @@ class Inertia:
     angular: Matrix
 
     def __add__(self, other: "Inertia") -> "Inertia":
-        mass, coupling = self.mass + other.mass, self.coupling + other.coupling
-        return Inertia(mass, coupling, self.angular + other.angular)
+        return Inertia(
+            self.mass + other.mass, self.coupling + other.coupling, self.angular + other.angular
+        )
 
     def momentum(self, twist: Twist) -> Twist:
         """Return angular momentum (kg m^2/s) and momentum (kg m/s) for a twist."""
@@ -415,10 +416,15 @@ class ArticulatedBodies(AbstractTreeSolver):
             if parent is None:
                 self._joints.append(LoadedJoint.of_root(link.columns, carried[k], link.armature))
             else:
-                loads = carried[k], carried[parent], link.armature
-                joint = self._evaluate(LoadedJoint.under, link.columns, link.offset, *loads)
-                carried[parent] = joint[1]
-                self._joints.append(joint[0])
+                joint, carried[parent] = self._evaluate(
+                    LoadedJoint.under,
+                    link.columns,
+                    link.offset,
+                    carried[k],
+                    carried[parent],
+                    link.armature,
+                )
+                self._joints.append(joint)
         self._joints.reverse()
 
     @override

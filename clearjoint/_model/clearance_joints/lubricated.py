@@ -359,8 +359,15 @@ def _load(
     # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
     # same rate from the relative velocity midway between the two axes.
     rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
-    size = dry.bearing_radius, dry.clearance, dry.journal_length
-    film = FilmGap(UNIT_Z, eccentricity, rate, speed, *size)
+    film = FilmGap(
+        axis=UNIT_Z,
+        offset=eccentricity,
+        rate=rate,
+        spin=speed,
+        bearing_radius=dry.bearing_radius,
+        clearance=dry.clearance,
+        length=dry.journal_length,
+    )
     force, moment = joint.film.force(film), joint.film.drag(film)
     # As in `_half_of_film`, the force acts midway between the axes.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))

@@ -609,7 +609,7 @@ class ExactRestitution(AbstractReboundingLaw):
 
 
 class _KnownFactor(AbstractReboundingLaw):
-    """A law with its damping factor."""
+    """An `ExactRestitution` whose damping factor is known."""
 
     factor: Scalar = 0.0
 

@@ -54,10 +54,17 @@ def double_pendulum(
     if clearance is None:
         shoulder = RevoluteJoint("ground", "arm 2", ORIGIN, (-0.5, 0.0, 0.0), Z_AXIS, Z_AXIS)
     else:
-        law, at = steel_law(restitution) if law is None else law, (-0.5, 0.0, 0.0)
-        size = {"bearing_radius": bearing_radius, "journal_length": journal_length}
-        contact = {"clearance": clearance, "law": law, "friction": friction, "axial": axial}
-        shoulder = ClearanceJoint("ground", "arm 2", journal_point=at, **size, **contact)
+        shoulder = ClearanceJoint(
+            "ground",
+            "arm 2",
+            journal_point=(-0.5, 0.0, 0.0),
+            bearing_radius=bearing_radius,
+            clearance=clearance,
+            journal_length=journal_length,
+            law=steel_law(restitution) if law is None else law,
+            friction=friction,
+            axial=axial,
+        )
     scene = Scene(bodies, {"shoulder": shoulder, "elbow": elbow}, gravity=(0.0, 9.81, 0.0))
     state = State({"arm 2": body_state((0.5, 0.0, 0.0)), "arm 3": body_state((1.0, 0.0, 0.5))})
     return scene, state

@@ -209,9 +209,16 @@ def spatial_four_bar(
     if clearance is None:
         tip = SphericalJoint("rocker", "coupler", top, end)
     else:
-        law = steel_law(restitution) if law is None else law
-        size = {"socket_radius": 10e-3, "clearance": clearance, "law": law, "friction": friction}
-        tip = BallInSocket("rocker", "coupler", socket_point=top, ball_point=end, **size)
+        tip = BallInSocket(
+            "rocker",
+            "coupler",
+            socket_point=top,
+            ball_point=end,
+            socket_radius=10e-3,
+            clearance=clearance,
+            law=steel_law(restitution) if law is None else law,
+            friction=friction,
+        )
     # At the start crank and rocker point along Y, and their ends at the coupler have the same Y.
     foot = (COUPLER, CRANK - ROCKER, 0.0)
     lower, upper, bottom = ((0.0, y, 0.0) for y in (-0.5 * CRANK, 0.5 * CRANK, -0.5 * ROCKER))

@@ -63,16 +63,28 @@ def gear_pair(
     if law is None:
         law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS)
     names, bodies, joints, states = ("pinion", "wheel"), {}, {}, {}
-    places = (first, 0.0), (second, first + second)
-    for name, (radius, x), speed in zip(names, places, speeds, strict=True):
+    for name, radius, x, speed in zip(
+        names, (first, second), (0.0, first + second), speeds, strict=True
+    ):
         mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
         across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
         bodies[name] = Body(mass, (across, across, 0.5 * mass * radius**2))
         centre = (x, 0.0, 0.0)
         joints[f"{name} bearing"] = RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
         states[name] = body_state(centre, spin=(0.0, 0.0, speed))
-    ends, axes = ("pinion", "wheel", ORIGIN, ORIGIN), (Z_AXIS, Z_AXIS)
-    joints["mesh"] = GearBacklash(*ends, *axes, *teeth, module=module, backlash=backlash, law=law)
+    joints["mesh"] = GearBacklash(
+        "pinion",
+        "wheel",
+        ORIGIN,
+        ORIGIN,
+        Z_AXIS,
+        Z_AXIS,
+        teeth_first=teeth[0],
+        teeth_second=teeth[1],
+        module=module,
+        backlash=backlash,
+        law=law,
+    )
     return Scene(bodies, joints), State(states)
 
 
@@ -149,10 +161,16 @@ def cycloid_stage(
         for k in range(pins):
             around = 2.0 * math.pi * k / pins
             point = np.array([math.cos(around), math.sin(around), 0.0]) * pitch_radius
-            points = {"bearing_point": point, "journal_point": point, "journal_length": THICKNESS}
-            radius, room = pin_radius + eccentricity + play, eccentricity + play
-            size = {"bearing_radius": radius, "clearance": room, "law": law}
-            joints[f"pin {k + 1}"] = ClearanceJoint("disc", "output", **points, **size)
+            joints[f"pin {k + 1}"] = ClearanceJoint(
+                "disc",
+                "output",
+                bearing_point=point,
+                journal_point=point,
+                bearing_radius=pin_radius + eccentricity + play,
+                clearance=eccentricity + play,
+                journal_length=THICKNESS,
+                law=law,
+            )
     bodies = {
         "shaft": Body(0.2, (2e-5, 2e-5, 1e-5)),
         "disc": Body(0.25, (6e-5, 6e-5, 1.2e-4)),

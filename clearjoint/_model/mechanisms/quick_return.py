@@ -65,9 +65,17 @@ def quick_return(
         if law is None:
             stiffness = GivenStiffness(LINE_STIFFNESS)
             law = HuntCrossley(restitution=0.8, stiffness=stiffness, exponent=1.0)
-        points = {"slot_point": middle, "pin_point": pin}
-        size = {"pin_radius": 5e-3, "play": play, "travel": SLOT}
-        slot = PinInSlot("lever", "crank", **points, **size, law=law, friction=friction)
+        slot = PinInSlot(
+            "lever",
+            "crank",
+            slot_point=middle,
+            pin_point=pin,
+            pin_radius=5e-3,
+            play=play,
+            travel=SLOT,
+            law=law,
+            friction=friction,
+        )
     # The driver's angle is that of the crank's x axis from X, while `angle` is from the vertical.
     joints = {
         "crank bearing": RevoluteJoint(

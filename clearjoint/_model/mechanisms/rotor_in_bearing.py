@@ -58,10 +58,16 @@ def rotor_in_bearing(
     >>> list(scene.joints)
     ['bearing', 'motor']
     """
-    law = steel_law(restitution) if law is None else law
-    size = {"bearing_radius": bearing_radius, "journal_length": journal_length}
-    contact = {"clearance": clearance, "law": law, "friction": friction}
-    bearing = ClearanceJoint(GROUND, "rotor", **size, **contact, axial=FixedAxially())
+    bearing = ClearanceJoint(
+        GROUND,
+        "rotor",
+        bearing_radius=bearing_radius,
+        clearance=clearance,
+        journal_length=journal_length,
+        law=steel_law(restitution) if law is None else law,
+        friction=friction,
+        axial=FixedAxially(),
+    )
     # With a film, the lubricated joint replaces the dry one, whose contact it includes.
     if film is not None:
         bearing = LubricatedJoint(bearing, film, TRANSITION * clearance)

@@ -82,10 +82,16 @@ def slider_crank(
         # A revolute joint would repeat constraints of the guide and the other joints.
         pin = InlineJoint("slider", "rod", ORIGIN, SMALL_END, Z_AXIS)
     else:
-        law = steel_law(restitution) if law is None else law
-        size = {"bearing_radius": bearing_radius, "journal_length": journal_length}
-        contact = {"clearance": clearance, "law": law, "friction": friction}
-        pin = ClearanceJoint("slider", "rod", journal_point=SMALL_END, **size, **contact)
+        pin = ClearanceJoint(
+            "slider",
+            "rod",
+            journal_point=SMALL_END,
+            bearing_radius=bearing_radius,
+            clearance=clearance,
+            journal_length=journal_length,
+            law=steel_law(restitution) if law is None else law,
+            friction=friction,
+        )
     if motor is None:
         motor = PrescribedRotation(GROUND, "crank", Z_AXIS, speed, angle)
     joints = _crank_joints(CRANK_LENGTH, ROD_LENGTH) | {
@@ -180,10 +186,15 @@ def guided_slider_crank(
         joints["slider pin"] = RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
     else:
         # The slider has the bearing and the rod the journal, as in `slider_crank`.
-        law_of_pin = steel_law(0.9) if pin_law is None else pin_law
-        size = {"bearing_radius": 10e-3, "clearance": pin_clearance, "journal_length": 20e-3}
-        pin = ClearanceJoint("slider", "rod", journal_point=end, law=law_of_pin, **size)
-        joints["slider pin"] = pin
+        joints["slider pin"] = ClearanceJoint(
+            "slider",
+            "rod",
+            journal_point=end,
+            bearing_radius=10e-3,
+            clearance=pin_clearance,
+            journal_length=20e-3,
+            law=steel_law(0.9) if pin_law is None else pin_law,
+        )
         # Unlike an ideal pin, a pin with clearance leaves the slider free to move along Z and to
         # tilt about X and Y.
         edge = (0.0, HALF_HEIGHT, 0.0)
@@ -194,9 +205,15 @@ def guided_slider_crank(
     if clearance is None:
         joints["guide"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Y_AXIS, X_AXIS)
     else:
-        law = ExactRestitution(0.4, GUIDE_STIFFNESS) if law is None else law
-        size = {"half_length": HALF_LENGTH, "half_height": HALF_HEIGHT, "clearance": clearance}
-        joints["guide"] = SliderInGuide(GROUND, "slider", **size, law=law, friction=friction)
+        joints["guide"] = SliderInGuide(
+            GROUND,
+            "slider",
+            half_length=HALF_LENGTH,
+            half_height=HALF_HEIGHT,
+            clearance=clearance,
+            law=ExactRestitution(0.4, GUIDE_STIFFNESS) if law is None else law,
+            friction=friction,
+        )
     bodies = {
         "crank": Body(0.038, (2e-6, 7.4e-5, 7.4e-5)),
         "rod": Body(0.038, (2e-6, 5.9e-4, 5.9e-4)),
