@@ -49,11 +49,7 @@ def modes(
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
-    # Along principal axes, modes far apart would count as near: their distance is most of the
-    # points' deviation along the axis from one to the other.
-    sizes = distinct.std(axis=0)
-    scaled = distinct / np.where(sizes > 0.0, sizes, 1.0)
-    distances = np.linalg.norm(scaled[:, None] - scaled, axis=2)
+    distances = _scaled_distances(distinct)
     # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
     # in more directions.
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
@@ -83,11 +79,20 @@ def modes(
         closest = np.where(others, distances[members].min(axis=0), np.inf).argmin()
         group[members] = group[closest]
     # Numbers of the modes, in the order of their number of points.
-    of_points = group[copies.ravel()]
-    groups, numbers, sizes = np.unique(of_points, return_inverse=True, return_counts=True)
+    groups, numbers, sizes = np.unique(
+        group[copies.ravel()], return_inverse=True, return_counts=True
+    )
     rank = np.empty(len(groups), int)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(groups))
     return rank[numbers.ravel()]
+
+
+def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
+    # Along principal axes, modes far apart would count as near: their distance is most of the
+    # points' deviation along the axis from one to the other.
+    sizes = points.std(axis=0)
+    scaled = points / np.where(sizes > 0.0, sizes, 1.0)
+    return np.linalg.norm(scaled[:, None] - scaled, axis=2)
 
 
 FEWEST = 32
@@ -234,12 +239,22 @@ def drawn_posterior(
     # inverse standard deviations, and zero where a series has no sample.
     weights = compared.data.weights
     constant = float(np.log(weights[weights > 0.0] / math.sqrt(2.0 * math.pi)).sum())
-    log_likelihood = constant - 0.5 * drawn.chi_squared
-    points = drawn.points, log_likelihood, modes(drawn.points, drawn.chi_squared)
-    evidence = constant + drawn.log_evidence, drawn.error, drawn.effective
-    numbers = runs, failed, drawn.steps, seed, time.perf_counter() - begun
-    names = dict(compared.parameters), dict(compared.units)
-    return Posterior(*names, *points, *evidence, box, *numbers)
+    return Posterior(
+        dict(compared.parameters),
+        dict(compared.units),
+        drawn.points,
+        constant - 0.5 * drawn.chi_squared,
+        modes(drawn.points, drawn.chi_squared),
+        constant + drawn.log_evidence,
+        drawn.error,
+        drawn.effective,
+        box,
+        runs,
+        failed,
+        drawn.steps,
+        seed,
+        time.perf_counter() - begun,
+    )
 
 
 class ImpossiblePointsError(ValueError):
