@@ -20,7 +20,7 @@ import jax
 import numpy as np
 from jax.core import Tracer
 from jax.experimental.xla_metadata import set_xla_metadata
-from jax.extend.core import ClosedJaxpr, get_opaque_trace_state
+from jax.extend.core import ClosedJaxpr, get_opaque_trace_state, jaxpr_as_fun
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
@@ -160,14 +160,17 @@ class _Shared:
             return traced
 
         shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
-        self._function = jax.jit(shared_function)
+        # A program with a single equation, the call of the function. To evaluate it adds the call
+        # to the program that is being traced, without the checks of arguments by `jax.jit`, which
+        # were a tenth of the tracing of a large scene.
+        call = jax.make_jaxpr(jax.jit(shared_function))(*arrays)
         # A traced value from outside belongs to one call, but the jaxpr to all of them.
-        constants = self._function.trace(*arrays).jaxpr.consts
-        if any(isinstance(constant, Tracer) for constant in constants):
+        if any(isinstance(constant, Tracer) for constant in call.consts):
             raise NotSharedError
+        self._call = jaxpr_as_fun(call)
 
     def __call__(self, leaves: Sequence[PyTree]) -> PyTree:
-        arrays = self._function(*filter(_is_array, leaves))
+        arrays = self._call(*filter(_is_array, leaves))
         others, form = self._results
         return jax.tree.unflatten(form, _joined(others, arrays))
 

@@ -107,8 +107,9 @@ class NativeProgram:
         avals = [aval_of(variable) for variable in closed.jaxpr.invars]
         small = [k for k, aval in enumerate(avals) if aval.size < LARGE]
         floats = [k for k in small if avals[k].dtype.kind == "f"]
+        others = [k for k in small if avals[k].dtype.kind != "f"]
         self._small = []
-        for ks in (floats, [k for k in small if k not in set(floats)]):
+        for ks in (floats, others):
             ends = np.cumsum([0, *(avals[k].size for k in ks)]).tolist()
             used_here = [(self.inputs[k], slice(*ends[n : n + 2])) for n, k in enumerate(ks)]
             pairs = [(r.cells, source) for r, source in used_here if r is not None]

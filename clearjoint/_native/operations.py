@@ -26,7 +26,7 @@ KINDS = {"float64": "f", "int64": "i", "int32": "w", "bool": "b", "uint32": "i"}
 """Kinds by the names of dtypes. uint32 is computed in int64, with results cut to 32 bits."""
 
 
-@dataclass
+@dataclass(slots=True)
 class Operation:
     """An operation: the value `out` becomes `name` of the values `arguments`.
 
