@@ -30,7 +30,6 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._dynamics.assembly import check_names
-from .._dynamics.coordinates import free_motion
 from .._dynamics.joint_coordinates.trees import (
     UPRIGHT,
     FreeBranch,
@@ -64,7 +63,7 @@ from .documents import FileLocation, listed
 from .drive_train import motor_name
 from .files import FilePath
 from .mjcf import Model, mujoco_package
-from .robot import Robot
+from .robot import Robot, variables_of
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
 """`solimp` of flanks, with the smallest impedance that MuJoCo accepts, and of other constraints and
@@ -188,14 +187,7 @@ class MjcfWriter:
         return FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
-        """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
-        (first, *_) = state.bodies.values()
-        bodies = unpack(jax.tree.map(np.asarray, state), np.ndim(first.position) - 1).bodies
-        poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
-        for name, branch in self._branches.items():
-            poses[name] = bodies[name].orientation, free_motion(bodies[name], None)
-            variables[name] = branch.encode(poses[branch.parent], poses[name])
-        return variables
+        return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return numbers (..., n) of position and speed of each joint of the file, by name, for
@@ -280,11 +272,10 @@ class MjcfWriter:
             direction, axis, write = ALONG[kind]
             on = self._between(name, direction, element, getattr(element, axis or "", None))
             write(self, name, element, on)
+        elif kind in OTHERS:
+            OTHERS[kind](self, name, element)
         else:
-            OTHERS.get(kind, MjcfWriter.unknown)(self, name, element)
-
-    def unknown(self, name: str, element: PyTree) -> None:
-        raise NoCounterpartError
+            raise NoCounterpartError
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of the second body of an element
@@ -445,8 +436,7 @@ class MjcfWriter:
 
     def _actuate(self, name: str, on: FileJoint, control: Control, **options: PyTree) -> None:
         end = {"joint" if on.element.tag == "joint" else "tendon": on.name}
-        gear = (on.sign, *[0.0] * 5)
-        _child(self._section("actuator"), "general", name=name, gear=gear, **end, **options)
+        _child(self._section("actuator"), "general", name=name, gear=on.sign, **end, **options)
         self.controls[name] = control
 
     def prescribed(self, name: str, drive: PyTree, on: FileJoint) -> None:
@@ -511,11 +501,18 @@ class MjcfWriter:
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
-            motor, gear = motor_name(actuator.joint), (actuator.gear, *[0.0] * 5)
-            ends = {"name": name, "joint": motor if motor in joints else actuator.joint}
-            numbers = {"gear": gear, "gainprm": actuator.gain, "biasprm": actuator.bias}
-            numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
-            _child(self._section("actuator"), "general", biastype="affine", **ends, **numbers)
+            motor = motor_name(actuator.joint)
+            _child(
+                self._section("actuator"),
+                "general",
+                biastype="affine",
+                name=name,
+                joint=motor if motor in joints else actuator.joint,
+                gear=actuator.gear,
+                gainprm=actuator.gain,
+                biasprm=actuator.bias,
+                **_finite({"ctrlrange": actuator.control, "forcerange": actuator.force}),
+            )
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return `qpos` and `qvel` of MuJoCo's model of a file, for a state of the scene."""

@@ -1,9 +1,8 @@
 """Robots from URDF and MJCF files: their scene, and states from the positions of joints."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
@@ -24,7 +23,7 @@ from .._dynamics.joint_coordinates.trees import (
 from .._fields.cautions import NotCarriedOverWarning, caution, quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
-from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, unpack
+from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, pack, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, Body, BodyState, Motion, State
 from .._model.contact.friction import FrictionLaw
 from .._model.joints.base import AbstractForce
@@ -36,7 +35,7 @@ from .documents import FileLocation, read_bytes
 from .drive_train import Drive, motor_name, rotor_name, train_of
 from .files import FilePath
 from .mjcf import read_mjcf
-from .robot_elements import FRICTION, Additions, Element, Elements, Joint, Play, scene_of
+from .robot_elements import FRICTION, Element, Elements, Joint, Play, scene_of
 from .robots import (
     FLOATING,
     HINGES,
@@ -239,15 +238,18 @@ class Robot:
 
         **Raises:** `ValueError` if a joint or body is unknown, or a joint does not follow.
         """
-        _, poses, orientations = self._moved(q, qd, free)
-        parts = {
-            name: (motion.position, orientations[name], motion.velocity, motion.spin)
-            for name, motion in poses.items()
-            if name != GROUND
+        _, motions, orientations = self._moved(q, qd, free)
+        bodies = {
+            name: BodyState(motion.position, orientations[name], motion.velocity, motion.spin)
+            for name, motion in motions.items()
         }
-        shape = np.broadcast_shapes(*map(np.shape, jax.tree.leaves(parts)))
-        stack = partial(_stacked, shape=shape)
-        return State({name: BodyState(*map(stack, parts[name])) for name in self.scene.bodies})
+        shape = np.broadcast_shapes(*map(np.shape, jax.tree.leaves(bodies)))
+
+        def broadcast(number: Scalar) -> Scalar:
+            return library((number,)).broadcast_to(number, shape)
+
+        # Body by body: JAX would sort the names.
+        return State({n: pack(jax.tree.map(broadcast, bodies[n])) for n in self.scene.bodies})
 
     def moved(self, state: State, q: Positions = None, qd: Positions = None) -> State:
         """Return a state in which some joints have other positions or speeds than in `state`.
@@ -406,19 +408,14 @@ class Robot:
         self, motion: State | HasStates
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         states = motion if isinstance(motion, State) else motion.states
-        poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
+        variables = variables_of(self._branches, states)
         positions, speeds = {}, {}
         joints = {motor: name for name, motor in self._motors().items()}
         for branch in self._branches:
-            body = _in_scalars(states.bodies[branch.body])
-            poses[branch.body] = body.orientation, free_motion(body, None)
-            if isinstance(branch, FreeBranch):
+            variable = variables[branch.body]
+            if isinstance(branch, FreeBranch) or not variable.speeds:
                 continue
-            variable = branch.encode(poses[branch.parent], poses[branch.body])
-            numbers = tuple(jax.tree.leaves(variable.position))
-            if not numbers:
-                continue
-            value = _number(numbers)
+            value = _number(jax.tree.leaves(variable.position))
             if isinstance(branch.motion_subspace, Hinge):
                 limits = self.limits.get(joints.get(branch.joint, branch.joint), JointLimits())
                 middle = 0.5 * (limits.lower + limits.upper)
@@ -427,6 +424,17 @@ class Robot:
                 value = value if motion is states else np.unwrap(value)
             positions[branch.joint], speeds[branch.joint] = value, _number(variable.speeds)
         return self._ordered(positions), self._ordered(speeds)
+
+
+def variables_of(branches: Iterable[TreeBranch], state: State) -> dict[str, PyTree]:
+    """Return a `JointState` for each body on a joint, and a `BodyState` for each free one, by name,
+    with an array for each scalar if the state has arrays (..., 3)."""
+    poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
+    for branch in branches:
+        body = _in_scalars(state.bodies[branch.body])
+        poses[branch.body] = body.orientation, free_motion(body, None)
+        variables[branch.body] = branch.encode(poses[branch.parent], poses[branch.body])
+    return variables
 
 
 def _zero(branch: JointedBranch) -> JointState:
@@ -449,12 +457,6 @@ def _in_scalars(body: BodyState) -> BodyState:
     parts = body.position, body.orientation, body.velocity, body.spin
     kinds = Vector, EulerParameters, Vector, Vector
     return BodyState(*(kind(*_columns(part)) for kind, part in zip(kinds, parts, strict=True)))
-
-
-def _stacked(vector: Vector | EulerParameters, shape: tuple[int, ...]) -> PyTree:
-    parts = jax.tree.leaves(vector)
-    xp = library(parts)
-    return xp.stack([xp.broadcast_to(part, shape) for part in parts], axis=-1)
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:
@@ -658,8 +660,7 @@ def load_robot(
     options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
     tree = LinkTree(content.links, content.joints, location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
-    additions = Additions(play, stops, friction)
-    scene, state, elements = scene_of(tree, content.loops, additions, acceleration)
+    scene, state, elements = scene_of(tree, content.loops, play, stops, friction, acceleration)
     robot = _robot(tree, scene, state, elements, content)
     omitted = _not_carried_over(tree, content.omitted | elements.omitted)
     if omitted:
@@ -685,8 +686,7 @@ def _robot(
         branches.append(JointedBranch(carrier.body, parent, joint.name, subspace))
     moving = [j for j in content.joints if j.name in elements.ideal]
     names = tuple(j.name for j in moving if j.kind in (*HINGES, SLIDER))
-    mimics = elements.mimics()
-    followed = {name: mimic.leader for name, mimic in mimics.items() if name in names}
+    followed = {name: mimic.leader for name, mimic in elements.mimics.items() if name in names}
     return Robot(
         scene,
         names,
@@ -696,7 +696,7 @@ def _robot(
         {name: leader for name, leader in followed.items() if leader is not None},
         branches,
         state,
-        mimics,
+        elements.mimics,
     )
 
 

@@ -5,8 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 from graphlib import TopologicalSorter
-from types import MappingProxyType
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import PyTree
@@ -89,34 +88,33 @@ and yield by 1e-4 rad or m before they slip."""
 
 
 class Elements:
-    """The joints and forces of a robot's scene, by name."""
+    """The joints and forces of a robot's scene, by name.
+
+    - `ideal`: the ideal joint of each joint of the file, except those that are floating or within a
+      body.
+    - `mimics`: what joints follow, each after the joint that it follows.
+    - `omitted`: names of joints with an element that the scene lacks, by title.
+    """
 
     def __init__(self, tree: LinkTree):
         self.tree = tree
         self.joints: dict[str, Joint] = {}
         self.forces: dict[str, AbstractForce] = {}
-        # Floating joints, and joints within a body, have no joint of the scene.
         pairs = {name: ideal_joint(joint, tree) for name, joint in tree.joints.items()}
         self.ideal = {name: joint for name, joint in pairs.items() if joint is not None}
         self.omitted: dict[str, list[str]] = defaultdict(list)
-        self._mimics: dict[str, Mimic] = {}
-        for name, mimic in ((joint.name, joint.mimic) for joint in tree.joints.values()):
-            if mimic is not None:
-                if self.scalar(name) is None or self.scalar(mimic.leader or name) is None:
-                    title = "mimics, between other joints than hinges and sliders,"
-                    self.omitted[title].append(name)
-                else:
-                    self._mimics[name] = mimic
+        self.mimics = self._mimics()
 
-    def mimics(self) -> dict[str, Mimic]:
-        """Return what joints follow, each after the joint that it follows."""
-        leaders = {
-            name: [mimic.leader] if mimic.leader in self._mimics else []
-            for name, mimic in self._mimics.items()
-        }
+    def _mimics(self) -> dict[str, Mimic]:
+        mimics = {name: j.mimic for name, j in self.tree.joints.items() if j.mimic is not None}
+        for name, mimic in [*mimics.items()]:
+            if self.scalar(name) is None or self.scalar(mimic.leader or name) is None:
+                title = "mimics, between other joints than hinges and sliders,"
+                self.omitted[title].append(name)
+                del mimics[name]
+        leaders = {n: {mimic.leader} & mimics.keys() for n, mimic in mimics.items()}
         with self.tree.location.in_errors():  # an error for joints that follow each other
-            order = [*TopologicalSorter(leaders).static_order()]
-        return {name: self._mimics[name] for name in order}
+            return {name: mimics[name] for name in TopologicalSorter(leaders).static_order()}
 
     def add(self, element: Joint | AbstractForce, joint: str, what: str) -> None:
         """Add an element that belongs to a joint of the file, by a name of its own."""
@@ -135,23 +133,21 @@ class Elements:
         return joint if isinstance(joint, HingeOrSlider) else None
 
 
-class Additions(NamedTuple):
-    """What the user adds to a robot's scene, see `load_robot`."""
-
-    play: Mapping[str, Play] = MappingProxyType({})
-    stops: Mapping[str, Play] = MappingProxyType({})
-    friction: FrictionLaw | None = None
-
-
 def scene_of(
-    tree: LinkTree, loops: tuple[LoopJoint, ...], additions: Additions, gravity: TripleLike | None
+    tree: LinkTree,
+    loops: tuple[LoopJoint, ...],
+    play: Mapping[str, Play],
+    stops: Mapping[str, Play],
+    friction: FrictionLaw | None,
+    gravity: TripleLike | None,
 ) -> tuple[Scene, State, Elements]:
-    """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
+    """Return the scene of a robot, its state at rest with all joints at zero, and its elements; see
+    `load_robot` for the arguments."""
     location = tree.location
     hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
     play = {
         name: _checked(name, settings, "play", hinges, _arguments_of_play(settings), location)
-        for name, settings in additions.play.items()
+        for name, settings in play.items()
     }
     carriers = tree.moving()
     if not carriers:
@@ -177,8 +173,8 @@ def scene_of(
             elements.add(_backlash(tree.joints[name], ideal, settings, at), name, BACKLASH)
     _add_loops(elements, loops)
     _add_couplings(elements)
-    _add_resistances(elements, additions.friction)
-    _add_stops(elements, additions.stops)
+    _add_resistances(elements, friction)
+    _add_stops(elements, stops)
     centres = {carrier.body: tuple(moved(carrier.pose, carrier.centre)) for carrier in carriers}
     with location.in_errors():
         scene = Scene(bodies, elements.joints, elements.forces, gravity)
@@ -303,7 +299,7 @@ def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
 
 
 def _add_couplings(elements: Elements) -> None:
-    for name, mimic in elements.mimics().items():
+    for name, mimic in elements.mimics.items():
         follower, at = elements.scalar(name), elements.tree.location.at(name)
         assert follower is not None
         leader = elements.scalar(mimic.leader or "")
@@ -355,10 +351,15 @@ def spring_of(
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
     along = euler_parameters(np.column_stack([axis, *across]))
-    points = joint.point_first + rest * axis, joint.point_second
-    resistances = (stiffness, 0.0, 0.0), (damping, 0.0, 0.0)
-    axes = {"orientation_first": along, "orientation_second": along}
-    return Bushing(*ends, *points, *resistances, **axes)
+    return Bushing(
+        *ends,
+        point_first=joint.point_first + rest * axis,
+        point_second=joint.point_second,
+        stiffness=(stiffness, 0.0, 0.0),
+        damping=(damping, 0.0, 0.0),
+        orientation_first=along,
+        orientation_second=along,
+    )
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
