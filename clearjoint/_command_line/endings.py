@@ -13,8 +13,6 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class CommandResult(NamedTuple):
-    """Exit code of a command, its result in one line, and whether results were written."""
-
     code: int
     line: str
     wrote: bool = True

@@ -122,7 +122,6 @@ def _say_iteration(
 
 
 def iteration_line(iteration: Iteration, most: int) -> str:
-    """Return the number and the chi squared of one of at most `most` iterations as text."""
     number, chi_squared = iteration.number, iteration.chi_squared
     return f"iteration {number} of at most {most}: chi squared {chi_squared:.6g}"
 

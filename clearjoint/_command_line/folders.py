@@ -36,7 +36,6 @@ from .._simulation.results.solution import (
 from .study import CLASSES
 
 SUMMARY = "summary.json"
-"""File of the summary: kind, title and ending of the results."""
 SCENE, REACHED = "scene.toml", "reached.toml"
 """Files of the scene with its initial state, and with the state at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
@@ -45,7 +44,6 @@ and energies at these; the impacts; and the outputs that are quantities at these
 DRAWN = "drawn"
 """NetCDF file of a run's states for its figures: the saved ones, and others between these."""
 NUMBERS = "numbers.csv"
-"""File of the outputs that are one number of the run."""
 FORMULATION = "formulation"
 """Attribute of the table of saved states: the formulation of the equations of motion, as JSON."""
 SECTION = "section "
@@ -57,7 +55,6 @@ REJECTED = "rejected steps of "
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
 FIGURES = "figures"
 PAGE = "index.html"
-"""File of the page that shows all results."""
 
 Summary = Mapping[str, str | int | float]
 
@@ -145,7 +142,6 @@ def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Datase
 
 
 def require_names(path: Path, needed: Iterable[str], available: Collection[object]) -> None:
-    """Raise a `ValueError` if the results in a file lack a needed name."""
     lacking = [name for name in needed if name not in available]
     if lacking:
         raise ValueError(
@@ -219,7 +215,6 @@ def formulation_text(formulation: Formulation) -> str:
 
 
 def read_formulation(notes: Mapping[str, object], location: FileLocation) -> Formulation:
-    """Return the formulation of a run from the attributes of its table at `location`."""
     table = json.loads(str(notes[FORMULATION]))
     return Reader(CLASSES).instance(Formulation, table, location.at(FORMULATION))
 

@@ -289,7 +289,6 @@ def new(mechanism: str, out: Path) -> None:
 
 
 def main() -> None:
-    """Run the program with the arguments of the command line."""
     clearjoint(prog_name="clearjoint")
 
 

@@ -205,7 +205,6 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_fit_report(folder: Path, fit: Fit) -> None:
-    """Draw the fitted series and the correlations of a fit, and write its page."""
     _save(folder, "fitted", plot.fitted(fit)[0, 0])
     if len(fit.parameters) > 1:
         _save(folder, "correlations", plot.correlations(fit))
@@ -213,8 +212,6 @@ def write_fit_report(folder: Path, fit: Fit) -> None:
 
 
 def write_robot_report(folder: Path, result: RobotFit) -> None:
-    """Draw the fitted series, their correlations and the hysteresis of joints, and write the page
-    of a robot's fit."""
     if result.hysteresis():
         _save(folder, "hysteresis", plot.joint_hysteresis(result)[0])
     write_fit_report(folder, result.fit)

@@ -59,7 +59,6 @@ class RobotFitParts:
 
 
 def robot_fit_schema() -> Schema:
-    """Return the JSON Schema (2020-12) of the files of robot fits, as a dictionary."""
     catalogue = Catalogue(CLASSES)
     properties = catalogue.properties(RobotFitParts)
     return catalogue.document("robot fit", properties, ["find", "driven_by", "angles"])
@@ -67,8 +66,6 @@ def robot_fit_schema() -> Schema:
 
 @dataclass(frozen=True)
 class RobotFitStudy:
-    """A robot with its log, and what the file at `path` says about the fit."""
-
     robot: Robot
     log: RobotLog
     parts: RobotFitParts

@@ -144,7 +144,6 @@ def _simulated(
 
 
 def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, str | int | float]:
-    """Return how a run ended, in words and numbers, for its page."""
     summary: dict[str, str | int | float] = {
         "ended": "interrupted" if interrupted else RESULTS[solution.result],
         "start_time_s": study.parts.run.start,

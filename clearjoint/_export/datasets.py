@@ -189,7 +189,6 @@ class AbstractTabular(abc.ABC):
 
 
 def write_netcdf(dataset: "xr.Dataset", path: str | PathLike[str]) -> None:
-    """Write a dataset to a netCDF file, as `AbstractTabular.to_netcdf`."""
     # Names of variables and dimensions that have characters outside Latin-1, with the names that
     # are written instead.
     escaped = {}

@@ -37,7 +37,6 @@ def estimates_table(
     intervals: Mapping[str, tuple[float, float]],
     units: Mapping[str, str],
 ) -> str:
-    """Return a table of estimate, standard error, 95 % interval and unit of each parameter."""
     rows = [["parameter", "estimate", "standard error", "95 % from", "to", "unit"]]
     for name, value in estimates.items():
         digits = _digits(value, errors[name])
@@ -70,5 +69,4 @@ def duration(seconds: float) -> str:
 
 
 def numbered(sentences: Sequence[str]) -> str:
-    """Return sentences as lines with the numbers 1, 2 and so on."""
     return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(sentences, 1))

@@ -114,7 +114,6 @@ def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
 
 
 def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
-    """Return the times at which any sensor has a sample, rising, each time once."""
     return np.unique(np.concatenate([sensor.times for sensor in sensors.values()]))
 
 

@@ -73,7 +73,6 @@ def _parts_together(
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
-    """Return the number of independent combinations of parameters that the data determine."""
     return (~_negligible(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 

@@ -340,7 +340,6 @@ def _series(
     noise: ArrayLike | None,
     missing: Missing,
 ) -> Series:
-    """Return the series of a column, in SI units."""
     choices = ("refuse", "drop")
     require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
     values = column.numbers()

@@ -121,7 +121,6 @@ class Logged(NamedTuple):
 
 
 Columns: TypeAlias = Mapping[str, "LogColumn | str | int"]
-"""Columns by the name of the joint."""
 NONE: Columns = {}
 
 

@@ -76,7 +76,6 @@ error by which a signal handler ends a program, are not about the unit."""
 def _pint_unit(
     registry: "pint.registry.ApplicationRegistry", unit: str, argument: str
 ) -> "pint.Unit":
-    """Return the unit of pint that a text names."""
     from pint.util import string_preprocessor
 
     # Units come from headers of files, so pint's parser must not be given an expression that takes

@@ -385,12 +385,10 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
-    """Check that `parameters` is a dictionary of `Parameter` by name."""
     require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Return the largest change of each parameter's coordinate in one step of a fit, (p,)."""
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
 
 
@@ -404,11 +402,9 @@ def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.
 def values_at(
     parameters: Mapping[str, Parameter], coordinates: Float[np.ndarray, " p"]
 ) -> dict[str, float]:
-    """Return the value of each parameter at coordinates (p,)."""
     pairs = zip(parameters.items(), coordinates, strict=True)
     return {name: float(parameter.scale.value(u)) for (name, parameter), u in pairs}
 
 
 def coordinates_of(scene: Scene, state: State, parameters: Mapping[str, Parameter]) -> np.ndarray:
-    """Return the coordinates of all parameters, (p,)."""
     return np.array([p.coordinate_in(scene, state) for p in parameters.values()])

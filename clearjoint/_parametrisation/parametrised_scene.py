@@ -121,7 +121,6 @@ class ParametrisedScene(AbstractSceneFamily):
         return [replace(self, directions=np.eye(count)[row]) for row in numbers]
 
     def at(self, values: ArrayLike) -> "ParametrisedScene":
-        """Return a copy with other coordinates."""
         return eqx.tree_at(lambda f: f.values, self, jnp.asarray(values, float))
 
     @property

@@ -122,7 +122,6 @@ def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
 
 
 def set_in_leaves(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) -> None:
-    """Set the same value at all given locations in the leaves of a scene or state."""
     value = as_number(value)
     require_fits(leaves, numbers, value)
     for number in numbers:

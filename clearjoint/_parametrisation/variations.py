@@ -87,8 +87,6 @@ class AbstractNumber(AbstractVariation):
 
 @dataclass(frozen=True)
 class SceneNumber(AbstractNumber):
-    """A number of the scene, or several tied numbers."""
-
     example: ClassVar[str] = 'lambda scene: scene.joints["pin"].clearance'
 
     @staticmethod
@@ -99,8 +97,6 @@ class SceneNumber(AbstractNumber):
 
 @dataclass(frozen=True)
 class StateNumber(AbstractNumber):
-    """A number of the initial state, or several tied numbers."""
-
     example: ClassVar[str] = 'lambda state: state.bodies["arm"].spin[2]'
 
     @staticmethod
@@ -261,7 +257,6 @@ class SeriesDrift(AbstractSeriesVariation):
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    """Return the pair (scene, state) unchanged."""
     del value
     return scene, state
 
@@ -274,7 +269,6 @@ class AbstractLeafSetter(abc.ABC):
         """Set the value in the leaves of a scene and of a state."""
 
     def __call__(self, scene: Scene, state: State, value: PyTree) -> tuple[Scene, State]:
-        """Return the pair (scene, state) with the value."""
         return changed(scene, state, [(self, value)])
 
 
@@ -299,8 +293,6 @@ def changed(
 
 @dataclass(frozen=True)
 class NumberSetter(AbstractLeafSetter):
-    """A `Change` that sets the value at given locations in the scene or in the state."""
-
     numbers: tuple[Number, ...]
     in_scene: bool
 

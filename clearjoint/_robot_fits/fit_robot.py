@@ -140,7 +140,6 @@ class RobotFit(AbstractTabular):
         return labelled_dataset("fit of a robot", variables, labels)
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
-        """Return value, bounds and unit of each parameter."""
         fit, nan = self.fit, math.nan
         intervals = fit.intervals
         rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
@@ -519,7 +518,6 @@ def _undetermined(
 
 
 def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
-    """Return which flanks of each backlash touch in a run."""
     values = {name: (p, float(p.value or 0.0)) for name, p in parameters.items()}
     scene, state = changed(problem.scene, problem.state, values)
     times, start = problem.measurements.times(), problem.log.start

@@ -65,11 +65,9 @@ OF_SLIDERS = {
 Mode = Literal["angle", "torque", "held torque"]
 """How a joint follows the log, see `fit_robot`."""
 DrivenBy: TypeAlias = Mapping[str, Mode | AbstractForce]
-"""How joints are driven, by name."""
 Start: TypeAlias = float | str | None
 """Number or text with a unit from which a fit starts."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
-"""What to find, by the name of the joint."""
 COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
 """Law of a friction that the robot lacks, over its load. Steps are several times as long as with
 bristles, whose stiffness limits them at speed; a loaded joint creeps by less than 1e-4 rad/s."""
@@ -237,12 +235,10 @@ class RobotProblem:
 
 
 def drive_name(joint: str) -> str:
-    """Return the name of the element of the scene that drives a joint."""
     return f"{joint} drive"
 
 
 def backlash_name(joint: str) -> str:
-    """Return the name of the backlash of a joint in the scene."""
     return f"{joint} {BACKLASH}"
 
 
@@ -300,7 +296,6 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
 
 
 def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:
-    """Raise a `ValueError` unless all names are those of ideal hinges and sliders of the robot."""
     sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
     for argument, part, names in (
         ("find", find, robot.joints),
@@ -349,7 +344,6 @@ def _of_start(
 
 
 def is_hinge(robot: Robot, joint: str) -> bool:
-    """Return whether a joint is no slider."""
     return not isinstance(robot.scene.joints[joint], PrismaticJoint)
 
 
@@ -418,7 +412,6 @@ def _require_unit(argument: str, samples: Logged, unit: str) -> None:
 def _driven(
     robot: Robot, log: RobotLog, driven_by: DrivenBy, positions: Mapping[str, Spline]
 ) -> Robot:
-    """Return the robot with an element that drives each joint of `driven_by`."""
     for joint, mode in driven_by.items():
         element = mode
         if isinstance(element, AbstractForce):
@@ -483,7 +476,6 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 
 
 def _with_friction(robot: Robot, joint: str, kind: str, start: float | None) -> Robot:
-    """Return the robot with friction or damping of a joint, if it has none."""
     name = _friction_name(robot, joint, kind)
     present = robot.scene.joints.get(name)
     if kind == "damping" and _damper(robot, joint) is not None:

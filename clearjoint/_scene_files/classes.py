@@ -25,7 +25,6 @@ from .documents import FileLocation, listed
 
 REQUIRED = inspect.Parameter.empty
 Classes: TypeAlias = Collection[type]
-"""User-defined classes that a file may name."""
 Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
@@ -119,7 +118,6 @@ def _static_methods(kind: type) -> dict[str, Maker]:
 
 
 def family_names(families: tuple[type, ...]) -> str:
-    """Return base classes as text for messages: "AbstractForce or AbstractFilm"."""
     return " or ".join(kind.__name__ for kind in families)
 
 
@@ -152,7 +150,6 @@ def find_maker(
 
 @cache
 def arguments(make: Maker) -> dict[str, Expectation]:
-    """Return the expectation of each argument of a maker, by the argument's name."""
     make = CHECKED.get(make, make)
     kind = make if isinstance(make, type) else _hints(make)["return"]
     # For a field and an argument of the same name, the annotation of the field counts.

@@ -31,7 +31,6 @@ NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
 KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
 """Pattern of one key or index of a path: in brackets, after a dot, or at the beginning."""
 SHORT = reprlib.Repr()
-"""Makes the texts of values in error messages."""
 SHORT.maxlist = SHORT.maxtuple = 12
 SHORT.maxstring = SHORT.maxother = 60
 
@@ -132,14 +131,11 @@ class Source:
 
 @dataclass
 class FileLocation:
-    """Location of a value in a file, given by keys of tables and indices of lists."""
-
     file: str
     keys: Keys = ()
     source: Source | None = None
 
     def at(self, *keys: str | int) -> "FileLocation":
-        """Return the location of the entry to which further `keys` lead."""
         return FileLocation(self.file, (*self.keys, *keys), self.source)
 
     @override
@@ -148,7 +144,6 @@ class FileLocation:
         return f"{self.file}{where}, `{written(self.keys)}`" if self.keys else self.file
 
     def refuse(self, value: object, expected: str, remedy: str) -> NoReturn:
-        """Raise a `ValueError` that names this location, the `value` found, and the `remedy`."""
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
     def in_errors(self) -> AbstractContextManager[None]:
@@ -168,12 +163,10 @@ def listed(names: Iterable[str]) -> str:
 
 
 Document: TypeAlias = dict[str, object]
-"""Content of a file, as parsed: nested dictionaries, lists and values."""
 Units: TypeAlias = Mapping[Keys, str]
 """Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
-"""The key under which a JSON file names its JSON Schema."""
 DEEPEST = 32
 """Largest depth of nested tables and lists; the file itself, which is a table, is not counted."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
@@ -187,14 +180,12 @@ that braces inside strings are passed over."""
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix of a path, which must be ".toml" or ".json"."""
     if path.suffix not in SUFFIXES:
         FileLocation(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
     return path.suffix
 
 
 def read_document(path: Path) -> tuple[Document, FileLocation]:
-    """Read a TOML or JSON file; return its tables and their location, for error messages."""
     suffix, location = suffix_of(path), FileLocation(str(path))
     content = read_bytes(path, 200_000_000)
     try:
@@ -207,7 +198,6 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Return the content of a file, which may have at most `most` bytes."""
     size = path.stat().st_size
     if size > most:
         FileLocation(str(path)).refuse(f"{size} bytes", f"at most {most}", "shorten the file")

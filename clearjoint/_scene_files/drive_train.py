@@ -33,7 +33,6 @@ from .robot_elements import (
 from .robots import NEGLIGIBLE
 
 COMPLIANCE = "compliance"
-"""End of the name of the spring between rotor and link."""
 
 
 @dataclass(frozen=True)
@@ -108,17 +107,14 @@ class Train(NamedTuple):
 
 
 def rotor_name(joint: str) -> str:
-    """Return the name of the body of a joint's rotor."""
     return f"{joint} rotor"
 
 
 def motor_name(joint: str) -> str:
-    """Return the name of the joint that holds a joint's rotor."""
     return f"{joint} motor"
 
 
 def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
-    """Return the drive train of a joint of a robot."""
     require_type("drive", drive, Drive, "a Drive", 'pass cj.Drive(play="0.5 deg", ...)')
     numbers = _numbers(drive, isinstance(joint, PrismaticJoint))
     armature = joint.armature

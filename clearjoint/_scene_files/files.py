@@ -122,7 +122,6 @@ class Writer:
 
 ARRAYS = np.ndarray | np.generic | jax.Array
 FORMAT = 1
-"""The version of the file format."""
 VERSION, STATE = "format", "state"
 MOST_ASSEMBLED = 50
 """Largest number of bodies of a scene whose file may omit states of bodies: to assemble a chain of
@@ -286,7 +285,6 @@ def _entries(node: object) -> dict:
 def scene_of_document(
     document: Document, classes: Classes, location: FileLocation
 ) -> tuple[Scene, State]:
-    """Return the scene and the state that the tables of a file describe, as `load` does."""
     version, remedy = document.get(VERSION, FORMAT), ""
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
         remedy = f"write {VERSION} = {FORMAT}, or leave it out"

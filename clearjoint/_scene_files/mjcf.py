@@ -49,7 +49,6 @@ IGNORED = {
 
 
 def read_mjcf(path: Path) -> Content:
-    """Return the content of an MJCF file."""
     model, location = _compiled(path), FileLocation(str(path))
     names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
     links = [RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
@@ -215,7 +214,6 @@ def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -
 
 
 def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
-    """Return the actuators of joints by name, and the names of others."""
     actuators: dict[str, Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):

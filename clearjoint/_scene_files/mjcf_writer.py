@@ -90,7 +90,6 @@ LEVER = 0.1
 TURN = 2.0 * math.pi
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
-"""Control of an actuator as a function of the time, s."""
 
 
 class FileJoint(NamedTuple):
@@ -266,7 +265,6 @@ class MjcfWriter:
         return _child(self.root, name) if section is None else section
 
     def _add(self, name: str, element: PyTree) -> None:
-        """Add an element that is no joint of the tree."""
         kind = type(element)
         if kind in ALONG:
             direction, axis, write = ALONG[kind]
@@ -440,7 +438,6 @@ class MjcfWriter:
         self.controls[name] = control
 
     def prescribed(self, name: str, drive: PyTree, on: FileJoint) -> None:
-        """Add a constant `PrescribedAngle` or `PrescribedTranslation`."""
         function = as_function_of_time(drive.function)
         if not isinstance(function, Polynomial) or len(function.coefficients) > 1:
             raise NoCounterpartError
@@ -487,7 +484,6 @@ class MjcfWriter:
             _child(self._section("equality"), tag, name=label, **ends, **HARD)
 
     def add_robot(self, robot: Robot) -> None:
-        """Add limits and actuators of a robot's file."""
         joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
             if name not in joints:

@@ -53,7 +53,6 @@ from .urdf import LARGEST_FILE, read_urdf, root_tag
 Positions: TypeAlias = PyTree
 """Numbers of joints by name, or an array (..., n) of those of all hinges and sliders."""
 JointNumbers: TypeAlias = tuple[Scalar, ...]
-"""Numbers of a joint's position, or its speeds."""
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
@@ -337,7 +336,6 @@ class Robot:
         return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
-        """Return the numbers of each joint: those of its position, or of its speeds."""
         if values is None:
             return {}
         if not isinstance(values, Mapping):
@@ -368,7 +366,6 @@ class Robot:
     def _moved(
         self, q: Positions, qd: Positions, free: Mapping[str, BodyState]
     ) -> tuple[dict[str, JointState | BodyState], dict[str, Motion], dict[str, EulerParameters]]:
-        """Return variables, motion and orientation of each body."""
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
         for name, mimic in self._mimics.items():
             x = positions.get(mimic.leader or "", (0.0,))[0]
@@ -460,7 +457,6 @@ def _in_scalars(body: BodyState) -> BodyState:
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:
-    """Return the only number of a joint, or its several numbers on a last axis."""
     xp = library(parts)
     if len(parts) == 1:
         return xp.asarray(parts[0])

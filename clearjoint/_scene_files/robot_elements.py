@@ -128,7 +128,6 @@ class Elements:
             self.joints[name] = element
 
     def scalar(self, name: str) -> HingeOrSlider | None:
-        """Return the ideal joint of a name if it is a hinge or slider."""
         joint = self.ideal.get(name)
         return joint if isinstance(joint, HingeOrSlider) else None
 
@@ -182,7 +181,6 @@ def scene_of(
 
 
 def ideal_joint(joint: RobotJoint, tree: LinkTree) -> AbstractConstraint | None:
-    """Return the ideal joint of the scene for a joint of the file, if it has one."""
     parent, child = tree.carriers[joint.parent], tree.carriers[joint.child]
     location = tree.location.at(joint.name)
     if joint.kind not in TYPES:
@@ -235,7 +233,6 @@ def _backlash(
 
 
 def backlash_of(hinge: RevoluteJoint, **options: PyTree) -> Backlash:
-    """Return a backlash between the bodies of a hinge, about its axis."""
     axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
     return Backlash(hinge.first, hinge.second, **axes, **options)
 
@@ -319,7 +316,6 @@ def _constant(joint: HingeOrSlider, position: float) -> AbstractConstraint:
 
 
 def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
-    """Add springs, dampers and dry friction of joints."""
     for name, joint in elements.tree.joints.items():
         if (ideal := elements.scalar(name)) is None:
             continue

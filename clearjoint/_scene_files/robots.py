@@ -89,8 +89,6 @@ class Inertial(NamedTuple):
 
 
 class RobotLink(NamedTuple):
-    """A link: its name, and its inertia unless the file gives none."""
-
     name: str
     inertial: Inertial | None = None
 
@@ -185,8 +183,6 @@ class Content(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the user for the bodies of a robot, see `load_robot`."""
-
     merge_fixed: bool = True
     free_root: bool = False
     balance_inertia: bool = False
@@ -309,7 +305,6 @@ class LinkTree:
         return centres[0] + (masses @ shifts / masses.sum() if masses.sum() > 0.0 else 0.0)
 
     def frame(self, link: str) -> LinkPose:
-        """Return the place of a link's frame in its body."""
         carrier, pose = self.carriers[link], self.poses[link]
         rotation = rounded(carrier.pose[:3, :3] @ pose[:3, :3])
         point = self.in_body(carrier, pose[:3, 3])

@@ -36,7 +36,6 @@ def scene_schema(classes: Classes = ()) -> Schema:
 
 
 def scene_properties(catalogue: "Catalogue") -> Schema:
-    """Return the schemas of the top-level keys of a scene file, by key."""
     version = {"type": "integer", "minimum": 1, "description": "version of the file format"}
     state = _table(catalogue.properties(State), [])
     return {"format": version, **catalogue.properties(Scene), "state": state}
@@ -54,7 +53,6 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        """Return the whole schema of a file with the top-level `properties`."""
         whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
         dialect = "https://json-schema.org/draft/2020-12/schema"
         return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}

@@ -29,7 +29,6 @@ XACRO = "if the file is a xacro file, expand it with `xacro FILE > robot.urdf` a
 
 
 def read_urdf(path: Path) -> Content:
-    """Return the content of a URDF file."""
     location = FileLocation(str(path))
     robot = _root(read_bytes(path, LARGEST_FILE), location)
     links: list[RobotLink] = []
