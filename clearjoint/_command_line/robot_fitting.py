@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from jaxtyping import PyTree
 
@@ -12,8 +12,11 @@ from .._identification.identify import FitInterrupted
 from .._identification.levenberg_marquardt import Ending
 from .._measurements.readers import Missing
 from .._measurements.robot_logs import LogColumn, RobotLog
+from .._model.drives.drivers import Motor
+from .._model.drives.servo import Servo
 from .._robot_fits.fit_robot import fit_robot
-from .._robot_fits.problem import Mode
+from .._robot_fits.problem import DrivenBy, Mode
+from .._scene_files.classes import Expectation
 from .._scene_files.documents import FileLocation, read_document
 from .._scene_files.drive_train import Drive
 from .._scene_files.reading import Reader
@@ -24,6 +27,7 @@ from .fitting import REPORT, iteration_line, write_fit
 from .folders import write_summary, write_table
 from .study import CLASSES
 
+SERVO = Expectation(classes=(Servo, Motor))
 TEMPLATE = Path(__file__).parent / "templates" / "robot_fit.toml"
 
 
@@ -32,19 +36,21 @@ class RobotFitParts:
     """What a file says about the fit of a robot.
 
     - `find`: what to find of each joint, a list such as ["play", "friction"], or a table with
-      starts; `driven_by`: how joints are driven: see `clearjoint.fit_robot`.
-    - `angles`, `torques`: columns of the log by joint: "name [unit]", or tables of a `LogColumn`;
-      `time`: column of the times. `header`: whether the first row has the names; without, columns
-      have numbers. `missing`, `largest_gap`: see `clearjoint.RobotLog.read`.
+      starts. `driven_by`: how joints are driven: see `clearjoint.fit_robot`; for a servo, the table
+      of a `Servo` or `Motor`, whose bodies and axis are by default those of the joint's motor.
+    - `angles`, `torques`, `goals`: columns of the log by joint: "name [unit]", or tables of a
+      `LogColumn`; `time`: column of the times. `header`: whether the first row has the names;
+      without, columns have numbers. `missing`, `largest_gap`: see `clearjoint.RobotLog.read`.
     - `start`, `end`: part of the log that is used, s.
     - `drives`: drive trains by joint, see `clearjoint.Drive`; `play`: see `clearjoint.load_robot`.
     - `grow`, `max_iterations`: see `clearjoint.identify`.
     """
 
     find: Mapping[str, Mapping[str, float | str] | Sequence[str]]
-    driven_by: Mapping[str, Mode]
+    driven_by: Mapping[str, Mode | Mapping[str, Any]]
     angles: Mapping[str, LogColumn | str]
     torques: Mapping[str, LogColumn | str] = field(default_factory=dict)
+    goals: Mapping[str, LogColumn | str] = field(default_factory=dict)
     time: str = "t"
     header: bool = True
     missing: Missing = "refuse"
@@ -68,6 +74,7 @@ def robot_fit_schema() -> Schema:
 class RobotFitStudy:
     robot: Robot
     log: RobotLog
+    driven_by: DrivenBy
     parts: RobotFitParts
     path: Path
     started: float
@@ -84,11 +91,20 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
     """
     started = time.perf_counter()
     document, location = read_document(path)
-    parts: RobotFitParts = Reader(CLASSES).instance(RobotFitParts, document, location)
+    reader = Reader(CLASSES)
+    parts: RobotFitParts = reader.instance(RobotFitParts, document, location)
     robot = load_robot(robot_file, play=parts.play)
     for joint, drive in parts.drives.items():
         with location.at("drives", joint).in_errors():
             robot = robot.with_drive(joint, drive)
+    written: PyTree = document["driven_by"]
+    driven_by: dict[str, PyTree] = dict(written)
+    for joint, mode in written.items():
+        if isinstance(mode, Mapping):
+            with location.at("driven_by", joint).in_errors():
+                first, second, axis = robot.motor_side(joint)
+            table = {"first": first, "second": second, "axis": axis.tolist(), **mode}
+            driven_by[joint] = reader.value(table, SERVO, location.at("driven_by", joint))
     is_parquet = log_file.suffix == ".parquet"
     options: dict[str, PyTree] = {} if parts.header or is_parquet else {"header": None}
     with location.in_errors():
@@ -97,13 +113,14 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
             time=parts.time,
             angles=parts.angles,
             torques=parts.torques,
+            goals=parts.goals,
             missing=parts.missing,
             largest_gap=parts.largest_gap,
             **options,
         )
         start = log.start if parts.start is None else parts.start
         end = log.end if parts.end is None else parts.end
-        return RobotFitStudy(robot, log.between(start, end), parts, path, started)
+        return RobotFitStudy(robot, log.between(start, end), driven_by, parts, path, started)
 
 
 def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
@@ -116,7 +133,7 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
                 study.robot,
                 study.log,
                 parts.find,
-                parts.driven_by,
+                study.driven_by,
                 grow=parts.grow,
                 max_iterations=parts.max_iterations,
                 progress=lambda iteration: say(iteration_line(iteration, parts.max_iterations)),

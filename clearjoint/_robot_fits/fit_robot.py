@@ -127,16 +127,17 @@ class RobotFit(AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return estimates and held values along "parameter", with the bounds of the 95 % interval,
         NaN for held ones, and the unit."""
-        rows = self._rows()
-        names, along = [*rows], ("parameter",)
+        rows, along = self._rows(), ("parameter",)
+        estimates, lows, highs, units = zip(*rows.values(), strict=True)
+        determined = ["false" if name in self.held else "true" for name in rows]
         variables = {
-            "estimate": Labelled(along, [row[0] for row in rows.values()]),
-            "low": Labelled(along, [row[1] for row in rows.values()]),
-            "high": Labelled(along, [row[2] for row in rows.values()]),
-            "unit": Labelled(along, texts([row[3] for row in rows.values()])),
-            "determined": Labelled(along, texts([str(n not in self.held).lower() for n in names])),
+            "estimate": Labelled(along, estimates),
+            "low": Labelled(along, lows),
+            "high": Labelled(along, highs),
+            "unit": Labelled(along, texts(units)),
+            "determined": Labelled(along, texts(determined)),
         }
-        labels = {"parameter": Labelled(along, texts(names))}
+        labels = {"parameter": Labelled(along, texts([*rows]))}
         return labelled_dataset("fit of a robot", variables, labels)
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
@@ -151,15 +152,9 @@ class RobotFit(AbstractTabular):
         for name, (value, low, high, unit) in self._rows().items():
             ends = ("not identifiable", "") if name in self.held else (f"{low:.4g}", f"{high:.4g}")
             table.append((name, f"{value:.4g}", *ends, unit))
-        return "\n\n".join(
-            part
-            for part in (
-                "\n".join(aligned(table)),
-                "\n".join(self.undetermined.values()),
-                str(self.fit),
-            )
-            if part
-        )
+        reasons = "\n".join(self.undetermined.values())
+        parts = "\n".join(aligned(table)), reasons, str(self.fit)
+        return "\n\n".join(part for part in parts if part)
 
     @cached_property
     def predictions(self) -> dict[str, Float[np.ndarray, " N"]]:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from typing_extensions import override
 
-from .._fields.checks import as_number, nearest, require
+from .._fields.checks import as_number, nearest, require, require_type
 from .._math.vectors import Scalar
 from .._measurements.robot_logs import Logged, RobotLog
 from .._measurements.series import Measurements, Series
@@ -37,7 +37,7 @@ from .._scene_files.drive_train import COMPLIANCE, motor_name
 from .._scene_files.reading import number_of_text
 from .._scene_files.robot import Robot
 from .._scene_files.robot_elements import BACKLASH, Element, friction_of
-from ..quantities.base import AbstractQuantity, Instant, Quantity, require_known
+from ..quantities.base import AbstractQuantity, Instant, Quantity
 from ..quantities.drives import MotorTorque
 from ..quantities.joints import JointAngle, Multiplier
 
@@ -102,8 +102,7 @@ class JointPosition(AbstractQuantity):
 
     @override
     def check(self, scene: Scene) -> None:
-        sliders = [n for n, joint in scene.joints.items() if isinstance(joint, PrismaticJoint)]
-        require_known("joint", self.joint, sliders)
+        pass  # `_require_joints` has checked the name
 
     @override
     def __call__(self, now: Instant) -> Scalar:
@@ -194,11 +193,10 @@ class GearLoss:
     radius: float
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        return set_value(
-            scene,
-            lambda s: s.joints[self.friction].load_ratio,  # pyright: ignore
-            value * self.radius,
-        ), state
+        def path(scene: Scene) -> Scalar:
+            return scene.joints[self.friction].load_ratio  # pyright: ignore
+
+        return set_value(scene, path, value * self.radius), state
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: float) -> Scalar:
@@ -306,12 +304,8 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
         for name in part:
             expected, remedy = f"one of {', '.join(names)}", nearest(name, names, "leave it out")
             require(name in names, argument, name, expected, remedy)
-            ideal = robot.scene.joints[name]
-            expected, remedy = "an ideal hinge or slider", "leave it out"
-            kind = type(ideal).__name__
-            require(
-                isinstance(ideal, HingeOrSlider), f"{argument}[{name!r}]", kind, expected, remedy
-            )
+            joint, expected = robot.scene.joints[name], "an ideal hinge or slider"
+            require_type(f"{argument}[{name!r}]", joint, HingeOrSlider, expected, "leave it out")
 
 
 def _of_start(
@@ -570,29 +564,29 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
 def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
     """Return what a run predicts: positions that don't follow the log, and the torques that make
     others follow it."""
-    channels: dict[str, tuple[Quantity, Logged, str]] = {}
-    following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
-    for name, samples in log.angles.items():
-        if name not in following:
-            hinge = is_hinge(robot, name)
-            channel = JointAngle(name) if hinge else JointPosition(name)
-            channels[f"{name} position"] = channel, samples, "rad" if hinge else "m"
-    for joint, samples in log.torques.items():
-        mode, name = driven_by.get(joint), drive_name(joint)
-        hinge = is_hinge(robot, joint)
-        if mode == "angle":
-            channel = Multiplier(name, "angle" if hinge else "distance")
-            channels[f"{joint} torque"] = channel, samples, "N m" if hinge else "N"
-        elif isinstance(mode, AbstractDriveTorque | Servo) and samples.noise is not None:
-            channels[f"{joint} torque"] = MotorTorque(name), samples, "N m"
-    remedy = "log the position of a joint that does not follow it, or the torque of one that does"
-    require(bool(channels), "log", [*log.angles, *log.torques], "of what a run predicts", remedy)
-    series = {}
-    for name, (channel, samples, unit) in channels.items():
+    series: dict[str, Series] = {}
+
+    def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:
         _require_unit(f"{name} of the log", samples, unit)
         remedy = "pass LogColumn(..., noise=...) for its column"
         expected = "known for what is compared with the log"
         require(samples.noise is not None, f"noise of {name!r}", None, expected, remedy)
         assert samples.noise is not None
         series[name] = Series(channel, samples.times, samples.values, samples.noise, unit, name)
+
+    following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
+    for name, samples in log.angles.items():
+        if name not in following:
+            hinge = is_hinge(robot, name)
+            channel = JointAngle(name) if hinge else JointPosition(name)
+            compare(f"{name} position", channel, samples, "rad" if hinge else "m")
+    for joint, samples in log.torques.items():
+        mode, name, hinge = driven_by.get(joint), drive_name(joint), is_hinge(robot, joint)
+        if mode == "angle":
+            channel = Multiplier(name, "angle" if hinge else "distance")
+            compare(f"{joint} torque", channel, samples, "N m" if hinge else "N")
+        elif isinstance(mode, AbstractDriveTorque | Servo) and samples.noise is not None:
+            compare(f"{joint} torque", MotorTorque(name), samples, "N m")
+    remedy = "log the position of a joint that does not follow it, or the torque of one that does"
+    require(bool(series), "log", [*log.angles, *log.torques], "of what a run predicts", remedy)
     return Measurements(series)

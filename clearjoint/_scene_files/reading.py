@@ -69,6 +69,8 @@ class Reader:
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
         """Convert a value as `value` does, but return an array as a number or nested tuples."""
+        if isinstance(content, Mapping) and expected.by_name is not None:
+            return self._table(content, expected, location)
         # Arguments that may also be numbers or objects are not limited to their options.
         options = None if expected.shapes or expected.classes else expected.options
         if options is not None and not (content is None or isinstance(content, str)):

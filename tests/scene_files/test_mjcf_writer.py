@@ -408,6 +408,19 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
         assert model.opt.timestep == pytest.approx(
             2 * math.pi / 20 * math.sqrt(1e-6 / 80), rel=1e-3
         )
+    # Also if the narrower one is added later.
+    robot = cj.load_robot(tmp_path / "first.xml", stops=stops)
+    first, second, axis = robot.link_side("elbow")
+    law = cj.laws.SpringDashpot(900.0 / 0.02**2, 1.0)
+    narrow = cj.Backlash(
+        first, second, axis_first=axis, axis_second=axis, play=0.01, radius=0.02, law=law
+    )
+    with pytest.warns(cj.NotCarriedOverWarning, match="wider limits of elbow stop"):
+        model = written(robot.with_elements({"elbow play": narrow}))
+    joint = model.joint("elbow")
+    assert joint.range == pytest.approx((-0.005, 0.005), abs=1e-12)
+    weight = model.dof_invweight0[joint.dofadr[0]]
+    assert -model.jnt_solref[joint.id][0] == pytest.approx(900.0 * weight)
 
 
 @pytest.mark.parametrize("seed", FEW)

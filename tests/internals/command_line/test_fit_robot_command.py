@@ -1,8 +1,13 @@
 """The command `clearjoint fit-robot` and its file."""
 
+import math
+
+import jax
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import clearjoint as cj
 from clearjoint._command_line.program import clearjoint
 from clearjoint._command_line.robot_fitting import read_robot_fit
 from studies.robots.geared_joint import URDF, GearedJoint, log_table, swinging
@@ -43,6 +48,46 @@ def test_the_file_of_a_fit_says_what_the_call_says(tmp_path):
     (tmp_path / "fit.toml").write_text(FILE.replace('play = "0.5 deg"', 'plays = "0.5 deg"'))
     with pytest.raises(ValueError, match=r"fit.toml, line 13, `drives.elbow.plays`: found '0.5"):
         read_robot_fit(*paths)
+
+
+def test_a_servo_of_the_file_is_that_of_the_joints_motor(tmp_path):
+    """Its goals come from the log; its encoder may be elsewhere, on the link."""
+    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
+    log_table(JOINT, *swinging(0, 0.1)).to_csv(tmp_path / "log.csv", index=False)
+    servo = """{ kind = "Servo", target = "30 deg", rate = 200, proportional = "2 N cm/deg",
+    encoder = { first = "ground", second = "arm", axis = [0, 1, 0] } }"""
+    goals = '[goals]\nelbow = { column = "counts", unit = "deg" }'
+    paths = [tmp_path / name for name in ("rig.urdf", "log.csv", "fit.toml")]
+    written = FILE.replace('elbow = "torque"', f"elbow = {servo.replace(chr(10), '')}") + goals
+    paths[2].write_text(written)
+    study = read_robot_fit(*paths)
+    expected = cj.Servo(
+        *study.robot.motor_side("elbow"),
+        target=math.radians(30.0),
+        rate=200.0,
+        proportional=0.02 * 180.0 / math.pi,
+        encoder=cj.Encoder("ground", "arm", (0, 1, 0)),
+    )
+    made = study.driven_by["elbow"]
+    assert type(made) is cj.Servo
+    assert made.body_names() == expected.body_names()
+    assert made.second == "elbow rotor"
+    for one, other in zip(jax.tree.leaves(made), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-15)
+    assert study.log.goals["elbow"].unit == "rad"
+    for before, after, message in (
+        ("rate", "rates", r"fit.toml, line 6, `driven_by.elbow.rates`: found 200"),
+        ('kind = "Servo"', 'kind = "Drive"', r"`driven_by.elbow.kind`: found 'Drive'"),
+        (
+            'elbow = { kind = "Servo"',
+            'knee = { kind = "Servo"',
+            "`driven_by.knee`: Argument `joint",
+        ),
+        (f"elbow = {servo.replace(chr(10), '')}", "elbow = 3", "found 3, expected one of angle"),
+    ):
+        paths[2].write_text(written.replace(before, after))
+        with pytest.raises(ValueError, match=message):
+            read_robot_fit(*paths)
 
 
 @pytest.mark.slow
