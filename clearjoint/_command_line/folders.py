@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -33,7 +33,10 @@ from .._simulation.results.solution import (
     Trajectory,
     contact_label,
 )
-from .study import CLASSES
+from .study import CLASSES, Study
+
+if TYPE_CHECKING:
+    from .robot_fitting import RobotFitStudy
 
 SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
@@ -59,19 +62,9 @@ PAGE = "index.html"
 Summary = Mapping[str, str | int | float]
 
 
-class Titled(Protocol):
-    """A study: its title, the path of its file, and the value of `time.perf_counter` when the file
-    was read."""
-
-    @property
-    def title(self) -> str: ...
-    @property
-    def path(self) -> Path: ...
-    @property
-    def started(self) -> float: ...
-
-
-def write_summary(folder: Path, kind: str, study: Titled, results: Summary) -> None:
+def write_summary(
+    folder: Path, kind: str, study: "Study | RobotFitStudy", results: Summary
+) -> None:
     """Write the results of the command `kind`, and the time, s, since the study's file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
     head = {"kind": kind, "title": study.title, "file": str(study.path)}

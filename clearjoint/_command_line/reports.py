@@ -28,22 +28,8 @@ from .._sweeps.store.store import open_sweep
 from .._views.viewing import view
 from ..plot.report_page import IMPACT_COLUMNS, impact_rows
 from ..plot.style import fitting_unit, scaled
+from . import folders
 from .endings import say
-from .folders import (
-    FIGURES,
-    MOTION,
-    NUMBERS,
-    OUTPUTS,
-    PAGE,
-    STORE,
-    WEAR_STORE,
-    file_name,
-    read_drawn,
-    read_run,
-    read_summary,
-    read_table,
-    require_names,
-)
 
 
 def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
@@ -56,13 +42,13 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
         _mark_peaks(forces, solution.impacts, name)
         _save(folder, f"{name} forces", forces)
     _save(folder, "energies", plot.energy_ledger(observed)[0])
-    outputs = read_table(folder, OUTPUTS)
+    outputs = folders.read_table(folder, folders.OUTPUTS)
     for name, values in ({} if outputs is None else outputs).items():
         _save(folder, f"output {name}", _over_time(values))
     for name, crossings in solution.outputs.items():
         if len(crossings):
             _save(folder, f"section {name}", plot.poincare_section(crossings))
-    title = str(read_summary(folder)["title"])
+    title = str(folders.read_summary(folder)["title"])
     plot.report(scene, solution, folder / PDF, title=title)
 
 
@@ -123,11 +109,11 @@ def _over_time(output: xr.DataArray) -> Axes:
 
 
 def _save(folder: Path, name: str, axes: Axes) -> None:
-    file = file_name(name.replace(" ", "_"))
-    (folder / FIGURES).mkdir(exist_ok=True)
+    file = folders.file_name(name.replace(" ", "_"))
+    (folder / folders.FIGURES).mkdir(exist_ok=True)
     figure = axes.get_figure(root=True)
     assert figure is not None
-    figure.savefig(folder / FIGURES / f"{file}.png", dpi=150)
+    figure.savefig(folder / folders.FIGURES / f"{file}.png", dpi=150)
     pyplot.close(figure)
 
 
@@ -141,14 +127,16 @@ STYLE = Path(__file__).parent / "templates" / "page.css"
 def write_report(folder: Path) -> None:
     """Draw the figures of the results in a folder again, and write the HTML page that shows them.
     For a fit, only the page is written, since the folder lacks some of the data for its figures."""
-    kind = read_summary(folder)["kind"]
+    kind = folders.read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
     elif kind == "sweep":
-        write_sweep_report(folder, open_sweep(folder / STORE).load())
+        write_sweep_report(folder, open_sweep(folder / folders.STORE).load())
     elif kind == "wear":
-        results = open_wear(folder / WEAR_STORE)
-        require_names(folder / WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)], results)
+        results = open_wear(folder / folders.WEAR_STORE)
+        folders.require_names(
+            folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)], results
+        )
         write_wear_report(folder, results)
     else:
         write_page(folder)
@@ -158,12 +146,12 @@ def write_run_report(folder: Path) -> None:
     """Write the HTML page of a run from the files in its folder and, if these include saved states,
     its figures, its one-page PDF report, and the 3D animation."""
     parts = []
-    if (folder / NUMBERS).exists():
-        numbers = pd.read_csv(folder / NUMBERS).set_index("output")
+    if (folder / folders.NUMBERS).exists():
+        numbers = pd.read_csv(folder / folders.NUMBERS).set_index("output")
         parts.append(_table("Outputs", numbers, len(numbers)))
-    if (folder / f"{MOTION}.nc").exists():
-        scene, saved = read_run(folder)
-        solution = read_drawn(folder, scene, saved)
+    if (folder / f"{folders.MOTION}.nc").exists():
+        scene, saved = folders.read_run(folder)
+        solution = folders.read_drawn(folder, scene, saved)
         _draw_run(folder, scene, solution)
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
@@ -272,7 +260,7 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 def write_page(folder: Path, *parts: str) -> None:
     """Write the HTML page of a folder of results, with further `parts` in HTML, such as tables. The
     page loads nothing from the network."""
-    summary = read_summary(folder)
+    summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 
     def shown(value: object) -> str:
@@ -288,15 +276,17 @@ def write_page(folder: Path, *parts: str) -> None:
         f"<h2>Report</h2><pre>{escape(path.read_text('utf-8'))}</pre>"
         for path in folder.glob("*.txt")
     ]
-    pictures = [_picture(path) for path in sorted((folder / FIGURES).glob("*.png"))]
-    names = sorted(path.name for path in folder.iterdir() if path.is_file() and path.name != PAGE)
+    pictures = [_picture(path) for path in sorted((folder / folders.FIGURES).glob("*.png"))]
+    names = sorted(
+        path.name for path in folder.iterdir() if path.is_file() and path.name != folders.PAGE
+    )
     links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
     files = f"<h2>Files</h2><ul>{links}</ul>"
     body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])
     style = STYLE.read_text(encoding="utf-8")
     head = f'<meta charset="utf-8"><title>{title}</title><style>\n{style}</style>'
     html = f'<!doctype html><html lang="en"><head>{head}</head><body>{body}</body></html>\n'
-    (folder / PAGE).write_text(html, encoding="utf-8")
+    (folder / folders.PAGE).write_text(html, encoding="utf-8")
 
 
 def _picture(path: Path) -> str:

@@ -71,6 +71,17 @@ class TableColumn:
             self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
+    def samples(self, missing: Missing) -> tuple[np.ndarray, np.ndarray]:
+        """Return the values that are finite numbers, and which of all values these are."""
+        choices = ("refuse", "drop")
+        require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
+        numbers = self.numbers()
+        valid = np.isfinite(numbers)
+        if missing == "refuse":
+            remedy = 'correct it, or pass missing="drop" to omit these samples'
+            self.require_each(valid, "a finite number", remedy)
+        return numbers[valid], valid
+
     def require_each(self, valid: np.ndarray, expected: str, remedy: str) -> None:
         """Raise a `ValueError` that names the first row that is not valid, if there is one."""
         if not valid.all():
@@ -340,13 +351,7 @@ def _series(
     noise: ArrayLike | None,
     missing: Missing,
 ) -> Series:
-    choices = ("refuse", "drop")
-    require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
-    values = column.numbers()
-    valid = np.isfinite(values)
-    if missing == "refuse":
-        remedy = 'correct it, or pass missing="drop" to omit these samples'
-        column.require_each(valid, "a finite number", remedy)
+    values, valid = column.samples(missing)
     deviation = noise if channel.noise is None else channel.noise
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
@@ -369,4 +374,4 @@ def _series(
     expected = f"the channel's {channel.unit!r}"
     require(channel.unit in (None, unit), f"unit of {column.label}", unit, expected, remedy)
     with errors_about(f"In {column.label}"):
-        return Series(channel.quantity, times[valid], values[valid], deviation, unit, name)
+        return Series(channel.quantity, times[valid], values, deviation, unit, name)

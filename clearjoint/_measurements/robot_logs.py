@@ -268,13 +268,9 @@ def _logged(
             same = other is None or to_si(other, si)[0] == factor
             remedy = "omit one of the two"
             require(same, "unit", other, f"that of the table, {unit!r}", remedy)
-    numbers = content.numbers()
-    valid = np.isfinite(numbers)
-    if missing == "refuse":
-        remedy = 'correct it, or pass missing="drop" to omit these samples'
-        content.require_each(valid, "a finite number", remedy)
-    require(valid.sum() > 1, content.label, int(valid.sum()), "two numbers or more", "extend it")
-    values = (numbers[valid] - spec.zero) * (factor * spec.factor)
+    numbers, valid = content.samples(missing)
+    require(len(numbers) > 1, content.label, len(numbers), "two numbers or more", "extend it")
+    values = (numbers - spec.zero) * (factor * spec.factor)
     noise = None if spec.noise is None else spec.noise * abs(factor * spec.factor)
     return Logged(times[valid], values, noise, si if spec.of is None else None)
 

@@ -52,21 +52,22 @@ class AbstractVariation(abc.ABC):
 class AbstractNumber(AbstractVariation):
     """A number, or several tied numbers, that a path selects in the scene or the initial state.
 
-    `unit` labels the value, ``None`` for the number's SI unit. `example` is the source of a typical
-    path, for error messages.
+    - `unit`: labels the value, ``None`` for the number's SI unit.
+    - `in_scene`: whether the path is that of a scene, not of a state.
+    - `example`: source of a typical path, for error messages.
     """
 
     path: NumberPath
     unit: str | None = None
+    in_scene: ClassVar[bool]
     example: ClassVar[str]
 
     def __post_init__(self) -> None:
         require(callable(self.path), "path", self.path, "a function", f"pass {self.example}")
 
-    @staticmethod
-    @abc.abstractmethod
-    def tree(scene: Scene, state: State) -> Scene | State:
-        """Return the argument of `path`: the scene or the state."""
+    def tree(self, scene: Scene, state: State) -> Scene | State:
+        """Return the argument of `path`."""
+        return scene if self.in_scene else state
 
     @property
     @override
@@ -82,27 +83,19 @@ class AbstractNumber(AbstractVariation):
         tree = self.tree(scene, state)
         numbers = numbers_at(tree, self.path)
         require_fits(jax.tree.leaves(tree), numbers, as_number(example))
-        return NumberSetter(tuple(numbers), tree is scene)
+        return NumberSetter(tuple(numbers), self.in_scene)
 
 
 @dataclass(frozen=True)
 class SceneNumber(AbstractNumber):
+    in_scene: ClassVar[bool] = True
     example: ClassVar[str] = 'lambda scene: scene.joints["pin"].clearance'
-
-    @staticmethod
-    @override
-    def tree(scene: Scene, state: State) -> Scene:
-        return scene
 
 
 @dataclass(frozen=True)
 class StateNumber(AbstractNumber):
+    in_scene: ClassVar[bool] = False
     example: ClassVar[str] = 'lambda state: state.bodies["arm"].spin[2]'
-
-    @staticmethod
-    @override
-    def tree(scene: Scene, state: State) -> State:
-        return state
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ A body of MJCF is a link here, fixed to its parent unless it has joints. If it h
 follows the other, with links without mass between them.
 """
 
-from collections.abc import Iterable
+import math
 from pathlib import Path
 from types import ModuleType
 from typing import TypeAlias
@@ -26,6 +26,7 @@ from .robots import (
     Mimic,
     RobotJoint,
     RobotLink,
+    rounded,
 )
 
 Model: TypeAlias = PyTree
@@ -68,13 +69,18 @@ def read_mjcf(path: Path) -> Content:
                 links.append(RobotLink(child))
             joints.append(_joint(model, j, parent, child, pose))
             parent, pose = child, np.eye(4)
-    loops, followers, omitted = _equalities(model, names)
+    loops, followers, other_equalities = _equalities(model, names)
     joints = [joint._replace(mimic=followers.get(joint.name)) for joint in joints]
-    actuators, others = _actuators(model)
-    omitted["actuators of other kinds"] = others
+    actuators, other_actuators = _actuators(model)
+    of_elements = {
+        "equalities": other_equalities,
+        "actuators of other kinds": other_actuators,
+        "limits, damping, armature, friction and springs": _resisted(model),
+        "gravity compensation": [names[k] for k in np.flatnonzero(model.body_gravcomp)],
+    }
+    omitted = {title: elements for title, elements in of_elements.items() if elements}
     omitted |= {title: [] for title, number in IGNORED.items() if getattr(model, number)}
-    omitted |= _of_joints(model) | _of_the_world(model, names)
-    omitted = {k: v for k, v in omitted.items() if v or k in IGNORED or k == "fluid"}
+    omitted |= {"fluid": []} if model.opt.density or model.opt.viscosity else {}
     is_off = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
     gravity = (0.0, 0.0, 0.0) if is_off else tuple(model.opt.gravity.tolist())
     return Content(links, joints, omitted, loops, actuators, gravity)
@@ -114,8 +120,7 @@ def _compiled(path: Path) -> Model:
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
-    # Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
-    return np.round(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), 15)
+    return rounded(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
 
 
 def _inertial(model: Model, body: int) -> Inertial | None:
@@ -136,8 +141,8 @@ def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> R
     if kind in (FLOATING, BALL):
         return RobotJoint(name, kind, parent, child, pose, axis, point=point)
     first, dof = model.jnt_qposadr[j], model.jnt_dofadr[j]
-    effort = float(model.jnt_actfrcrange[j, 1]) if model.jnt_actfrclimited[j] else np.inf
-    lower, upper = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-np.inf, np.inf)
+    _, effort = _range(model.jnt_actfrcrange[j], model.jnt_actfrclimited[j])
+    lower, upper = _range(model.jnt_range[j], model.jnt_limited[j])
     has_limits = bool(model.jnt_limited[j] or model.jnt_actfrclimited[j])
     return RobotJoint(
         name,
@@ -156,6 +161,11 @@ def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> R
     )
 
 
+def _range(ends: np.ndarray, is_limited: bool) -> tuple[float, float]:
+    lower, upper = ends.tolist() if is_limited else (-math.inf, math.inf)
+    return lower, upper
+
+
 def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> np.ndarray:
     """Return the motion (4, 4) of a body in a joint, in the body's axes at zero."""
     from scipy.spatial.transform import Rotation
@@ -171,7 +181,7 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
 
 def _equalities(
     model: Model, names: list[str]
-) -> tuple[tuple[LoopJoint, ...], dict[str, Mimic], dict[str, list[str]]]:
+) -> tuple[tuple[LoopJoint, ...], dict[str, Mimic], list[str]]:
     """Return constraints that close loops, what joints follow, and the names of others."""
     loops: list[LoopJoint] = []
     followers: dict[str, Mimic] = {}
@@ -200,7 +210,7 @@ def _equalities(
         first, second = (names[body] for body in ids)
         of_loop = BALL if kind == CONNECT else FIXED
         loops.append(LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
-    return tuple(loops), followers, {"equalities": others}
+    return tuple(loops), followers, others
 
 
 def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> Mimic:
@@ -229,35 +239,19 @@ def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
             float(model.actuator_gear[k, 0]),
             float(model.actuator_gainprm[k, 0]),
             tuple(bias.tolist()),
-            **{
-                key: tuple(ranges[k].tolist())
-                for key, ranges, limited in (
-                    ("control", model.actuator_ctrlrange, model.actuator_ctrllimited),
-                    ("force", model.actuator_forcerange, model.actuator_forcelimited),
-                )
-                if limited[k]
-            },
+            _range(model.actuator_ctrlrange[k], model.actuator_ctrllimited[k]),
+            _range(model.actuator_forcerange[k], model.actuator_forcelimited[k]),
         )
     return actuators, others
 
 
-def _of_joints(model: Model) -> dict[str, list[str]]:
-    """Return the names of joints with properties that a robot lacks."""
-
-    def named(joints: Iterable[int]) -> list[str]:
-        return [_joint_name(model, j) for j in dict.fromkeys(joints)]
-
-    of_dof, dofs = model.dof_jntid, range(model.nv)
-    is_single = [model.jnt_type[j] >= 2 for j in of_dof]
+def _resisted(model: Model) -> list[str]:
+    """Return the names of balls and free joints with properties that only hinges and sliders have
+    here."""
     resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
-    springs = [j for j in range(model.njnt) if model.jnt_type[j] < 2 and model.jnt_stiffness[j]]
-    limited = [j for j in range(model.njnt) if model.jnt_type[j] < 2 and model.jnt_limited[j]]
-    resisted = [of_dof[d] for d in dofs if resisting[d] and not is_single[d]]
-    title = "limits, damping, armature, friction and springs"
-    return {title: named([*limited, *resisted, *springs])}
-
-
-def _of_the_world(model: Model, names: list[str]) -> dict[str, list[str]]:
-    compensated = [name for name, part in zip(names, model.body_gravcomp, strict=True) if part]
-    has_fluid = model.opt.density or model.opt.viscosity
-    return {"gravity compensation": compensated} | ({"fluid": []} if has_fluid else {})
+    names = []
+    for j in range(model.njnt):
+        resists = resisting[model.dof_jntid == j].any()
+        if model.jnt_type[j] < 2 and (model.jnt_limited[j] or model.jnt_stiffness[j] or resists):
+            names.append(_joint_name(model, j))
+    return names

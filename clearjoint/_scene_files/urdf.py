@@ -9,7 +9,7 @@ from xml.parsers import expat
 import numpy as np
 
 from .documents import FileLocation, read_bytes
-from .robots import Content, Inertial, JointLimits, Mimic, RobotJoint, RobotLink
+from .robots import Content, Inertial, JointLimits, Mimic, RobotJoint, RobotLink, rounded
 
 LARGEST_FILE = 50_000_000
 """Size in bytes above which files are refused, since parsed they are far larger."""
@@ -121,8 +121,7 @@ def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
 
     rpy = _numbers(origin, "rpy", "0 0 0", 3, location)
     pose = np.eye(4)
-    # Rounding restores the exact zeros of a quarter turn, which make the compiled program smaller.
-    pose[:3, :3] = np.round(Rotation.from_euler("xyz", rpy).as_matrix(), 15)
+    pose[:3, :3] = rounded(Rotation.from_euler("xyz", rpy).as_matrix())
     pose[:3, 3] = _numbers(origin, "xyz", "0 0 0", 3, location)
     return pose
 
@@ -155,12 +154,7 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
         if element is None:
             location.refuse(None, f'an element <{tag} link="...">', "add it")
         links[tag] = _attribute(element, "link", location.at(tag))
-    limit, dynamics = joint.find("limit"), joint.find("dynamics")
-    mimic = joint.find("mimic")
-    friction, damping = (
-        0.0 if dynamics is None else _number(dynamics, key, "0", location)
-        for key in ("friction", "damping")
-    )
+    limit, mimic, dynamics = (joint.find(tag) for tag in ("limit", "mimic", "dynamics"))
     return RobotJoint(
         name,
         _attribute(joint, "type", location),
@@ -170,8 +164,8 @@ def _joint(joint: Element, name: str, location: FileLocation) -> RobotJoint:
         axis=_numbers(joint.find("axis"), "xyz", "1 0 0", 3, location),
         limits=None if limit is None else _limits(limit, location),
         mimic=None if mimic is None else _mimic(mimic, location),
-        friction=friction,
-        damping=damping,
+        friction=_number(dynamics, "friction", "0", location),
+        damping=_number(dynamics, "damping", "0", location),
     )
 
 
@@ -182,8 +176,5 @@ def _limits(limit: Element, location: FileLocation) -> JointLimits:
 
 def _mimic(mimic: Element, location: FileLocation) -> Mimic:
     leader = _attribute(mimic, "joint", location.at("mimic"))
-    offset, ratio = (
-        _number(mimic, name, default, location)
-        for name, default in (("offset", "0"), ("multiplier", "1"))
-    )
-    return Mimic(leader, (offset, ratio))
+    offset = _number(mimic, "offset", "0", location)
+    return Mimic(leader, (offset, _number(mimic, "multiplier", "1", location)))
