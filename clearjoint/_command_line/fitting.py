@@ -127,8 +127,7 @@ def iteration_line(iteration: Iteration, most: int) -> str:
 
 
 def write_fit(result: Fit, folder: Path) -> dict[str, str | int | float]:
-    """Write the estimates, the fitted scene and series, and the report of a fit to a folder, in
-    place of those of an earlier fit; return the summary."""
+    """Write a fit to a folder, in place of an earlier one; return the summary."""
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
     write_scene(folder, result.scene, result.state, "fitted.toml")

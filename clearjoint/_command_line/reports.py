@@ -206,8 +206,7 @@ def write_robot_report(folder: Path, result: RobotFit) -> None:
 
 
 def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Write the figures and the page of a result of `clearjoint.wear`, and CSV tables of its stages
-    and of the worn profiles."""
+    """Write figures, page and CSV tables of a result of `clearjoint.wear`."""
     frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
     profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
@@ -242,9 +241,8 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
-    before the stage, and the largest forces during the stage's run. The last row is the worn state
-    at the end. If the number of stages or a failure ends the computation, its forces are NaN."""
+    """Return a table with depths and volumes before each stage of `clearjoint.wear`, and largest
+    forces during its run; the last row is the worn state at the end, whose forces may be NaN."""
     columns = {"cycles": dataset["cycles"].values}
     for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
@@ -307,8 +305,7 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
-    that are one number of the lane."""
+    """Return a table of the lanes of a sweep: values of the axes, and outputs of one number."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the

@@ -49,7 +49,6 @@ PREFIXES: dict[type, str] = {
     Impacts: folders.TABLE,
     Rejections: folders.REJECTED,
 }
-"""Prefixes of the names of the tables of outputs."""
 
 
 class Negative(AbstractQuantity):
@@ -110,8 +109,7 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def divided(times: np.ndarray, parts: int) -> np.ndarray:
-    """Divide each interval between the given times into `parts` equal ones, and return all times,
-    of which every `parts`-th is exactly a given one."""
+    """Return the times that divide each interval into `parts`, and exactly the given ones."""
     fractions = np.arange(parts * (len(times) - 1) + 1) / parts
     return np.interp(fractions, np.arange(len(times)), times)
 
@@ -161,8 +159,8 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return two reductions by name for each output that is a quantity with a unit in `SHARP`; they
-    find its extremes, also between saved states. None are returned without dense output."""
+    """Return two reductions by name for each output with a unit in `SHARP`; none without dense
+    output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:

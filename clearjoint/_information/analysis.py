@@ -1,7 +1,4 @@
-"""Identifiability of parameters from planned sensors, by Cramér-Rao bounds.
-
-The study `studies.identifiability` compares the bounds with those of a reference solver.
-"""
+"""Identifiability of parameters from planned sensors, by Cramér-Rao bounds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -75,11 +72,7 @@ Sensors = Mapping[str, Sensor | Series] | Measurements
 
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
-    """Return sensors by name; a series becomes a sensor with its channel, times and noise.
-
-    **Raises:** `ValueError` for other types, an empty dictionary, names that are empty or not
-    strings, and for a channel of an element that the scene lacks.
-    """
+    """Return sensors by name; a series becomes a sensor with its channel, times and noise."""
     by_name = sensors.series if isinstance(sensors, Measurements) else sensors
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
     filled = isinstance(by_name, Mapping) and len(by_name) > 0
@@ -96,14 +89,8 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Return the channels of all sensors by name.
-
-    A channel has the name of its sensor. If the sensor has several channels, a number from zero on
-    is appended, as in "probe 0". A fit uses the same names, and therefore the same compiled
-    program.
-
-    **Raises:** `ValueError` for names that are not unique.
-    """
+    """Return the channels of all sensors by the name of the sensor, with a number from zero on if
+    it has several, as in "probe 0". A fit has the same names, and so the same compiled program."""
     outputs: dict[str, Quantity] = {}
     for name, sensor in sensors.items():
         for k, channel in enumerate(sensor.channels):
@@ -370,10 +357,7 @@ def identifiability_from(
     settings: Settings,
 ) -> Identifiability:
     """Return the `Identifiability` of p parameters from a run with the sensors' outputs at the
-    times of all sensors.
-
-    The first p derivatives of the run are by the parameters' coordinates; others are not used.
-    """
+    times of all sensors, whose first p derivatives are by the parameters' coordinates."""
     p, names, times, rows = len(coordinates), [], [], []
     for name, sensor in sensors.items():
         at = np.searchsorted(run.times, sensor.times)

@@ -54,12 +54,9 @@ class _Push:
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """Return the size of a perturbation of the initial velocities, m/s, as a parameter.
-
-    Its value is zero; derivatives by it show how small differences grow. The perturbation may
-    violate the constraints of drivers and of joints that close a loop. The stabilisation of these
-    constraints then reduces the perturbation during the run.
-    """
+    """Return the size of a perturbation of the initial velocities, m/s, as a parameter, whose value
+    is zero. Where the perturbation violates the constraints of drivers or loops, their
+    stabilisation reduces it during the run."""
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
@@ -85,19 +82,15 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return the root mean square displacement, (T, p), per unit of each of p parameters, from the
-    `derivatives`, (T, p) by name, of the quantities `names` from `points`."""
+    """Return the root mean square displacement, (T, p), per unit of each of p parameters."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the rate of exponential growth of displacements from the time `since` on, 1/s.
-
-    It is the slope of a straight line that is fitted to their logarithms, and NaN for fewer than
-    two positive displacements.
-    """
+    """Return the slope of a straight line through the logarithms of displacements from the time
+    `since` on, 1/s; NaN for fewer than two positive ones."""
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
         return float("nan")
@@ -105,6 +98,5 @@ def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
 
 
 def radii_of_gyration(scene: Scene) -> dict[str, float]:
-    """Return each body's radius of gyration, m, by name: the root mean square distance of its mass
-    from the centre of mass."""
+    """Return each body's radius of gyration, m, by name."""
     return {name: body.gyration_radius() for name, body in scene.bodies.items()}

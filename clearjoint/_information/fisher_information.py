@@ -47,10 +47,7 @@ def deviations_together(
 def correlation_together(
     root: Float[np.ndarray, "p p"], accuracy: float
 ) -> Float[np.ndarray, "p p"]:
-    """Return the correlations of the parameters' estimates if all are estimated.
-
-    Those of a parameter with an infinite bound in `deviations_together` are NaN.
-    """
+    """Return the correlations of the parameters' estimates; NaN where the bound is infinite."""
     parts = _parts_together(root, accuracy)
     half = np.where(np.isinf(parts).any(axis=0), np.nan, parts)
     return correlation(half.T @ half)
@@ -77,10 +74,8 @@ def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
-    """Return the condition number of the derivatives J with columns of unit length.
-
-    It is infinite (with rounding errors, very large) for a singular J, and NaN if J is zero.
-    """
+    """Return the condition number of the derivatives J with columns of unit length; infinite or,
+    by rounding, very large for a singular J, and NaN if J is zero."""
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return values[..., 0] / values[..., -1]
@@ -97,11 +92,7 @@ def floored(
     rows: Float[np.ndarray, "N p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
     """Return the column norms, singular values and directions of `_equilibrated`, none of them too
-    small as a divisor.
-
-    Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the largest, or times 1 if
-    that is larger. A norm of zero is replaced by such a multiple of the largest norm or of 1.
-    """
+    small as a divisor: at least `LEAST_SINGULAR_VALUE` times the largest, or times 1."""
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
     least = LEAST_SINGULAR_VALUE * max(lengths.max(), 1.0)
@@ -109,11 +100,8 @@ def floored(
 
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return the correlations of estimates from their covariance.
-
-    Correlations with an estimate of zero variance are NaN; those with an estimate of infinite
-    variance are zero or NaN.
-    """
+    """Return the correlations of estimates from their covariance; NaN for zero variances, zero or
+    NaN for infinite ones."""
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
         return covariances / np.outer(deviations, deviations)
@@ -153,11 +141,7 @@ class Combination:
 
 
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
-    """Return p combinations of the coordinates with independent estimates, the most accurate first.
-
-    They are the eigenvectors of the information. The last ones are the simultaneous changes of
-    several parameters that the data determine least or not at all.
-    """
+    """Return the p eigenvectors of the information, the most accurate combination first."""
     # The columns are not scaled here, because combinations are in the parameters' coordinates. A
     # small singular value means missing information only if scaled columns are deficient too.
     _, values, directions = np.linalg.svd(root)

@@ -1,8 +1,5 @@
 """Classes that a file may name, and the values that the arguments of their constructors may have.
-
-A file may name classes of this package and those that the caller passes to `load`; no module is
-imported because a file names it.
-"""
+No module is imported because a file names it."""
 
 import inspect
 import typing
@@ -124,11 +121,8 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the maker that a file names.
-
-    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `classes`
-    is found, whatever its module, unless this package has a class of that name.
-    """
+    """Return the maker that a file names; for "__main__:Class", as which a script saves its own
+    class, a class "Class" of any module, unless this package has one of that name."""
     allowed = makers(families, classes)
     expected = f"one of {listed(allowed)}"
     # The errors below distinguish the mistakes, since each has a different remedy.

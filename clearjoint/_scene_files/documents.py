@@ -1,8 +1,7 @@
 """Text of TOML and JSON files, and names of the locations in them for error messages.
 
-A table is a TOML table or a JSON object. A location is given by the keys of tables and indices of
-lists that lead to it; as a text, such as "joints.pin.axis[0]", these are a path. The limits on
-sizes and depths stop files that would exhaust time or memory.
+A location is given by the keys of tables and indices of lists that lead to it; as a text, such as
+"joints.pin.axis[0]", these are a path. Limits stop files that would exhaust time or memory.
 """
 
 import json
@@ -84,16 +83,15 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
 
 class Source:
     """The text of a file, for error messages that tell where a value is set. `changes` has the
-    options ``--set`` of the command line, by the keys of the value that each of them sets."""
+    options ``--set`` of the command line, by the keys of their values."""
 
     def __init__(self, text: str, suffix: str):
         self._text, self._is_toml = text, suffix == ".toml"
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return where the value at `keys` is set, as a text that follows the name of the file in
-        messages: " with --set run.end=2", or ", line 12" of the statement that sets it or, if it
-        is missing, the table around it; an empty text if the line is unknown."""
+        """Return where the value at `keys` is set, as text after the name of the file: " with --set
+        run.end=2", or ", line 12" of the statement that sets it or the table around it."""
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"

@@ -1,8 +1,7 @@
 """Write scenes and robots as MJCF files, with play by MuJoCo's recipe.
 
-A body's frame in the file is that of the scene: its origin is the centre of mass. Positions of
-hinges and sliders are those of the scene's joints: the attribute `ref` has those of the pose that
-the file describes.
+Bodies have the frames of the scene, and hinges and sliders its positions: the attribute `ref` has
+those of the pose that the file describes.
 
 Flanks are limits of a hinge or, between bodies that are not parent and child, of a fixed tendon,
 whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the joint by
@@ -10,16 +9,14 @@ whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the 
     (1 - d) a - b v - k r,
 
 where d is the limit's impedance, a the acceleration without it, r the penetration and v its rate;
-the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
-acceleration: a load hardly deflects the limit. With an impedance near zero, the limit is a spring
-and damper, whose force does not depend on the load: its stiffness is k over the inverse inertia
-that MuJoCo computes when it compiles the file (`dof_invweight0`, `tendon_invweight0`), in any pose.
+the numbers of `solreflimit` are -k and -b. With an impedance near zero, the limit is a spring and
+damper, whose stiffness is k over the inverse inertia that MuJoCo computes when it compiles the file
+(`dof_invweight0`, `tendon_invweight0`), in any pose.
 """
 
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -49,7 +46,12 @@ from .._model.clearance_joints.between_walls import PinInSlot
 from .._model.contact.dashpots import AbstractDashpotLaw, clamped_restitution
 from .._model.contact.laws import AbstractContactLaw, Gap
 from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
-from .._model.drives.functions_of_time import Polynomial, as_function_of_time, value_at
+from .._model.drives.functions_of_time import (
+    Polynomial,
+    as_function_of_time,
+    value_and_rate,
+    value_at,
+)
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
 from .._model.joints.base import AbstractContactJoint
 from .._model.joints.couplings import HingeOrSlider, JointCoupling
@@ -419,10 +421,9 @@ class MjcfWriter:
     def motor(self, name: str, force: Motor, on: FileJoint) -> None:
         """Add a position servo, whose control is the target plus a lead for the target's rate."""
         gain, damping = float(force.proportional), float(force.derivative)
-        function = partial(value_at, as_function_of_time(force.target))
 
         def control(t: jax.Array) -> jax.Array:
-            value, rate = jax.jvp(function, (t,), (jnp.ones_like(t),))
+            value, rate = map(jnp.asarray, value_and_rate(force.target, t))
             return value + damping / gain * rate if gain else damping * rate
 
         # The length of the actuator is the angle less `zero`.

@@ -1,8 +1,4 @@
-"""Make objects from the tables of a file, whose entries are the arguments of constructors.
-
-If an argument can only be an object of one class, its table need not name the class under "kind".
-The options of an argument are a fixed set of texts, each of which stands for a value.
-"""
+"""Make objects from the tables of a file, whose entries are the arguments of constructors."""
 
 import math
 import re

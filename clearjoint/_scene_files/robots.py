@@ -1,13 +1,9 @@
 """Robots as trees of links and joints, whatever the format of their files, and their bodies.
 
-A joint gives the frame of its child link relative to the frame of its parent link while the joint
-is at zero, that is, where the file's position is zero. Links that are fixed to each other form one
-body, named after the first of them, the carrier.
-
-The frames of all bodies are parallel to the root link's frame while all joints are at zero. The
-components of a joint's axis are then the same in both bodies, and the angle of a joint, of a
-backlash and of a drive without `orientation` is zero where the file's is. With body frames parallel
-to those of the links, a joint's frame that is turned about its axis would shift the zero.
+A joint is at zero where the file's position is zero. Links that are fixed to each other form one
+body, named after the first of them, the carrier. The frames of all bodies are parallel while all
+joints are at zero, see `load_robot`: with frames parallel to those of the links, a joint's frame
+that is turned about its axis would shift the zero of its angle.
 """
 
 import math
@@ -192,11 +188,8 @@ class Options:
 
 @dataclass
 class Carrier:
-    """Links that form one body, or belong to the ground.
-
-    - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
-    - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
-    """
+    """Links that form one body, or belong to the ground. `pose`: (4, 4) m, from the frame of the
+    first link to that of the root at zero; `centre`: of mass, (3,) m in the frame of the first."""
 
     body: str
     pose: np.ndarray
@@ -243,8 +236,7 @@ class LinkTree:
             carrier.centre = self._centre(carrier)
 
     def _joints_by_child(self) -> dict[str, RobotJoint]:
-        """Return the joints by their child links, to each of which they must lead once from one
-        root."""
+        """Return the joints by their child links; they must be a tree with one root."""
         of_child: dict[str, RobotJoint] = {}
         for joint in self.joints.values():
             at = self.location.at(joint.name)
@@ -293,8 +285,7 @@ class LinkTree:
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return a carrier's centre of mass, m, in the frame of its first link; if the mass is
-        zero, that of the first <inertial>, or else the origin."""
+        """Return the centre of mass; if the mass is zero, that of the first <inertial>."""
         inertials = self.massive(carrier)
         centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])
@@ -358,8 +349,7 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
-    """Return the mass and the inertia tensor of a body without mass, on whose joints others hang,
-    as between the joints of a body of MJCF."""
+    """Return mass and inertia tensor of a body without mass between joints, as in MJCF."""
     (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
@@ -376,8 +366,7 @@ def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
 
 
 def _tensor(tree: LinkTree, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
-    """Return the inertia of a carrier about its centre of mass, in the axes of its first link, by
-    the parallel-axis theorem."""
+    """Return the inertia about the centre of mass, in the axes of the first link."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
@@ -397,8 +386,7 @@ def _is_possible(tensor: np.ndarray) -> bool:
 
 
 def _balanced(inertial: Inertial) -> Inertial:
-    """Return the inertia that MuJoCo's `balanceinertia` makes: the principal moments are their mean
-    if no rigid body has them; otherwise it is the same object."""
+    """Return the inertia that MuJoCo's `balanceinertia` makes, the same object if possible."""
     tensor = inertial.tensor
     if tensor is None or _is_possible(tensor):
         return inertial

@@ -1,7 +1,4 @@
-"""Make the JSON Schema of scene files, with which editors complete and check them.
-
-Each class has a definition, its part of the schema, to which the schemas of arguments refer.
-"""
+"""Make the JSON Schema of scene files. Each class has a definition, to which others refer."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -44,8 +41,7 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 @dataclass(frozen=True)
 class Catalogue:
     """Makes the schema of a file. `definitions` collects the schemas to which it refers: that of
-    numbers, under `ROWS`, and those of makers, by their names in files, each added when another
-    schema first refers to it."""
+    `ROWS`, and those of makers by their names in files."""
 
     classes: Classes
     definitions: Schema = field(

@@ -6,8 +6,6 @@ from dataclasses import replace
 from functools import partial
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 from jaxtyping import PyTree
 from typing_extensions import override
 
@@ -35,6 +33,7 @@ from .functions_of_time import (
     breakpoints_of,
     require_continuous,
     single_in_time,
+    value_and_rate,
     value_at,
 )
 
@@ -307,6 +306,14 @@ replaces the kink of the limited torque."""
 SI = "give it in SI units"
 
 
+def limited(torque: Scalar, lowest: Scalar, highest: Scalar, width: Scalar) -> Scalar:
+    """Return a torque between limits, N m, within a `width` of which it is rounded."""
+    # The excess above the upper limit is subtracted, and the shortfall below the lower limit is
+    # added. Ramps make both zero between the limits; they are smooth, so that the torque has no
+    # kinks.
+    return torque - ramp(torque - highest, width) + ramp(lowest - torque, width)
+
+
 class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A motor with proportional-derivative (PD) control of an angle and an optional torque limit.
 
@@ -340,21 +347,12 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     @override
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
-        # JAX differentiates floats only, not a time given as an integer.
-        t = jnp.asarray(t, dtype=float)
-        desired = partial(value_at, as_function_of_time(self.target))
-        target, target_speed = jax.jvp(desired, (t,), (jnp.ones_like(t),))
+        target, target_speed = value_and_rate(self.target, t)
         # Within half a revolution: `angle` is known only up to whole revolutions.
         error = wrapped(target - angle, 2.0 * math.pi)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
-        if self.torque_limit is None:
-            return torque
-        # The excess above the positive limit is subtracted, and the shortfall below the negative
-        # limit is added. Ramps make both zero between the limits; they are smooth, so that the
-        # torque has no kinks.
-        width = ROUNDING * self.torque_limit
-        excess, shortfall = torque - self.torque_limit, -torque - self.torque_limit
-        return torque - ramp(excess, width) + ramp(shortfall, width)
+        limit = self.torque_limit
+        return torque if limit is None else limited(torque, -limit, limit, ROUNDING * limit)
 
     @override
     def breakpoints(self) -> PyTree:

@@ -336,6 +336,13 @@ def value_at(content: SingleInTime, t: Scalar) -> Scalar:
     return value
 
 
+def value_and_rate(function: FunctionOfTime, t: Scalar) -> tuple[Scalar, Scalar]:
+    """Return the value of a function at the time `t`, s, and its derivative by the time."""
+    # JAX differentiates floats only, not a time given as an integer.
+    t, function = jnp.asarray(t, dtype=float), as_function_of_time(function)
+    return jax.jvp(lambda t: value_at(function, t), (t,), (jnp.ones_like(t),))
+
+
 def vector_at(content: PyTree, t: Scalar) -> Vector:
     """Return the vector that a field declared by `triple_in_time` has at the time `t`, s.
 

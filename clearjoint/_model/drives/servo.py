@@ -4,21 +4,20 @@ import math
 from typing import Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
 from ..._fields.checks import require, require_numbers
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Quadruple, Single
-from ..._math.smoothing import ramp, wrapped
+from ..._math.smoothing import wrapped
 from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import PARALLEL, Motions
 from ..joints.constraint_rows import rate_of
 from ..joints.sampled_force import AbstractSampledForce, ForceMemory, Periodic
-from .drivers import ROUNDING, SI, AbstractDriveAboutAxis, torque_about
-from .functions_of_time import FunctionOfTime, as_function_of_time, value_at
+from .drivers import ROUNDING, SI, AbstractDriveAboutAxis, limited, torque_about
+from .functions_of_time import FunctionOfTime, as_function_of_time, value_and_rate
 
 SpeedSource = Literal["difference", "sensor"]
 TURN = 2.0 * math.pi
@@ -155,7 +154,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     @override
     def initial_memory(self, motions: Motions, t: Scalar) -> dict[str, Scalar]:
         angle, speed = self._reading(motions)
-        target, _ = self._target(t)
+        target, _ = value_and_rate(self.target, t)
         # Within half a revolution of the target, since the revolutions before are unknown.
         angle = target - wrapped(target - angle, TURN)
         time = self.instants()["sample"].latest(t)
@@ -204,18 +203,13 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         angle = (self if self.encoder is None else self.encoder).relative_angle(motions)
         return angle.value, rate_of(angle, motions)
 
-    def _target(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the target, rad, and its rate, rad/s."""
-        t, target = jnp.asarray(t, dtype=float), as_function_of_time(self.target)
-        return jax.jvp(lambda t: value_at(target, t), (t,), (jnp.ones_like(t),))
-
     def _commanded(
         self, memory: ForceMemory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar
     ) -> tuple[Scalar, dict[str, Scalar]]:
         """Return the torque, N m, that the servo commands at a sample, and what changes in its
         memory."""
         changed: dict[str, Scalar] = {}
-        goal, goal_speed = self._target(t)
+        goal, goal_speed = value_and_rate(self.target, t)
         if self.speed_limit is not None:
             farthest = self.speed_limit / self.rate
             moved = jnp.clip(goal - memory["goal"], -farthest, farthest)
@@ -250,8 +244,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         torque, drivable = memory["torque"], self._drivable(motions)
         if drivable is None or self.stall_torque is None:
             return torque
-        width, (lowest, highest) = ROUNDING * self.stall_torque, drivable
-        return torque - ramp(torque - highest, width) + ramp(lowest - torque, width)
+        return limited(torque, *drivable, ROUNDING * self.stall_torque)
 
     @override
     def held_wrenches(self, memory: ForceMemory, motions: Motions, t: Scalar) -> dict[str, Wrench]:
