@@ -1,9 +1,6 @@
-"""Study files and scene files: their sections, the numbers that they name, and how they are read.
-
-The fields of the dataclasses are the keys of a file's tables. `Annotated[float, "s"]` declares the
-unit of a number. A path is a text such as "joints.pin.clearance" or
-"state.bodies.crank.position[0]" that names a number of the scene or of the initial state.
-"""
+"""Study files: their sections, the numbers that they name, and how they are read. The fields of the
+dataclasses are the keys of the tables; `Annotated[float, "s"]` declares a unit. A path is a text
+such as "joints.pin.clearance" or "state.bodies.crank.position[0]"."""
 
 import inspect
 import time
@@ -434,11 +431,7 @@ class Study:
 
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     """Read a study file, or a scene file, which may have the sections of a study too, and make
-    changes such as "joints.pin.clearance=0.2mm" in the scene or "run.end=2" in the study.
-
-    **Raises:** `ValueError` for a file or a change that is not valid; the message names the
-    location, the value, the expected values and a remedy.
-    """
+    changes such as "joints.pin.clearance=0.2mm" in the scene or "run.end=2" in the study."""
     document, location = read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
         study = {key: document.pop(key) for key in PARTS if key in document}
@@ -466,8 +459,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change, such as "run.end=2", in the tables of the study or of the scene. Return
-    whether the study has been changed, and the keys of the changed value."""
+    """Make a change in the tables of the study or of the scene; return whether it is in the study,
+    and the keys of the changed value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

@@ -71,8 +71,7 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of clearjoint, JAX and diffrax, under "version of <name>"; "unknown" for
-    a package that is not installed, such as a source tree on PYTHONPATH."""
+    """Return versions under "version of <name>"; "unknown" for a package that is not installed."""
     by_package = {}
     for name in ("clearjoint", "jax", "diffrax"):
         try:
@@ -120,8 +119,8 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts, also if there are none, for which `np.asarray` would
-    return an array of floats."""
+    """Return labels as an array of texts also if there are none; `np.asarray` would return
+    floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 

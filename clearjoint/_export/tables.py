@@ -7,10 +7,8 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns.
-
-    The first row is the head of the table, and the first text of each other row is its label.
-    """
+    """Return the lines of a table with aligned columns. The first row is the head, and the first
+    text of each other row its label."""
     import pandas as pd
 
     (corner, *head), *body = rows
@@ -47,8 +45,8 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """How many digits of a value to show, so that two digits of its error are visible, from 2 to
-    15; 4 if the value is zero, or if the error is not finite and positive."""
+    """How many digits of a value to show two of its error, from 2 to 15; 4 if one of them has
+    none."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))

@@ -26,12 +26,10 @@ if TYPE_CHECKING:
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of the absolute values of all exponents in a unit. Of a fraction such as 3/2,
-only the numerator counts; an exponent below 1 counts as 1. Without this limit, pint would compute
-integers that exhaust the memory."""
+"""Largest product of all exponents in a unit, each of which counts as at least 1, without its
+denominator; pint would compute integers that exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
-"""A power whose exponent has at most two digits before the decimal point, or is a fraction of such
-numbers: "**2" or "**(-1/2)"."""
+"""A power with at most two digits before the decimal point or in a fraction: "**2", "**(-1/2)"."""
 # The remedy in error messages about a unit.
 SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 

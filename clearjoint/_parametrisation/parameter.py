@@ -1,8 +1,5 @@
-"""Parameters of a scene that a fit estimates, and scales, which relate values to coordinates.
-
-A fit works in these coordinates. On a suitable scale, a typical change of a coordinate is of the
-order of 1, so that parameters of different units can be compared.
-"""
+"""Parameters of a scene that a fit estimates, and scales, which relate values to the coordinates in
+which it works: a typical change of a coordinate is of the order of 1, whatever the unit."""
 
 import abc
 import math

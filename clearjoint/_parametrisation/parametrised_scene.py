@@ -108,9 +108,8 @@ class ParametrisedScene(AbstractSceneFamily):
     directions: Coordinates | None = None
 
     def in_groups(self, largest: int) -> "list[ParametrisedScene]":
-        """Return copies that share the parameters among them: each computes the derivatives by the
-        same number of parameters, at most `largest`. The last one repeats the last parameter if the
-        division leaves a remainder."""
+        """Return copies that share the parameters among them, at most `largest` each and equally
+        many; the last one repeats the last parameter if a remainder is left."""
         count = len(self.values)
         if count <= largest:
             return [self]
@@ -170,11 +169,7 @@ def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
     """Return a scene and its initial state as functions of p parameters, in the order of `values`,
-    their coordinates.
-
-    **Raises:** `ValueError` for a parameter whose path does not lead to single numbers, and for an
-    error of sensors, such as a delay, which is not part of a scene (see `readings.in_scene`).
-    """
+    their coordinates. Errors of sensors are refused (see `readings.in_scene`)."""
     # A Python number would be a constant of the program, which would be compiled anew for each
     # value of the number.
     scene, state = with_arrays((scene, state))

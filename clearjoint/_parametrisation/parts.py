@@ -25,8 +25,7 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 @dataclass(frozen=True)
 class PartSetter(AbstractLeafSetter):
-    """A `Change` that sets the leaves of the scene with the indices `leaves` to the arrays of the
-    value."""
+    """A `Change` that sets the `leaves` of the scene to the arrays of the value."""
 
     leaves: tuple[int, ...]
 
@@ -94,11 +93,9 @@ def _as_floats(array: PyTree) -> np.ndarray:
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in the space of all numbers, the same for the same numbers.
-
-    The components are normally distributed. Their standard deviation is, for a `Parameter`, the
-    change of its value for a unit of the coordinate on its scale; for an array the root mean square
-    of its numbers, or 1 if all are zero."""
+    """Return a random direction in the space of all numbers, the same for the same numbers: normal,
+    with the standard deviation of a unit change of a `Parameter`'s coordinate, or of the root mean
+    square of an array (1 for zeros)."""
     random = np.random.default_rng(0)
 
     def of_array(array: np.ndarray) -> np.ndarray:

@@ -53,12 +53,9 @@ class Number:
 
 
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
-    """Return the locations of the numbers that a path selects in a scene or state.
-
-    **Raises:** `ValueError` if the path names an unknown element or field, indexes where there is
-    nothing, or returns a computed value, a whole element such as a joint, or nothing. Whether an
-    array has the selected component is not checked.
-    """
+    """Return the locations of the numbers that a path selects in a scene or state; a `ValueError`
+    for unknown names, computed values and whole elements. Whether an array has the component is not
+    checked."""
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
         # locations instead of values.

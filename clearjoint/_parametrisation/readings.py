@@ -20,8 +20,8 @@ Row = jax.Array | np.ndarray
 
 
 class SensorErrors(eqx.Module):
-    """Those parameters of a run that are errors of the sensors of its outputs: each error with its
-    index among the parameters, and the scales of all parameters."""
+    """Those parameters of a run that are errors of sensors, each with its index among the
+    parameters, and the scales of all parameters."""
 
     errors: tuple[tuple[int, AbstractSeriesVariation], ...] = eqx.field(static=True, default=())
     scales: tuple[AbstractScale, ...] = eqx.field(static=True, default=())
@@ -64,9 +64,9 @@ def with_sensor_errors(
     elapsed: Row,
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
-    (T, p), from the quantities, (T,) `values`, and their `derivatives`; `elapsed`, (T,) s, is the
-    time since the start of the run."""
+    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates, (T,
+    p), from quantities (T,) and their derivatives; `elapsed`, (T,) s, is the time since the
+    start."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
@@ -94,8 +94,7 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each, from the quantities `values`, the
-    times since the start, s, and the coordinates of each run."""
+    """Return the readings of all sensors in n runs, (n, T) each; `elapsed` as before."""
 
     def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
@@ -106,11 +105,8 @@ def readings_of_runs(
 def sensor_errors(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
 ) -> SensorErrors:
-    """Return the errors of sensors among the parameters of a run with given outputs.
-
-    **Raises:** `ValueError` for an error of an unknown output, and for two errors of the same kind
-    of one output.
-    """
+    """Return the errors of sensors among the parameters of a run with given outputs; a `ValueError`
+    for unknown outputs and two errors of one kind of an output."""
     errors, taken = [], set()
     for number, (label, parameter) in enumerate(parameters.items()):
         error = parameter.variation
@@ -144,10 +140,7 @@ def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
 def units_of(
     parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the unit of each parameter's value; `series` has those of the measured series.
-
-    **Raises:** `ValueError` for an error of the sensors of series with different units.
-    """
+    """Return the unit of each parameter's value; `series` has those of the measured series."""
     units = {}
     for name, parameter in parameters.items():
         error = parameter.variation

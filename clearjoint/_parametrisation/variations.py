@@ -100,11 +100,8 @@ class StateNumber(AbstractNumber):
 
 @dataclass(frozen=True)
 class MadeByFunction(AbstractVariation):
-    """A value from which a user's function ``make(scene, state, value)`` makes the scene and its
-    initial state, so that several of their numbers can depend on it.
-
-    Two variations are equal only if they have the same function object.
-    """
+    """A value from which a user's function ``make(scene, state, value)`` makes scene and initial
+    state. Two variations are equal only if they have the same function object."""
 
     make: Change
     unit: str = "1"

@@ -54,20 +54,19 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROUNDS = 3
-"""Largest number of fits, each with the parameters that the log determines at the estimates of the
-fit before."""
+"""Largest number of fits, each with the parameters that the log determines by the last
+estimates."""
 NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
 ENDS = -0.7, 0.7
 """Places in a play, from -1 to 1, from which a fit also starts."""
 CLOSEST = 0.99
-"""Place in a play from which a fit goes on after one that has ended at its end, where a coordinate
-on a `Bounded` scale is infinite."""
+"""Place from which a fit goes on after one at the end of a play, where `Bounded` is infinite."""
 PLAYS = 0.8, 1.25
-"""Factors on the estimates of all plays from which a fit is repeated. A collision less or more in
-the motion gives chi squared minima at plays that differ by a few percent."""
+"""Factors on all plays from which a fit is repeated: a collision less or more in the motion gives
+minima of chi squared at plays that differ by a few percent."""
 SHORTEST = 1.0 / 64.0
-"""Share of the log in the first window if a start in a play is unknown: it shows in the beginning
-of the log, while in all of it chi squared has minima at wrong ones."""
+"""Share of the log in the first window if a start in a play is unknown, which shows in the
+beginning of the log; in all of it, chi squared has minima at wrong ones."""
 PART = 0.3
 """Weight in an undetermined combination above which a parameter is named."""
 
@@ -394,9 +393,9 @@ def _best_fit(
     grow: Sequence[float] | None,
     options: Mapping[str, PyTree],
 ) -> Fit:
-    """Return the fit with the lowest chi squared of those from several starts and, unless the user
-    has given windows to `grow`, of those of the whole log and of growing windows, and from other
-    plays than its estimates. It has the searches of all of them."""
+    """Return the fit with the lowest chi squared, with all searches: from several starts and,
+    unless the user has given windows to `grow`, of the whole log and of windows, and from other
+    plays."""
     # Chi squared may have a minimum at either end of a play in which a side starts.
     places = _of_kind(problem, parameters, IN_PLAY)
     sides = (0.0, *ENDS) if places else (0.0,)
@@ -453,8 +452,7 @@ def changed(
 def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
-    """Return the ends of growing windows, each twice as long as the one before; none if a single
-    run can fit the whole log."""
+    """Return ends of growing windows; none if a single run can fit the whole log."""
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in OF_HINGES else 1.0
         for name in parameters
@@ -473,8 +471,8 @@ def _windows(
 
 
 def _doubled(problem: RobotProblem, share: float) -> list[float]:
-    """Return ends of windows, of which the first has a share of the log, and each other is twice as
-    long as the one before."""
+    """Return ends of windows, each twice as long as the one before; the first is a share of the
+    log."""
     start, end = problem.log.start, float(problem.measurements.times()[-1])
     ends = []
     while 0.0 < share < 1.0:

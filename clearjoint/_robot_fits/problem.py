@@ -69,27 +69,25 @@ Start: TypeAlias = float | str | None
 """Number or text with a unit from which a fit starts."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
 COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
-"""Law of a friction that the robot lacks, over its load. Steps are several times as long as with
-bristles, whose stiffness limits them at speed; a loaded joint creeps by less than 1e-4 rad/s."""
+"""Law of a friction that the robot lacks, over its load, which allows longer steps than
+bristles."""
 SHARE = 0.1
-"""Share of the largest logged torque with which the fit of a friction or a damping starts, if
-neither the user nor the robot has one."""
+"""Share of the largest logged torque with which the fit of an unknown friction or damping
+starts."""
 FACTOR = 100.0
 """Change of a speed at the start, 1/s, that counts as typical, over the noise of the position."""
 STILL = 1.5
-"""Standard deviation of positions, in multiples of their noise, up to which a joint counts as at
-rest in a log."""
+"""Standard deviation of positions, over their noise, up to which a joint counts as at rest in a
+log."""
 REST = 10
 """Number of samples for which a joint must be at rest in the beginning to start at rest."""
 SLOPE = 3.3
 """Slope of positions over time, in standard errors, up to which a joint counts as at rest. Noise
-alone exceeds it in one of 1000 logs: a speed at the start that is found only where noise looks like
-one is wrong, and makes estimates that depend on it wrong too."""
+alone exceeds it in one of 1000 logs; a wrong speed at the start makes estimates wrong."""
 IN_PLAY = "start in the play"
 """What a fit finds of the side of a drive train that is not logged, from -1 to 1."""
 CERTAIN = 10.0
-"""Error of a position at the start, in multiples of its noise, with which the sign of a load must
-be the same to count as certain."""
+"""Error of a position, over its noise, with which a load must keep its sign to count as certain."""
 UNKNOWN_NOISE = 1e-3
 """Noise, rad or m, that stands for an unknown one in the scale of a position at the start."""
 
@@ -113,8 +111,8 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia so that its moment about an axis through the centre of
-    mass has a given value, kg m^2."""
+    """Function that scales a body's inertia so that the moment about an axis has a value, kg
+    m^2."""
 
     body: str
     axis: tuple[float, ...]
@@ -147,11 +145,9 @@ class FlankStiffness:
 
 @dataclass(frozen=True)
 class StartOfJoint:
-    """Function that gives a joint a position, or a speed, at the start.
-
-    `follower` is the other side of its drive train, if the log has only one of the two: it starts
-    where it carries the `load`, N m or N, which presses it against `play` or compliance.
-    """
+    """Function that gives a joint a position, or a speed, at the start. `follower` is the other
+    side of its drive train, if it is not logged: it starts where it carries the `load`, N m or
+    N."""
 
     robot: Robot
     joint: str
@@ -171,7 +167,7 @@ class StartOfJoint:
 @dataclass(frozen=True)
 class StartInPlay:
     """Function that gives the side of a drive train that is not logged its place in the play at the
-    start, from -1, at the lower end, to 1."""
+    start, from -1 to 1."""
 
     robot: Robot
     joint: str
@@ -186,8 +182,8 @@ class StartInPlay:
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that gives a friction a load over the torque, or force, that presses it; the force
-    of flanks acts on a `radius`, m."""
+    """Function that gives a friction a load over the torque or force that presses it; the force of
+    flanks acts on a `radius`, m."""
 
     friction: str
     radius: float
@@ -213,11 +209,8 @@ def wind_up(scene: Scene, follower: str, leader: str, load: float) -> Scalar:
 
 @dataclass(frozen=True)
 class RobotProblem:
-    """A driven robot at the start of its log, its parameters, and what the log measures.
-
-    - `state`: of the driven robot at the start.
-    - `subjects`: the joint of each parameter, and what it is of it, such as "play".
-    """
+    """A driven robot at the start of its log, its parameters, and what the log measures. `state`:
+    at the start; `subjects`: the joint of each parameter, and what it is of it, such as "play"."""
 
     robot: Robot
     log: RobotLog
@@ -241,8 +234,7 @@ def backlash_name(joint: str) -> str:
 
 
 def motor_of(robot: Robot, joint: str) -> str:
-    """Return the name of the joint of the motor, which is the joint itself if the two don't turn
-    apart."""
+    """Return the name of the motor's joint: the joint itself if the two don't turn apart."""
     motor = motor_name(joint)
     return motor if joint in robot.drives and motor in robot.scene.joints else joint
 
@@ -311,9 +303,9 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
-    """Return the parameters of the start of a joint, by the joint and what it is of it: its
-    position, its speed unless it is at rest, and the place in the play of the other side of its
-    drive train, unless that is logged or pressed to a flank."""
+    """Return the parameters of the start of a joint, by the joint and what it is of it; the place
+    in the play of the other side of its drive train only unless that is logged or pressed to a
+    flank."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, load = _other_side(robot, log, name), 0.0
@@ -342,8 +334,7 @@ def is_hinge(robot: Robot, joint: str) -> bool:
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return the motor of a joint, or the joint of a motor, whose position is not logged; ``None``
-    if there is none."""
+    """Return the motor of a joint, or the joint of a motor, if it exists and is not logged."""
     for joint in robot.drives:
         pair = joint, motor_of(robot, joint)
         if name in pair and pair[0] != pair[1]:
@@ -353,8 +344,7 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
 
 
 def _begins_at_rest(samples: Logged) -> bool:
-    """Return whether the first samples are those of a joint at rest, by the slope of the line
-    through them."""
+    """Return whether the slope of the line through the first samples is that of a joint at rest."""
     if samples.noise is None:
         return False
     times, values = samples.times[:REST], np.unwrap(samples.values[:REST])
@@ -366,8 +356,8 @@ def _begins_at_rest(samples: Logged) -> bool:
 def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
-    """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    its sign is uncertain."""
+    """Return the torque or force with which a motor holds its link; zero if its sign is
+    uncertain."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     loads = [
@@ -562,8 +552,7 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
 
 
 def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
-    """Return what a run predicts: positions that don't follow the log, and the torques that make
-    others follow it."""
+    """Return positions that don't follow the log, and torques that make others follow it."""
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:
