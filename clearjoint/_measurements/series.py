@@ -5,6 +5,7 @@ import math
 import re
 import tokenize
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import equinox as eqx
@@ -221,17 +222,15 @@ class Series(AbstractReadable):
         """Return a copy with additional normally distributed noise of the standard deviation
         `noise`, as for synthetic measurements."""
         drawn = self.values + self.noise * generator.standard_normal(len(self))
-        return self._of(self.times, drawn, self.noise)
+        return replace(self, values=drawn)
 
     def between(self, start: float, end: float) -> "Series | None":
         """Return the samples with start <= time < end, or ``None`` if there are none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None
-        return self._of(self.times[inside], self.values[inside], self.noise[inside])
-
-    def _of(self, times: ArrayLike, values: ArrayLike, noise: ArrayLike) -> "Series":
-        return Series(self.channel, times, values, noise, self.unit, self.name)
+        times, values = self.times[inside], self.values[inside]
+        return replace(self, times=times, values=values, noise=self.noise[inside])
 
 
 def require_each(

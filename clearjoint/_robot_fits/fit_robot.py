@@ -39,7 +39,7 @@ from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from .problem import (
     IN_PLAY,
-    OF_HINGES,
+    KINDS,
     STILL,
     DrivenBy,
     Find,
@@ -454,7 +454,7 @@ def _windows(
 ) -> list[float]:
     """Return ends of growing windows; none if a single run can fit the whole log."""
     uncertainty = {
-        name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in OF_HINGES else 1.0
+        name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
         for name in parameters
     }
     start, end = problem.log.start, float(problem.measurements.times()[-1])

@@ -41,27 +41,19 @@ from ..quantities.base import AbstractQuantity, Instant, Quantity
 from ..quantities.drives import MotorTorque
 from ..quantities.joints import JointAngle, Multiplier
 
-OF_HINGES = {
-    "play": "rad",
-    "stiffness": "N m/rad",
-    "restitution": "1",
-    "friction": "N m",
-    "damping": "N m s/rad",
-    "link friction": "N m",
-    "loss": "1",
-    "armature": "kg m^2",
-    "inertia": "kg m^2",
-    "mass": "kg",
+KINDS = {
+    "play": ("rad", None),
+    "stiffness": ("N m/rad", None),
+    "restitution": ("1", None),
+    "friction": ("N m", "N"),
+    "damping": ("N m s/rad", "N s/m"),
+    "link friction": ("N m", "N"),
+    "loss": ("1", "1"),
+    "armature": ("kg m^2", "kg"),
+    "inertia": ("kg m^2", None),
+    "mass": ("kg", "kg"),
 }
-OF_SLIDERS = {
-    "friction": "N",
-    "damping": "N s/m",
-    "link friction": "N",
-    "loss": "1",
-    "armature": "kg",
-    "mass": "kg",
-}
-"""What a fit finds of hinges and of sliders, with the units."""
+"""What a fit finds, with the units of hinges and of sliders, ``None`` for what sliders lack."""
 Mode = Literal["angle", "torque", "held torque"]
 """How a joint follows the log, see `fit_robot`."""
 DrivenBy: TypeAlias = Mapping[str, Mode | AbstractForce]
@@ -244,21 +236,21 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     _require_joints(robot, log, find, driven_by)
     positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
     driven = _driven(robot, log, driven_by, positions)
-    parameters: dict[str, Parameter] = {}
-    subjects: dict[str, tuple[str, str]] = {}
+    parameters: dict[tuple[str, str], Parameter] = {}
     for joint, kinds in find.items():
-        units = OF_HINGES if is_hinge(robot, joint) else OF_SLIDERS
+        pairs = {kind: pair[0 if is_hinge(robot, joint) else 1] for kind, pair in KINDS.items()}
+        units = {kind: unit for kind, unit in pairs.items() if unit is not None}
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
             require(kind in units, f"find[{joint!r}]", kind, expected, remedy)
             if isinstance(start, str):
                 start = number_of_text(start, units[kind], FileLocation("find", (joint, kind)))
-            name = f"{joint} {kind}"
             if kind in RESISTANCES:
                 guess = _guess(log, positions, motor_of(robot, joint), joint, kind)
-                driven = _with_friction(driven, joint, kind, guess if start is None else start)
-            parameters[name] = _parameter(driven, joint, kind, start, units[kind])
-            subjects[name] = joint, kind
+                driven, parameter = _with_friction(driven, joint, kind, start, guess, units[kind])
+            else:
+                parameter = _parameter(driven, joint, kind, start, units[kind])
+            parameters[joint, kind] = parameter
     # The second time of each table is the first of its column. Where a joint is driven it follows
     # the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
@@ -276,13 +268,17 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
             q[link], qd[link] = q[name], qd[name]
     for name in log.angles:
         # The start of another is known as accurately as a single sample, so that it is a parameter.
-        if name in following:
-            continue
-        for (subject, kind), parameter in _of_start(robot, log, name, q, qd).items():
-            parameters[f"{subject} {kind}"] = parameter
-            subjects[f"{subject} {kind}"] = subject, kind
-    state, measurements = robot.state(q, qd), _measured(robot, log, driven_by)
-    return RobotProblem(driven, log, driven_by, state, parameters, subjects, measurements)
+        if name not in following:
+            parameters |= _of_start(robot, log, name, q, qd)
+    return RobotProblem(
+        driven,
+        log,
+        driven_by,
+        state=robot.state(q, qd),
+        parameters={f"{joint} {kind}": p for (joint, kind), p in parameters.items()},
+        subjects={f"{joint} {kind}": (joint, kind) for joint, kind in parameters},
+        measurements=_measured(robot, log, driven_by),
+    )
 
 
 def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:
@@ -459,24 +455,31 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
     return next((name for name in names if name in robot.scene.joints), names[1])
 
 
-def _with_friction(robot: Robot, joint: str, kind: str, start: float | None) -> Robot:
-    name = _friction_name(robot, joint, kind)
+def _with_friction(
+    robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
+) -> tuple[Robot, Parameter]:
+    """Return the robot with friction or damping of a joint, of the size `guess` if neither it nor
+    the user has one, and the parameter."""
+    name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
+    if kind == "damping" and damper is not None:
+        return robot, Parameter(lambda s: s.forces[damper].damping, Log(), value=start, unit=unit)
+    number = "viscosity" if kind == "damping" else "load"
+    parameter = Parameter(lambda s: getattr(s.joints[name], number), Log(), value=start, unit=unit)
     present = robot.scene.joints.get(name)
-    if kind == "damping" and _damper(robot, joint) is not None:
-        return robot
-    if isinstance(present, JointFriction) and (kind != "damping" or present.viscosity is not None):
-        return robot
+    if isinstance(present, JointFriction) and getattr(present, number) is not None:
+        return robot, parameter
+    size = guess if start is None else start
     expected = "given, since the robot has none and the log no torque of the joint"
     remedy = f'pass {{"{kind}": start}}'
-    require(start is not None, f"find[{joint!r}][{kind!r}]", start, expected, remedy)
+    require(size is not None, f"find[{joint!r}][{kind!r}]", size, expected, remedy)
     if isinstance(present, JointFriction):
-        joints = {**robot.scene.joints, name: replace(present, viscosity=start)}
-        return replace(robot, scene=replace(robot.scene, joints=joints))
-    side = joint if kind == "link friction" else motor_of(robot, joint)
-    ideal = robot.scene.joints[side]
+        joints = {**robot.scene.joints, name: replace(present, viscosity=size)}
+        return replace(robot, scene=replace(robot.scene, joints=joints)), parameter
+    ideal = robot.scene.joints[joint if kind == "link friction" else motor_of(robot, joint)]
     assert isinstance(ideal, HingeOrSlider)
-    load, viscosity = (0.0, start) if kind == "damping" else (start, None)
-    return robot.with_elements({name: friction_of(ideal, COULOMB, load, viscosity=viscosity)})
+    load, viscosity = (0.0, size) if kind == "damping" else (size, None)
+    friction = friction_of(ideal, COULOMB, load, viscosity=viscosity)
+    return robot.with_elements({name: friction}), parameter
 
 
 def _damper(robot: Robot, joint: str) -> str | None:
@@ -493,13 +496,6 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
     ideal, motor = scene.joints[joint], scene.joints[motor_of(robot, joint)]
     if kind in ("play", "stiffness", "restitution"):
         return _of_gear(robot, joint, kind, start)
-    if kind in RESISTANCES:
-        name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
-        if kind != "damping":
-            return Parameter(lambda s: s.joints[name].load, scale, value=start, unit=unit)
-        if damper is not None:
-            return Parameter(lambda s: s.forces[damper].damping, scale, value=start, unit=unit)
-        return Parameter(lambda s: s.joints[name].viscosity, scale, value=start, unit=unit)
     assert isinstance(ideal, HingeOrSlider) and isinstance(motor, HingeOrSlider)
     if kind == "loss":
         name = _friction_name(robot, joint, "friction")
