@@ -115,11 +115,9 @@ def sensor_errors(
                 argument, noun = f"parameters[{label!r}]", error.noun
                 expected = f"a {noun} of measured series: {', '.join(outputs)}"
                 require(name in outputs, argument, name, expected, "correct the name of the series")
-                once, remedy = (
-                    f"the only {noun} of its series",
-                    f"remove the series from one {noun}",
-                )
-                require((type(error), name) not in taken, argument, name, once, remedy)
+                expected = f"the only {noun} of its series"
+                remedy = f"remove the series from one {noun}"
+                require((type(error), name) not in taken, argument, name, expected, remedy)
                 taken.add((type(error), name))
             errors.append((number, error))
     scales = tuple(parameter.scale for parameter in parameters.values())

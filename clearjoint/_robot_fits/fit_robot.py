@@ -244,20 +244,16 @@ class RobotFit(AbstractTabular):
             angles, position = self.log.angles[side], f"{side} position"
             torque, by_name = f"{joint} torque", self.predictions
             times = np.asarray(measured[position if position in measured else torque].times)
-            at = times, angles.times, np.unwrap(angles.values)
-            logged = _between(*at), _between(times, torques.times, torques.values)
+            logged = (
+                np.interp(times, angles.times, np.unwrap(angles.values)),
+                np.interp(times, torques.times, torques.values),
+            )
             predicted = [
-                _between(times, np.asarray(measured[n].times), by_name[n]) if n in by_name else own
+                np.interp(times, measured[n].times, by_name[n]) if n in by_name else own
                 for n, own in zip((position, torque), logged, strict=True)
             ]
             loops[joint] = Hysteresis(*logged, *predicted)
         return loops
-
-
-def _between(
-    at: Float[np.ndarray, " N"], times: Float[np.ndarray, " M"], values: Float[np.ndarray, " M"]
-) -> Float[np.ndarray, " N"]:
-    return np.asarray(np.interp(at, times, values))
 
 
 def fit_robot(

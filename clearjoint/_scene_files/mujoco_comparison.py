@@ -1,6 +1,6 @@
 """Runs of an MJCF file in MuJoCo beside those of its scene."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -159,7 +159,7 @@ def _run(
     state: State,
     times: np.ndarray,
     steps: int,
-    names: Mapping[str, np.ndarray],
+    names: Iterable[str],
 ) -> dict[str, np.ndarray]:
     """Return positions of joints, (N,) at times, with a number of `steps` between two times."""
     data, step = mujoco.MjData(model), times[1] / steps
@@ -174,11 +174,9 @@ def _run(
     }
     positions = [data.qpos[addresses]]
     for k in range(len(times) - 1):
-        for j in range(k * steps, (k + 1) * steps) if controls else ():
+        for j in range(k * steps, (k + 1) * steps):
             for index, control in controls.items():
                 data.ctrl[index] = control[j]
             mujoco.mj_step(model, data)
-        if not controls:
-            mujoco.mj_step(model, data, nstep=steps)
         positions.append(data.qpos[addresses])
     return dict(zip(names, np.array(positions).T, strict=True))

@@ -324,7 +324,8 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
         if mass < options.bound_mass or np.linalg.eigvalsh(tensor)[0] < options.bound_inertia:
             bounded.append(carrier.body)
             mass = max(mass, options.bound_mass)
-            tensor = _bounded(tensor, options.bound_inertia)
+            moments, axes = np.linalg.eigh(tensor)
+            tensor = axes @ np.diag(np.maximum(moments, options.bound_inertia)) @ axes.T
         has_mass = mass > 0.0
         if not has_mass:
             mass, tensor = _negligible(tree, carrier)
@@ -391,11 +392,6 @@ def _balanced(inertial: Inertial) -> Inertial:
     if tensor is None or _is_possible(tensor):
         return inertial
     return inertial._replace(tensor=np.eye(3) * (np.trace(tensor) / 3.0))
-
-
-def _bounded(tensor: np.ndarray, least: float) -> np.ndarray:
-    moments, axes = np.linalg.eigh(tensor)
-    return axes @ np.diag(np.maximum(moments, least)) @ axes.T
 
 
 def _require_possible(

@@ -26,10 +26,9 @@ from .common import (
 )
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
-"""Labels of the contacts of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
+"""Labels of the contacts: of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
 DEEPEST_POINT = 0.01
-"""Default penetration of a point or an edge at which a run ends, m: points have no size with which
-to compare it."""
+"""Default penetration of a point or an edge, which have no size, at which a run ends, m."""
 
 
 class Stop(AbstractPair, AbstractFrictionJoint):

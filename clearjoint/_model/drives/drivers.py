@@ -64,10 +64,8 @@ class AbstractDrive(AbstractPair):
 
 
 class AbstractDriveAboutAxis(AbstractDrive):
-    """Base class of drives whose first fields are the names of the bodies and the axis.
-
-    Subclasses add their own fields and, as the last one, `orientation`, because it has a default.
-    """
+    """Base class of drives whose first fields are the names of the bodies and the axis. Subclasses
+    add their fields and, as the last one, because it has a default, `orientation`."""
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from typing_extensions import override
 
-from ..._fields.checks import require, require_numbers
+from ..._fields.checks import require, require_count, require_numbers
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Quadruple, Single
 from ..._math.smoothing import wrapped
@@ -121,9 +121,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         sources = ("difference", "sensor")
         remedy = "pass one of these"
         require(self.speed_from in sources, "speed_from", self.speed_from, f"in {sources}", remedy)
-        whole = isinstance(self.delay_periods, int) and self.delay_periods >= 1
-        expected = "a whole number, at least 1"
-        require(whole, "delay_periods", self.delay_periods, expected, "round the delay up")
+        require_count("delay_periods", self.delay_periods, "round the delay up")
         both = (self.stall_torque is None) == (self.no_load_speed is None)
         given = "no_load_speed" if self.stall_torque is None else "stall_torque"
         lacking = "stall_torque" if self.stall_torque is None else "no_load_speed"

@@ -131,10 +131,8 @@ class GearJoint(AbstractConstraint):
 
 
 class ScrewMotion(AbstractTurning):
-    """Rotation by an angle about an axis, with an advance of `pitch`, m/rad, along the axis.
-
-    The angle counts all revolutions, because the advance depends on it.
-    """
+    """Rotation by an angle about an axis, with an advance of `pitch`, m/rad, on which all
+    revolutions count."""
 
     pitch: Scalar
 
@@ -157,8 +155,8 @@ class ScrewMotion(AbstractTurning):
 
 
 def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of the shortest rotation from the second unit vector
-    to the first."""
+    """Return Euler parameters, not normalised, of the shortest rotation from `second` to
+    `first`."""
     vector = second.cross(first)
     return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
 
