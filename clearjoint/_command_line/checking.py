@@ -27,11 +27,8 @@ from .study import Study
 
 
 def description(study: Study) -> Iterator[str]:
-    """Yield the lines of text in which `clearjoint check` describes a study.
-
-    **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
-    can't run, and for wrong entries of a section.
-    """
+    """Yield the lines in which `clearjoint check` describes a study; a `ValueError` for what can't
+    run."""
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
     # The lines about the scene come first, so that they are printed even if a check below raises an
@@ -139,8 +136,7 @@ def _sections(study: Study) -> Iterator[str]:
 
 
 TEMPLATES = [Path(__file__).parent / "templates" / name for name in ("scene.toml", "study.toml")]
-"""The comments at the head of a scene file, and a study file, with placeholders such as
-``$joint``."""
+"""The comments at the head of a scene file, and a study file, with placeholders ``$joint``."""
 MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
     "double_pendulum": double_pendulum,
     "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
@@ -151,13 +147,12 @@ PLACEHOLDERS = {
     "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms", "209.43951 ms"),
     "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms", "12 ms"),
 }
-"""Texts of the study's placeholders for a mechanism: joint, body, end, time between saved states,
-end of the transient, and duration of a cycle."""
+"""Joint, body, end, time between saved states, end of the transient, and duration of a cycle."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return the texts of a mechanism's scene file and study file, which mention the names `scene`
-    and `study` of these files."""
+    """Return the texts of a mechanism's scene file and study file, with the names of these
+    files."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
@@ -171,8 +166,8 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
-    """Write the scene file and the study file of a mechanism into a folder; return their paths. If
-    one of them exists, nothing is written."""
+    """Write the scene file and the study file of a mechanism, unless one exists; return their
+    paths."""
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)

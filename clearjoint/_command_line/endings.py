@@ -30,12 +30,8 @@ def has_error_stream() -> bool:
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Return a context for the body of a command that prints errors and warnings as sentences
-    instead of tracebacks, and turns errors into exit codes of the program.
-
-    Errors of types that users don't cause keep their tracebacks. `BrokenPipeError`, which means
-    that nobody reads the output any more, is left to click.
-    """
+    """Return a context that prints errors and warnings as sentences, and turns errors into exit
+    codes. Errors that users don't cause keep their tracebacks; click handles `BrokenPipeError`."""
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
         try:

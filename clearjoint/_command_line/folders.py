@@ -42,8 +42,8 @@ SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
 """Files of the scene with its initial state, and with the state at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
-"""Tables of a run, each in a netCDF and in a CSV file: the saved states; the forces, accelerations
-and energies at these; the impacts; and the outputs that are quantities at these states."""
+"""Tables of a run: the saved states; forces, accelerations and energies; impacts; and
+quantities."""
 DRAWN = "drawn"
 """NetCDF file of a run's states for its figures: the saved ones, and others between these."""
 NUMBERS = "numbers.csv"
@@ -82,16 +82,14 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene file, unless scene and state can't be saved, such as a state with NaN in which
-    a failed run has ended."""
+    """Write a scene file, unless the state can't be saved, such as one with NaN of a failed run."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove all figures, and the named tables and other files, of earlier results, which the new
-    page would also show. "*" in a name stands for any characters. From a folder without a summary,
-    and thus without results, nothing is removed."""
+    """Remove all figures, and tables and files of the given patterns, of earlier results, which the
+    new page would also show; nothing from a folder without a summary."""
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):
@@ -100,9 +98,8 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name, without suffix, of the file of a table or figure: slashes are replaced, and
-    long names shortened to what file systems allow. A changed name gets a checksum, so that
-    different names give different files."""
+    """Return the name, without suffix, of the file of a table or figure: without slashes, and as
+    short as file systems allow. A changed name gets a checksum, which keeps names different."""
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -118,8 +115,8 @@ def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
 
 
 def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Dataset | None:
-    """Return the dataset in the file `name`.nc; ``None`` without such a file; `ValueError` if it
-    lacks a variable, coordinate or attribute of the `needed` names."""
+    """Return the dataset in a file, ``None`` without the file; a `ValueError` if it lacks a
+    `needed` name."""
     path = folder / f"{name}.nc"
     if not path.exists():
         return None
@@ -140,8 +137,7 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
 
 
 def read_run(folder: Path) -> tuple[Scene, Solution]:
-    """Return the scene and the solution of a run in a folder, from which its figures can be drawn
-    again. The accepted steps are not stored."""
+    """Return the scene and the solution of a run in a folder, without the accepted steps."""
     needed = ["time", "body", *STATE_PARTS, *(f"final_{part}" for part in STATE_PARTS)]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
     needed += [FORMULATION]

@@ -85,10 +85,7 @@ class RobotFitStudy:
 
 
 def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStudy:
-    """Read the file of a robot, its log, and the file of the fit.
-
-    **Raises:** `ValueError` for a file that is not valid.
-    """
+    """Read the file of a robot, its log, and the file of the fit."""
     started = time.perf_counter()
     document, location = read_document(path)
     reader = Reader(CLASSES)
@@ -124,8 +121,8 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
 
 
 def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
-    """Fit the joints of a robot to its log, and write estimates, report, figures and a page. After
-    Ctrl-C nothing is written."""
+    """Fit the joints of a robot, and write the results to a folder; after Ctrl-C nothing is
+    written."""
     parts = study.parts
     try:
         with FileLocation(str(study.path)).in_errors():

@@ -38,8 +38,7 @@ from .study import RunPart, Study
 DRAWN = 10_000
 """Least number of equal intervals for the figures of a run, between which curves are straight."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
-"""Units of forces, moments and accelerations, which change during an impact faster than states are
-saved."""
+"""Units of forces and accelerations, which change during an impact faster than states are saved."""
 LARGEST, SMALLEST = " largest", " smallest"
 """Suffixes of the names of the reductions that find the extremes of an output."""
 
@@ -117,8 +116,8 @@ def divided(times: np.ndarray, parts: int) -> np.ndarray:
 def _simulated(
     study: Study, settings: Settings, extremes: Mapping[str, AbstractReduction], times: np.ndarray
 ) -> tuple[Solution, int]:
-    """Run a study's scene, saving states at `times`, (N,) s. Return the solution, also of a failed
-    or interrupted run, and the exit code."""
+    """Return the solution of a study's run, also of a failed or interrupted one, and the exit
+    code."""
     part = study.parts.run
     # Quantities are computed after the run, so that they don't change a bit of its states.
     recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
@@ -183,8 +182,8 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
 def write_results(
     study: Study, solution: Solution, extremes: Mapping[str, AbstractReduction], folder: Path
 ) -> tuple[float, str]:
-    """Write the tables of a run, which must have saved states; return the largest normal force of
-    all contacts, N, and the label of its contact."""
+    """Write the tables of a run with saved states; return the largest force of a contact, N, and
+    its label."""
     observed = observe(study.scene, solution)
     formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
     motion = solution.to_xarray().assign_attrs(formulation)

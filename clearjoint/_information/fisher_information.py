@@ -56,8 +56,7 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Contributions of the k singular directions to the p bounds of `deviations_together`: a bound
-    is the norm of the k contributions to it."""
+    """Contributions of the k singular directions to the p bounds, each of which is their norm."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -170,6 +169,6 @@ def _equilibrated(
 
 
 def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """For each singular value, the largest first: whether it is zero, or too small relative to the
-    largest for the data to determine its combination of parameters."""
+    """For each singular value, the largest first: whether the data don't determine its
+    combination."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

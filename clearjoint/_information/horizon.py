@@ -40,7 +40,7 @@ from .analysis import (
 
 LOOSER = 10.0
 """Ratio of the tolerance of a second run to that of the main run, whose error the difference
-estimates. A second run with a smaller tolerance might be dominated by rounding errors."""
+estimates; of a tighter one, rounding might dominate."""
 PATH_POINTS = 4
 """Number of points between the truth and a wrong guess, including the guess, at which the slope of
 the misfit is computed."""
@@ -262,8 +262,7 @@ def fit_horizon(
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
-    """Weights of each output: the inverse of the noise at the times of its samples, and zero at
-    others."""
+    """Weights of outputs: the inverse of the noise at the times of samples, and zero at others."""
     weights: dict[str, np.ndarray] = {}
     for name, sensor in sensors.items():
         weight = np.zeros(len(times))
@@ -275,8 +274,8 @@ def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.n
 def _near(
     run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
 ) -> Sensitivities:
-    """Return a copy of a run whose periodic outputs, such as angles, are shifted by whole periods
-    to the values nearest to a reference run. The residuals of a fit are reduced in the same way."""
+    """Return a copy of a run whose periodic outputs are shifted by whole periods towards a
+    reference run."""
     values = dict(run.outputs)
     for name, output in outputs.items():
         if (period := getattr(output, "period", None)) is not None:

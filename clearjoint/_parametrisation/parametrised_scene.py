@@ -186,13 +186,9 @@ def parametrised(
 
 class DirectedScene(AbstractSceneFamily):
     """A scene and its initial state, in which any number of parameters set numbers, with
-    derivatives along a single direction of all parameters.
-
-    - `values`, `direction`: numbers by name of the parameter, SI, an array or a PyTree of arrays
-      each.
-    - `base`: scene and initial state before any change.
-    - `changes`: pairs of the name of a parameter and the function that sets it.
-    """
+    derivatives along one direction. `values`, `direction`: arrays or PyTrees of them by name of the
+    parameter, SI; `base`: before any change; `changes`: names of parameters, and the functions that
+    set them."""
 
     values: dict[str, PyTree]
     direction: dict[str, PyTree]

@@ -38,12 +38,8 @@ class PartSetter(AbstractLeafSetter):
 def parts_of(
     scene: Scene, state: State, paths: Mapping[str, Part]
 ) -> tuple[dict[str, PyTree], tuple[tuple[str, Change], ...]]:
-    """Return the numbers that paths select, SI, by name, and the functions that set them. The
-    numbers of an element are its arrays of floats; all other leaves stay as in the scene.
-
-    **Raises:** `ValueError` for names or paths of other types, for a path that selects no number,
-    and for a parameter that is neither a number of the scene or initial state nor has a value.
-    """
+    """Return the numbers that paths select, SI, by name, of an element its arrays of floats, and
+    the functions that set them; a `ValueError` for paths without numbers."""
     require_names("paths", paths, _EXAMPLE)
     require(len(paths) > 0, "paths", {}, "not empty", _EXAMPLE)
     numbers: dict[str, PyTree] = {}

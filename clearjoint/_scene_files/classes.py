@@ -73,13 +73,11 @@ def is_abstract(kind: type) -> bool:
 
 
 def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
-    """Return, by name, the makers that a file may name as `kind`: classes, and static methods that
-    return an object of their class, such as "Body.rod".
-
-    The classes derive from one of the `families`, if there are any. Those of this package must also
-    derive from `AbstractReadable`, or be one of the `families`. The user-defined `classes` have two
-    names, with and without their module; of equal short names, that of this package counts.
-    """
+    """Return, by name, the classes that a file may name as `kind`, and static methods that return
+    an object of their class, such as "Body.rod". Classes derive from one of the `families`, if
+    there are any; those of this package also from `AbstractReadable`, unless they are families.
+    User-defined `classes` have two names, with and without module; of equal short names, that of
+    this package counts."""
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
     is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
@@ -162,8 +160,7 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _hints(owner: object) -> dict[str, Any]:
-    """Return the annotations of a class or function by name; all as they were written if one of
-    them names a type that is unknown at run time."""
+    """Return the annotations of a class or function; as written if one is unknown at run time."""
     try:
         return typing.get_type_hints(owner, include_extras=True)
     except NameError:
@@ -171,8 +168,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the `Expectation` that an annotation describes. Numbers have the unit in the
-    annotation, as in ``Annotated[float, "s"]``, or else `unit`."""
+    """Return the `Expectation` of an annotation; numbers have the unit in it, as in
+    ``Annotated[float, "s"]``, or else `unit`."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         kind, *notes = inner

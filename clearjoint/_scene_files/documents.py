@@ -35,16 +35,16 @@ SHORT.maxstring = SHORT.maxother = 60
 
 
 def split(text: str) -> tuple[str, ...]:
-    """Return the keys and indices of a path, all as texts: ("joints", "pin", "axis", "0") for
-    "joints.pin.axis[0]", or for "joints['pin'].axis[0]" as `clearjoint.parameters` returns it.
-    Characters that don't belong to a path, such as a second dot in a row, are skipped."""
+    """Return the keys and indices of a path as texts: ("joints", "pin", "axis", "0") for
+    "joints.pin.axis[0]" or "joints['pin'].axis[0]". Characters that don't belong to a path are
+    skipped."""
     names = map("".join, KEY.findall(text))
     return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the result of `split`; raise a `ValueError` for a path that is empty or has characters
-    that `split` would skip."""
+    """Return the result of `split`; a `ValueError` for a path that is empty or has other
+    characters."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -54,8 +54,7 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 def written(keys: Keys) -> str:
     """Return keys and indices as text: "joints.pin.axis[0]" for ("joints", "pin", "axis", 0). Keys
-    with dots, brackets or quotation marks are quoted; `keys_of` can't read one with both kinds of
-    marks."""
+    with dots, brackets or quotation marks are quoted."""
 
     def quoted(key: str) -> str:
         mark = '"' if "'" in key else "'"
@@ -66,8 +65,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return as many of the first `keys` as lead to an entry of the nested tables and lists in
-    `content`, with indices of lists as integers."""
+    """Return as many of the first `keys` as lead to an entry of `content`, with indices as
+    integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -168,13 +167,11 @@ SCHEMA = "$schema"
 DEEPEST = 32
 """Largest depth of nested tables and lists; the file itself, which is a table, is not counted."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-"""Pattern of a dotted key with at least `DEEPEST` dots. A text with such a key is refused before
-tomllib reads it, since tomllib's time grows with the square of the key's length."""
+"""Pattern of a dotted key with at least `DEEPEST` dots; tomllib's time grows with their square."""
 
 
 JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
-"""Pattern of the brace at the end of an object in a JSON text. It also matches whole strings, so
-that braces inside strings are passed over."""
+"""Pattern of the brace at the end of an object in a JSON text, or of a whole string."""
 
 
 def suffix_of(path: Path) -> str:
@@ -233,8 +230,7 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text. An object with a repeated key is refused as by `tomllib`:
-    the module `json` would silently take the last value."""
+    """Return the content of a JSON text. `json` would silently take the last of repeated keys."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:

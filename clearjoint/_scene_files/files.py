@@ -51,9 +51,9 @@ class Writer:
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the arguments, by name, with which the constructor makes an object again. Left out
-        are arguments whose value and default are both ``None``, empty dictionaries whose default is
-        empty or ``None``, and arguments that have a default but no field."""
+        """Return the arguments with which the constructor makes an object again. Left out are those
+        whose value and default are ``None`` or empty, and those with a default but without a
+        field."""
         kind = type(instance)
         if not is_of_package(kind):
             self.user_classes.add(kind)
@@ -124,8 +124,8 @@ ARRAYS = np.ndarray | np.generic | jax.Array
 FORMAT = 1
 VERSION, STATE = "format", "state"
 MOST_ASSEMBLED = 50
-"""Largest number of bodies of a scene whose file may omit states of bodies: to assemble a chain of
-20 bodies takes 20 s, and the time grows faster than the number of bodies."""
+"""Largest number of bodies of a scene whose file may omit states of bodies. To assemble a chain of
+20 bodies takes 20 s, and the time grows faster than their number."""
 FilePath: TypeAlias = str | PathLike[str]
 
 

@@ -96,8 +96,7 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model. If files of shapes are missing, all shapes are left out, provided that
-    the file gives the inertias."""
+    """Return MuJoCo's model; without shapes if files are missing and the inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:

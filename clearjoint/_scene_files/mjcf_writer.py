@@ -68,11 +68,9 @@ from .mjcf import Model, mujoco_package
 from .robot import Robot, variables_of
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
-"""`solimp` of flanks, with the smallest impedance that MuJoCo accepts, and of other constraints and
-of dry friction, which would creep."""
+"""`solimp` of flanks, with MuJoCo's smallest impedance, and of constraints and dry friction."""
 QUICK = "0.0001 1"
-"""`solref` of equality constraints and of dry friction. MuJoCo takes at least two time steps as the
-first number, s."""
+"""`solref` of equality constraints and of dry friction; MuJoCo takes at least two time steps, s."""
 LARGEST_PENETRATION = 0.1
 """Penetration up to which a linear law replaces that of flanks, over the play."""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
@@ -280,7 +278,7 @@ class MjcfWriter:
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of the second body of an element
         relative to the first, about or along an axis of the first, by default that of the first
-        joint between them; all must have this axis. `name`: of a new tendon."""
+        joint between them."""
         first, second = element.pair()
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):

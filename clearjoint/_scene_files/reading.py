@@ -41,8 +41,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, of a rotation about an axis: a table with the keys
-    `axis` and `angle` may replace them in a file."""
+    """Return the Euler parameters, scalar first, which a table of `axis` and `angle` may
+    replace."""
     return tuple(rotation(axis, angle).tolist())
 
 
@@ -128,8 +128,7 @@ class Reader:
         other_keys: tuple[str, ...] = (),
     ) -> PyTree:
         """Make an object by calling a class or static method with the entries of a table.
-        `other_keys`, which error messages list too, are keys of the file that `content` lacks
-        because the caller reads them."""
+        `other_keys` of the file, which the caller reads, are listed in messages too."""
         signature = arguments(make)
         values = {}  # arguments as Python values
         for name, item in content.items():
@@ -195,9 +194,8 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number in a text such as "0.3 mm", converted to the SI unit `unit`; if that is
-    ``None``, the text must have no unit. The result is rounded only once, so that "0.3 mm" gives
-    the same float as 3e-4."""
+    """Return the number in a text such as "0.3 mm" in the SI unit `unit`, ``None`` for no unit; it
+    is rounded only once, so that "0.3 mm" gives the same float as 3e-4."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

@@ -57,8 +57,7 @@ NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
-"""Largest distance, rad or m, of a given position of a joint that follows another from where it
-follows to."""
+"""Largest distance, rad or m, of a given position of a follower from that which follows."""
 
 
 class HasStates(Protocol):
@@ -203,8 +202,7 @@ class Robot:
         return ideal.first, ideal.second, np.asarray(axis)
 
     def _places(self) -> list[Place]:
-        """Return the bodies with the parent and the joint by which the tree of the robot carries
-        them, each after its parent."""
+        """Return the bodies with their parents and joints, each after its parent."""
         return [Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
 
     def _ideal(self, argument: str, name: str) -> HingeOrSlider:
@@ -424,8 +422,8 @@ class Robot:
 
 
 def variables_of(branches: Iterable[TreeBranch], state: State) -> dict[str, PyTree]:
-    """Return a `JointState` for each body on a joint, and a `BodyState` for each free one, by name,
-    with an array for each scalar if the state has arrays (..., 3)."""
+    """Return a `JointState` for each body on a joint, and a `BodyState` for each free one, by name;
+    numbers of states at N times are arrays (N,)."""
     poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
     for branch in branches:
         body = _in_scalars(state.bodies[branch.body])

@@ -83,8 +83,8 @@ FAR = 1e3
 FRICTION = ElastoPlastic(
     breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
 )
-"""Law of the dry friction of joints: they stick, without any drift at up to 0.7 of the friction,
-and yield by 1e-4 rad or m before they slip."""
+"""Law of the dry friction of joints: they stick without drift at up to 0.7 of the friction, and
+yield by 1e-4 rad or m before they slip."""
 
 
 class Elements:
@@ -140,8 +140,8 @@ def scene_of(
     friction: FrictionLaw | None,
     gravity: TripleLike | None,
 ) -> tuple[Scene, State, Elements]:
-    """Return the scene of a robot, its state at rest with all joints at zero, and its elements; see
-    `load_robot` for the arguments."""
+    """Return the scene of a robot, its state with all joints at zero, and its elements; see
+    `load_robot`."""
     location = tree.location
     hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
     play = {
@@ -359,9 +359,8 @@ def spring_of(
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
-    """Add stops at the limits of hinges and sliders, with the user's arguments `stops[joint]`. A
-    stop is an element with clearance whose play is the range of the joint: a `Backlash` of a hinge,
-    a `PinInSlot` with ends of a slider."""
+    """Add stops at the limits of joints: a `Backlash` of a hinge, or a `PinInSlot` with ends of a
+    slider, whose play is the range of the joint."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
     ranges = {

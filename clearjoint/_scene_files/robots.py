@@ -76,8 +76,8 @@ class LinkPose:
 
 
 class Inertial(NamedTuple):
-    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the inertia tensor (3, 3),
-    kg m^2, about the centre in the link's axes; None if unknown."""
+    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the tensor (3, 3), kg m^2,
+    about the centre in the link's axes; None if unknown."""
 
     mass: float
     centre: np.ndarray
@@ -165,9 +165,8 @@ class Actuator:
 
 
 class Content(NamedTuple):
-    """Content of a robot's file: links and joints in its order, and the names of those with an
-    element that a scene lacks, by the element's title in messages; no names for elements of the
-    robot itself."""
+    """Content of a robot's file; `omitted`: names of links and joints with an element that a scene
+    lacks, by its title in messages, none for elements of the robot itself."""
 
     links: list[RobotLink]
     joints: list[RobotJoint]
@@ -302,8 +301,7 @@ class LinkTree:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Convert a point, (3,) m, from the frame of the carrier's first link to body axes, whose
-        origin is the centre of mass."""
+        """Convert a point, (3,) m, from the frame of the carrier's first link to body axes."""
         x, y, z = rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 

@@ -131,8 +131,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
-    Without shapes, any are allowed, and true and false too, since a flag has none."""
+    """Return the schemas of arrays of the given shapes; without shapes, true and false are allowed
+    too."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

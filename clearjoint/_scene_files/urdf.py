@@ -65,8 +65,8 @@ def root_tag(content: bytes) -> str:
 
 
 def _root(content: bytes, location: FileLocation) -> Element:
-    """Return the element <robot> of a URDF file. Namespaces are ignored, as by other readers of
-    URDF: tags and attributes keep their prefixes, and a default namespace has no effect."""
+    """Return the element <robot>. As in other readers of URDF, tags and attributes keep the
+    prefixes of namespaces, and a default namespace has no effect."""
     parser, builder = expat.ParserCreate(), TreeBuilder()
     parser.StartElementHandler = builder.start
     parser.EndElementHandler = builder.end
