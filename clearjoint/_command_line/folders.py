@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -33,10 +32,7 @@ from .._simulation.results.solution import (
     Trajectory,
     contact_label,
 )
-from .study import CLASSES, Study
-
-if TYPE_CHECKING:
-    from .robot_fitting import RobotFitStudy
+from .study import CLASSES, AbstractStudy
 
 SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
@@ -58,9 +54,7 @@ PAGE = "index.html"
 Summary = Mapping[str, str | int | float]
 
 
-def write_summary(
-    folder: Path, kind: str, study: "Study | RobotFitStudy", results: Summary
-) -> None:
+def write_summary(folder: Path, kind: str, study: AbstractStudy, results: Summary) -> None:
     """Write the results of the command `kind`, and the time, s, since the study's file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
     head = {"kind": kind, "title": study.title, "file": str(study.path)}

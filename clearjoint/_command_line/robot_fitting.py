@@ -25,7 +25,7 @@ from .._scene_files.schema import Catalogue, Schema
 from .endings import FAILED, INTERRUPTED, WELL, CommandResult, say
 from .fitting import REPORT, iteration_line, write_fit
 from .folders import write_summary, write_table
-from .study import CLASSES
+from .study import CLASSES, AbstractStudy
 
 SERVO = Expectation(classes=(Servo, Motor))
 TEMPLATE = Path(__file__).parent / "templates" / "robot_fit.toml"
@@ -71,17 +71,13 @@ def robot_fit_schema() -> Schema:
 
 
 @dataclass(frozen=True)
-class RobotFitStudy:
+class RobotFitStudy(AbstractStudy):
     robot: Robot
     log: RobotLog
     driven_by: DrivenBy
     parts: RobotFitParts
-    path: Path
+    location: FileLocation
     started: float
-
-    @property
-    def title(self) -> str:
-        return self.parts.title or self.path.stem
 
 
 def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStudy:
@@ -117,7 +113,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
         )
         start = log.start if parts.start is None else parts.start
         end = log.end if parts.end is None else parts.end
-        return RobotFitStudy(robot, log.between(start, end), driven_by, parts, path, started)
+        return RobotFitStudy(robot, log.between(start, end), driven_by, parts, location, started)
 
 
 def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
@@ -125,7 +121,7 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
     written."""
     parts = study.parts
     try:
-        with FileLocation(str(study.path)).in_errors():
+        with study.location.in_errors():
             result = fit_robot(
                 study.robot,
                 study.log,

@@ -356,14 +356,27 @@ SCENE = "scene"
 PARTS = tuple(part.name for part in fields(StudyParts))
 
 
-@dataclass(frozen=True)
-class Study:
-    """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
+class AbstractStudy:
+    """What a file says about computations: its `parts`, with a title, the `location` of the file,
+    and the value of `time.perf_counter` when it was read, s."""
 
-    - `location`: the file, for messages.
-    - `document`: tables of the file without the scene, after the changes of the command line.
-    - `started`: value of `time.perf_counter` when the file was read, s.
-    """
+    parts: PyTree
+    location: FileLocation
+    started: float
+
+    @property
+    def path(self) -> Path:
+        return Path(self.location.file)
+
+    @property
+    def title(self) -> str:
+        return self.parts.title or self.path.stem
+
+
+@dataclass(frozen=True)
+class Study(AbstractStudy):
+    """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
+    `document`: tables of the file without the scene, after the changes of the command line."""
 
     scene: Scene
     state: State
@@ -371,15 +384,6 @@ class Study:
     location: FileLocation
     document: Mapping[str, object]
     started: float = field(default_factory=time.perf_counter)
-
-    @property
-    def path(self) -> Path:
-        """Path of the file."""
-        return Path(self.location.file)
-
-    @property
-    def title(self) -> str:
-        return self.parts.title or self.path.stem
 
     def settings(self, section: str) -> Settings:
         """Return the settings in a section: those of its preset, with the entries of its
