@@ -9,6 +9,7 @@ from jaxtyping import PyTree
 
 from .._fields.cautions import quiet
 from .._fields.checks import as_number, require, require_positive, require_type
+from .._math.vectors import Scalar
 from .._model.bodies import Body
 from .._model.clearance_joints.backlash import DEFAULT_RADIUS
 from .._model.contact.dashpots import SpringDashpot
@@ -69,16 +70,16 @@ class Drive:
     '0.5 deg'
     """
 
-    armature: PyTree | str = None
-    ratio: PyTree | str = 1.0
-    play: PyTree | str = None
-    stiffness: PyTree | str = None
-    damping: PyTree | str = None
-    restitution: PyTree | str = None
-    friction: PyTree | str = None
-    viscosity: PyTree | str = None
-    loss: PyTree | str = None
-    link_friction: PyTree | str = None
+    armature: Scalar | str | None = None
+    ratio: Scalar | str = 1.0
+    play: Scalar | str | None = None
+    stiffness: Scalar | str | None = None
+    damping: Scalar | str | None = None
+    restitution: Scalar | str | None = None
+    friction: Scalar | str | None = None
+    viscosity: Scalar | str | None = None
+    loss: Scalar | str | None = None
+    link_friction: Scalar | str | None = None
     law: FrictionLaw = FRICTION
 
 

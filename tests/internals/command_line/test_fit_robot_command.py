@@ -1,15 +1,17 @@
 """The command `clearjoint fit-robot` and its file."""
 
 import math
+import tomllib
 
 import jax
+import jsonschema
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import clearjoint as cj
 from clearjoint._command_line.program import clearjoint
-from clearjoint._command_line.robot_fitting import read_robot_fit
+from clearjoint._command_line.robot_fitting import TEMPLATE, read_robot_fit, robot_fit_schema
 from studies.robots.geared_joint import URDF, GearedJoint, log_table, swinging
 
 JOINT = GearedJoint()
@@ -88,6 +90,16 @@ def test_a_servo_of_the_file_is_that_of_the_joints_motor(tmp_path):
         paths[2].write_text(written.replace(before, after))
         with pytest.raises(ValueError, match=message):
             read_robot_fit(*paths)
+
+
+def test_the_schema_admits_the_example():
+    schema, example = robot_fit_schema(), tomllib.loads(TEMPLATE.read_text())
+    jsonschema.validate(example, schema)
+    example["driven_by"]["elbow"] = {"kind": "Servo", "target": 0, "rate": 200}
+    jsonschema.validate(example, schema)
+    for section, entry in (("driven_by", 3), ("driven_by", "torques"), ("drives", {"plays": 1})):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(example | {section: {"elbow": entry}}, schema)
 
 
 @pytest.mark.slow
