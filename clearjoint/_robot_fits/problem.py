@@ -16,12 +16,7 @@ from .._measurements.series import Measurements, Series
 from .._model.bodies import State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.contact.friction import RegularisedCoulomb
-from .._model.drives.drivers import (
-    AbstractDriveTorque,
-    DriveTorque,
-    PrescribedAngle,
-    PrescribedTranslation,
-)
+from .._model.drives.drivers import AbstractDriveTorque, DriveTorque
 from .._model.drives.functions_of_time import PiecewiseConstant, Spline
 from .._model.drives.servo import Servo
 from .._model.forces import TorsionalSpring
@@ -36,7 +31,7 @@ from .._scene_files.documents import FileLocation
 from .._scene_files.drive_train import COMPLIANCE, motor_name
 from .._scene_files.reading import number_of_text
 from .._scene_files.robot import Robot
-from .._scene_files.robot_elements import BACKLASH, Element, friction_of
+from .._scene_files.robot_elements import BACKLASH, Element, friction_of, prescribed
 from ..quantities.base import AbstractQuantity, Instant, Quantity
 from ..quantities.drives import MotorTorque
 from ..quantities.joints import JointAngle, Multiplier
@@ -227,8 +222,7 @@ def backlash_name(joint: str) -> str:
 
 def motor_of(robot: Robot, joint: str) -> str:
     """Return the name of the motor's joint: the joint itself if the two don't turn apart."""
-    motor = motor_name(joint)
-    return motor if joint in robot.drives and motor in robot.scene.joints else joint
+    return robot._motors().get(joint, joint)
 
 
 def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
@@ -331,12 +325,9 @@ def is_hinge(robot: Robot, joint: str) -> bool:
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
     """Return the motor of a joint, or the joint of a motor, if it exists and is not logged."""
-    for joint in robot.drives:
-        pair = joint, motor_of(robot, joint)
-        if name in pair and pair[0] != pair[1]:
-            other = pair[1] if name == joint else joint
-            return None if other in log.angles else other
-    return None
+    motors = robot._motors()
+    other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
+    return None if other in log.angles else other
 
 
 def _begins_at_rest(samples: Logged) -> bool:
@@ -416,17 +407,16 @@ def _following(
     part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
     expected, remedy = f"what the log has for {name!r}", f"pass {part} of {name!r} to the log"
     require(name in getattr(log, part), argument, mode, expected, remedy)
-    ideal, ends = robot.scene.joints[motor], robot.motor_side(joint)
-    if mode == "angle" and isinstance(ideal, PrismaticJoint):
-        points = ideal.point_first, ideal.point_second
-        return PrescribedTranslation(*ends[:2], *points, ends[2], positions[motor])
     if mode == "angle":
-        return PrescribedAngle(*ends, positions[motor])
+        ideal = robot.scene.joints[motor]
+        assert isinstance(ideal, HingeOrSlider)
+        return prescribed(ideal, positions[motor])
     _require_unit(f"log.torques[{joint!r}]", log.torques[joint], "N m")
     remedy = "drive the slider by its position, or add the load to the robot's scene"
     require(is_hinge(robot, joint), argument, mode, "of a hinge", remedy)
     make = PiecewiseConstant if mode == "held torque" else Spline.through
-    return DriveTorque(*ends, make(log.torques[joint].times, log.torques[joint].values))
+    torque = make(log.torques[joint].times, log.torques[joint].values)
+    return DriveTorque(*robot.motor_side(joint), torque)
 
 
 RESISTANCES = "friction", "damping", "link friction"

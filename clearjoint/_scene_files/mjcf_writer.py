@@ -35,7 +35,7 @@ from .._dynamics.joint_coordinates.trees import (
     TreeBranch,
     topology,
 )
-from .._fields.cautions import NotCarriedOverWarning, caution, quiet
+from .._fields.cautions import quiet
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
 from .._math.smoothing import wrapped
@@ -62,10 +62,10 @@ from .._model.scene import Scene
 from .._simulation.run.run_checks import check_precision
 from .._simulation.run.wall_impact import free_impact
 from .documents import FileLocation, listed
-from .drive_train import motor_name
 from .files import FilePath
 from .mjcf import Model, mujoco_package
 from .robot import Robot, variables_of
+from .robots import warn_of_omitted
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
 """`solimp` of flanks, with MuJoCo's smallest impedance, and of constraints and dry friction."""
@@ -496,13 +496,12 @@ class MjcfWriter:
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
-            motor = motor_name(actuator.joint)
             _child(
                 self._section("actuator"),
                 "general",
                 biastype="affine",
                 name=name,
-                joint=motor if motor in joints else actuator.joint,
+                joint=robot._motors().get(actuator.joint, actuator.joint),
                 gear=actuator.gear,
                 gainprm=actuator.gain,
                 biasprm=actuator.bias,
@@ -653,9 +652,7 @@ def mjcf_of(
     elif not replaced:
         writer.require_in_place(pose)
     content = writer.finish(location, start, timestep, integrator)
-    if writer.omitted:
-        parts = (f"{title} of {', '.join(names)}" for title, names in writer.omitted.items())
-        caution(f"{location}: not carried over: {'; '.join(parts)}.", NotCarriedOverWarning)
+    warn_of_omitted(location, writer.omitted)
     return writer, content
 
 

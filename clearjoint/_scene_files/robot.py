@@ -20,7 +20,7 @@ from .._dynamics.joint_coordinates.trees import (
     Place,
     TreeBranch,
 )
-from .._fields.cautions import NotCarriedOverWarning, caution, quiet
+from .._fields.cautions import quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, pack, unpack
@@ -47,6 +47,7 @@ from .robots import (
     LinkTree,
     Mimic,
     Options,
+    warn_of_omitted,
 )
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
@@ -187,9 +188,7 @@ class Robot:
         **Raises:** `ValueError` if no hinge or slider has this name.
         """
         first, second, axis = self.link_side(joint)
-        motor = self.scene.joints.get(motor_name(joint))
-        is_apart = joint in self.drives and isinstance(motor, HingeOrSlider)
-        return first, rotor_name(joint) if is_apart else second, axis
+        return first, rotor_name(joint) if joint in self._motors() else second, axis
 
     def link_side(self, joint: str) -> tuple[str, str, np.ndarray]:
         """Return the names of the joint's first and second body, and the axis, (3,) in the first
@@ -656,9 +655,13 @@ def load_robot(
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     scene, state, elements = scene_of(tree, content.loops, play, stops, friction, acceleration)
     robot = _robot(tree, scene, state, elements, content)
-    omitted = _not_carried_over(tree, content.omitted | elements.omitted)
-    if omitted:
-        caution(f"{path}: not carried over: {omitted}.", NotCarriedOverWarning)
+    omitted = content.omitted | elements.omitted
+    grounded = [name for name, carrier in tree.carriers.items() if carrier.body == GROUND]
+    inertials = {name: tree.links[name].inertial for name in grounded}
+    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
+    if massive:
+        omitted["inertia of the fixed links"] = massive
+    warn_of_omitted(path, omitted)
     return robot
 
 
@@ -692,12 +695,3 @@ def _robot(
         state,
         elements.mimics,
     )
-
-
-def _not_carried_over(tree: LinkTree, omitted: Mapping[str, list[str]]) -> str:
-    grounded = [name for name, carrier in tree.carriers.items() if carrier.body == GROUND]
-    inertials = {name: tree.links[name].inertial for name in grounded}
-    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
-    listed_parts = {**omitted} | ({"inertia of the fixed links": massive} if massive else {})
-    named = [f"{title} of {', '.join(names)}" for title, names in listed_parts.items() if names]
-    return "; ".join([*named, *sorted(title for title, names in listed_parts.items() if not names)])

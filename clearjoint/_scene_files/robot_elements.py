@@ -21,7 +21,7 @@ from .._model.clearance_joints.between_walls import PinInSlot
 from .._model.clearance_joints.clearance import ClearanceJoint, FixedAxially
 from .._model.contact.friction import ElastoPlastic, FrictionLaw
 from .._model.drives.drivers import PrescribedAngle, PrescribedTranslation
-from .._model.drives.functions_of_time import Polynomial
+from .._model.drives.functions_of_time import FunctionOfTime, Polynomial
 from .._model.forces import Bushing, TorsionalSpring
 from .._model.joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
 from .._model.joints.couplings import HingeOrSlider, JointCoupling
@@ -302,13 +302,14 @@ def _add_couplings(elements: Elements) -> None:
         leader = elements.scalar(mimic.leader or "")
         with at.in_errors():
             if leader is None:
-                coupling = _constant(follower, mimic.coefficients[0])
+                coupling = prescribed(follower, mimic.coefficients[0])
             else:
                 coupling = JointCoupling(leader, follower, Polynomial(mimic.coefficients))
         elements.add(coupling, name, "coupling")
 
 
-def _constant(joint: HingeOrSlider, position: float) -> AbstractConstraint:
+def prescribed(joint: HingeOrSlider, position: FunctionOfTime) -> AbstractConstraint:
+    """Return the driver that makes the position of a joint a function of time."""
     if isinstance(joint, RevoluteJoint):
         return PrescribedAngle(joint.first, joint.second, joint.axis_first, position)
     ends = joint.first, joint.second, joint.point_first, joint.point_second

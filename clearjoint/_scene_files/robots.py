@@ -409,6 +409,14 @@ def _require_possible(
         at.refuse(actual, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
 
 
+def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
+    """Warn of what is not carried over: names by title, none for elements of the whole file."""
+    parts = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
+    parts += sorted(title for title, names in omitted.items() if not names)
+    if parts:
+        caution(f"{file}: not carried over: {'; '.join(parts)}.", NotCarriedOverWarning)
+
+
 def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
     elements = list(elements)
     for name, number in Counter(element.name for element in elements).items():
