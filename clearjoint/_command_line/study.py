@@ -62,13 +62,9 @@ Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "
 class RunPart:
     """The section [run]: settings and outputs of a run.
 
-    - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
-    - `save_every`: time between two saved states, s; by default a thousandth of the duration.
-    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
-      the preset.
-    - `outputs`: quantities, evaluated at the saved states; reductions such as `Peak`, which give
-      numbers of the whole run; a `Section`, an `ImpactTable` or `RejectedSteps`. The extremes of
-      forces and accelerations between saved states are found too.
+    - `end`: without it, the command line must give it. `save_every`: s, by default a thousandth of
+      the duration. `settings`: entries that replace those of the `preset`.
+    - `outputs`: extremes of forces and accelerations between saved states are found too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
     """
 
@@ -107,10 +103,9 @@ class RunPart:
 class AxisPart:
     """The values that a number of the scene or of the initial state takes in a sweep.
 
-    - `path`: a path, or a list of paths, whose numbers all get the same value.
-    - `values`: the list of values. Without it there are `count` values from `start` to `stop`, at
-      equal differences or, if `spacing` is "geometric", equal ratios. Each value is a number in SI
-      units, or a text with a unit.
+    - `path`: of one number, or of several, which all get the same value.
+    - `values`: numbers in SI units, or texts with units; without them `count` values from `start`
+      to `stop`, at equal differences or, if `spacing` is "geometric", equal ratios.
     """
 
     path: str | Sequence[str]
@@ -136,15 +131,10 @@ class AxisPart:
 class SweepPart:
     """The section [sweep]: runs with different numbers of the scene, and outputs of each.
 
-    - `axes`: numbers that vary, with their values, by name.
-    - `outputs`: as in [run]. Quantities are evaluated at the times of `save_every` in [run]. The
-      Poincaré sections of [run] are computed too.
-    - `end`: end of the runs, s; by default the `end` of [run], at whose `start` they begin.
-    - `preset`, `settings`: as in [run], from which they are taken if neither is given.
-    - `zipped`: whether lane k has the k-th value of every axis. By default there is a lane for each
-      combination of values.
-    - `chunk`: number of lanes that are stored together; by default a sixteenth of all lanes, at
-      most 256.
+    - `outputs`: quantities are evaluated at the times of `save_every` in [run], whose Poincaré
+      sections are computed too. `end`, `preset`, `settings`: by default those of [run].
+    - `zipped`: whether lane k has the k-th value of every axis, in place of all combinations.
+    - `chunk`: lanes that are stored together; by default a sixteenth of all lanes, at most 256.
     """
 
     axes: Mapping[str, AxisPart]
@@ -158,8 +148,7 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured series: a column of the file of measurements, in `unit` if its header has none.
-    `noise`: standard deviation, a number in the column's unit, or a text with a unit."""
+    """A column of measurements, in `unit` if its header has none, with `noise` in it or a text."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -168,9 +157,7 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene or of the initial state to estimate. `path`: one path, or several,
-    whose numbers all get the same value; `scale`: on which it is estimated; `guess`: a number in SI
-    units or a text with a unit."""
+    """A number to estimate; several at a list of paths get the same value."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -181,13 +168,9 @@ class ParameterPart:
 class FitPart:
     """The section [fit]: parameters to estimate from measurements.
 
-    - `measurements`: path of a CSV file, relative to the study's folder. `time`: name of its column
-      of times, in `time_unit` unless the header has a unit. `comment`: character with which comment
-      lines begin; by default the file has none.
-    - `columns`: measured quantities, by the name of the column; `missing`: "drop" omits samples
-      that are not numbers, "refuse" makes them errors.
+    - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`,
+      `missing`: see `clearjoint.read_csv`; `comment`: character with which comment lines begin.
     - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
-    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
     measurements: str
@@ -207,11 +190,7 @@ class FitPart:
 
 @dataclass(frozen=True)
 class WearPart:
-    """The section [wear]: wear of joints over many cycles of a periodic motion.
-
-    The keys are arguments of `clearjoint.wear`, except for `start`, the time at which runs begin,
-    s, and `preset` and `settings`, as in [run].
-    """
+    """The section [wear]: arguments of `clearjoint.wear`, and settings as in [run]."""
 
     rates: Mapping[str, WearRates]
     cycle: Annotated[float, "s"]

@@ -162,10 +162,8 @@ def function_from_csv(
     - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for switched values.
     - `path`, `time`, `time_unit`, `options`: as in `read_csv`.
 
-    **Raises:** `ValueError` for a file that can't be read, as in `read_csv`; for a missing or
-    repeated column, fewer than two rows, values or times that are not finite numbers, dates and
-    truth values, times that don't rise strictly, and an unknown unit or one of another dimension.
-    `OSError` for a file that does not exist.
+    **Raises:** `ValueError` as `read_csv`, also for fewer than two rows and for values that are not
+    finite numbers. `OSError` for a file that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 100], "torque [N cm]": [0.0, 250.0]})

@@ -37,12 +37,8 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
     """Return the factor that converts values from a unit, any that pint knows, to the SI unit `si`,
-    and that SI unit; by default the combination of SI base units with the same dimension.
-
-    **Raises:** `ValueError` for an unknown unit, a unit of another dimension, a frequency in Hz
-    where an angular speed is expected, a unit that is not a multiple of the SI unit, such as a
-    level in dB, and a unit that is too long or has too large powers to be converted quickly.
-    """
+    and that SI unit; by default the combination of SI base units with the same dimension. Units of
+    other dimensions, levels in dB, Hz for angular speeds and very long units are refused."""
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()
