@@ -27,8 +27,7 @@ from .study import Study
 
 
 def description(study: Study) -> Iterator[str]:
-    """Yield the lines in which `clearjoint check` describes a study; a `ValueError` for what can't
-    run."""
+    """Yield lines that describe a study; a `ValueError` for what can't run."""
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
     # The lines about the scene come first, so that they are printed even if a check below raises an
@@ -151,8 +150,7 @@ PLACEHOLDERS = {
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return the texts of a mechanism's scene file and study file, with the names of these
-    files."""
+    """Return the texts of a mechanism's scene file and study file with these names."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
@@ -166,8 +164,7 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
-    """Write the scene file and the study file of a mechanism, unless one exists; return their
-    paths."""
+    """Write both example files of a mechanism, unless one exists; return their paths."""
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)

@@ -38,8 +38,7 @@ SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
 """Files of the scene with its initial state, and with the state at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
-"""Tables of a run: the saved states; forces, accelerations and energies; impacts; and
-quantities."""
+"""Tables of a run: saved states; forces, accelerations and energies; impacts; quantities."""
 DRAWN = "drawn"
 """NetCDF file of a run's states for its figures: the saved ones, and others between these."""
 NUMBERS = "numbers.csv"
@@ -109,8 +108,7 @@ def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
 
 
 def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Dataset | None:
-    """Return the dataset in a file, ``None`` without the file; a `ValueError` if it lacks a
-    `needed` name."""
+    """Return a dataset, ``None`` without its file; a `ValueError` if it lacks a `needed` name."""
     path = folder / f"{name}.nc"
     if not path.exists():
         return None

@@ -256,8 +256,7 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder, with further `parts` in HTML; it loads nothing from the
-    network."""
+    """Write the HTML page of a folder, with further `parts`; it loads nothing from the network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 

@@ -117,8 +117,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
 
 
 def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
-    """Fit the joints of a robot, and write the results to a folder; after Ctrl-C nothing is
-    written."""
+    """Fit a robot and write the results to a folder; after Ctrl-C nothing is written."""
     parts = study.parts
     try:
         with study.location.in_errors():

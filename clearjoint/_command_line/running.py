@@ -116,8 +116,7 @@ def divided(times: np.ndarray, parts: int) -> np.ndarray:
 def _simulated(
     study: Study, settings: Settings, extremes: Mapping[str, AbstractReduction], times: np.ndarray
 ) -> tuple[Solution, int]:
-    """Return the solution of a study's run, also of a failed or interrupted one, and the exit
-    code."""
+    """Return the solution of a run, also of a failed or interrupted one, and the exit code."""
     part = study.parts.run
     # Quantities are computed after the run, so that they don't change a bit of its states.
     recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
@@ -158,8 +157,7 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return two reductions by name for each output with a unit in `SHARP`; none without dense
-    output."""
+    """Return two reductions for each output with a unit in `SHARP`; none without dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -182,8 +180,7 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
 def write_results(
     study: Study, solution: Solution, extremes: Mapping[str, AbstractReduction], folder: Path
 ) -> tuple[float, str]:
-    """Write the tables of a run with saved states; return the largest force of a contact, N, and
-    its label."""
+    """Write the tables of a run; return the largest force of a contact, N, and its label."""
     observed = observe(study.scene, solution)
     formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
     motion = solution.to_xarray().assign_attrs(formulation)

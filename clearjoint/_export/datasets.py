@@ -115,8 +115,7 @@ def labelled_dataset(
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts also if there are none; `np.asarray` would return
-    floats."""
+    """Return labels as an array of texts; without any, `np.asarray` would return floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 
@@ -205,8 +204,7 @@ def header(name: str, attributes: dict) -> str:
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
     """Return a data frame with a row for each label along a dimension, by default the first, and a
     column for each combination of labels along the others, such as "arm.position.x [m]". Arrays
-    without the dimension are left out. Numbers with "flag_meanings" become these texts, or
-    digits."""
+    without the dimension are left out; numbers with "flag_meanings" become texts."""
     import pandas as pd
 
     rows = next(iter(map(str, dataset.sizes))) if rows is None else rows

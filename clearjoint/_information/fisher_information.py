@@ -169,6 +169,6 @@ def _equilibrated(
 
 
 def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """For each singular value, the largest first: whether the data don't determine its
-    combination."""
+    """Whether the data don't determine the combination of each singular value, the largest
+    first."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

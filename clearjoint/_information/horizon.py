@@ -274,8 +274,7 @@ def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.n
 def _near(
     run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
 ) -> Sensitivities:
-    """Return a copy of a run whose periodic outputs are shifted by whole periods towards a
-    reference run."""
+    """Return a run whose periodic outputs are shifted by whole periods towards a reference run."""
     values = dict(run.outputs)
     for name, output in outputs.items():
         if (period := getattr(output, "period", None)) is not None:

@@ -293,8 +293,7 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame":
-    """Read a Parquet file, in which columns of lists become columns "state.0", "state.1" and so
-    on."""
+    """Read a Parquet file; columns of lists become columns "state.0", "state.1" and so on."""
     import pandas as pd
 
     try:

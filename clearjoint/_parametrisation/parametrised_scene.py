@@ -186,9 +186,8 @@ def parametrised(
 
 class DirectedScene(AbstractSceneFamily):
     """A scene and its initial state, in which any number of parameters set numbers, with
-    derivatives along one direction. `values`, `direction`: arrays or PyTrees of them by name of the
-    parameter, SI; `base`: before any change; `changes`: names of parameters, and the functions that
-    set them."""
+    derivatives along one direction. `values`, `direction`: arrays or PyTrees of them by name, SI;
+    `base`: before any change; `changes`: names of parameters with the functions that set them."""
 
     values: dict[str, PyTree]
     direction: dict[str, PyTree]

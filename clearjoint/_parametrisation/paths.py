@@ -50,9 +50,8 @@ class Number:
 
 
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
-    """Return the locations of the numbers that a path selects in a scene or state; a `ValueError`
-    for unknown names, computed values and whole elements. Whether an array has the component is not
-    checked."""
+    """Return the locations of the numbers that a path selects; a `ValueError` for unknown names,
+    computed values and whole elements. Whether an array has the component is not checked."""
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
         # locations instead of values.

@@ -54,8 +54,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ROUNDS = 3
-"""Largest number of fits, each with the parameters that the log determines by the last
-estimates."""
+"""Largest number of fits, each with the parameters that the log determines by the last one."""
 NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
 ENDS = -0.7, 0.7
 """Places in a play, from -1 to 1, from which a fit also starts."""
@@ -390,7 +389,7 @@ def _best_fit(
     options: Mapping[str, PyTree],
 ) -> Fit:
     """Return the fit with the lowest chi squared, with all searches: from several starts and,
-    unless the user has given windows to `grow`, of the whole log and of windows, and from other
+    unless the user has given windows to `grow`, of the whole log, of windows and from other
     plays."""
     # Chi squared may have a minimum at either end of a play in which a side starts.
     places = _of_kind(problem, parameters, IN_PLAY)
@@ -467,8 +466,7 @@ def _windows(
 
 
 def _doubled(problem: RobotProblem, share: float) -> list[float]:
-    """Return ends of windows, each twice as long as the one before; the first is a share of the
-    log."""
+    """Return ends of windows, each twice as long as the one before; the first is a `share`."""
     start, end = problem.log.start, float(problem.measurements.times()[-1])
     ends = []
     while 0.0 < share < 1.0:

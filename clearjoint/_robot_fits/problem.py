@@ -56,16 +56,13 @@ Start: TypeAlias = float | str | None
 """Number or text with a unit from which a fit starts."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
 COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
-"""Law of a friction that the robot lacks, over its load, which allows longer steps than
-bristles."""
+"""Law of a friction that the robot lacks, over its load; it allows longer steps than bristles."""
 SHARE = 0.1
-"""Share of the largest logged torque with which the fit of an unknown friction or damping
-starts."""
+"""Share of the largest logged torque with which the fit of a friction or damping starts."""
 FACTOR = 100.0
 """Change of a speed at the start, 1/s, that counts as typical, over the noise of the position."""
 STILL = 1.5
-"""Standard deviation of positions, over their noise, up to which a joint counts as at rest in a
-log."""
+"""Standard deviation of positions, over their noise, up to which a joint counts as at rest."""
 REST = 10
 """Number of samples for which a joint must be at rest in the beginning to start at rest."""
 SLOPE = 3.3
@@ -98,8 +95,7 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia so that the moment about an axis has a value, kg
-    m^2."""
+    """Function that scales a body's inertia to a moment about an axis, kg m^2."""
 
     body: str
     axis: tuple[float, ...]
@@ -133,8 +129,7 @@ class FlankStiffness:
 @dataclass(frozen=True)
 class StartOfJoint:
     """Function that gives a joint a position, or a speed, at the start. `follower` is the other
-    side of its drive train, if it is not logged: it starts where it carries the `load`, N m or
-    N."""
+    side of its drive train, if it is not logged; it carries the `load`, N m or N."""
 
     robot: Robot
     joint: str
@@ -294,8 +289,7 @@ def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
     """Return the parameters of the start of a joint, by the joint and what it is of it; the place
-    in the play of the other side of its drive train only unless that is logged or pressed to a
-    flank."""
+    of the other side in the play only unless that is logged or pressed to a flank."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, load = _other_side(robot, log, name), 0.0
@@ -343,8 +337,7 @@ def _begins_at_rest(samples: Logged) -> bool:
 def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
-    """Return the torque or force with which a motor holds its link; zero if its sign is
-    uncertain."""
+    """Return the load with which a motor holds its link; zero if its sign is uncertain."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     loads = [

@@ -36,15 +36,13 @@ SHORT.maxstring = SHORT.maxother = 60
 
 def split(text: str) -> tuple[str, ...]:
     """Return the keys and indices of a path as texts: ("joints", "pin", "axis", "0") for
-    "joints.pin.axis[0]" or "joints['pin'].axis[0]". Characters that don't belong to a path are
-    skipped."""
+    "joints.pin.axis[0]" or "joints['pin'].axis[0]". Other characters are skipped."""
     names = map("".join, KEY.findall(text))
     return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the result of `split`; a `ValueError` for a path that is empty or has other
-    characters."""
+    """Return the result of `split`; a `ValueError` for other characters and an empty path."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -65,8 +63,7 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return as many of the first `keys` as lead to an entry of `content`, with indices as
-    integers."""
+    """Return as many of the first `keys` as exist in `content`, with indices as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:

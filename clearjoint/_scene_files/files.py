@@ -52,8 +52,7 @@ class Writer:
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
         """Return the arguments with which the constructor makes an object again. Left out are those
-        whose value and default are ``None`` or empty, and those with a default but without a
-        field."""
+        whose value and default are ``None`` or empty, and those with a default but no field."""
         kind = type(instance)
         if not is_of_package(kind):
             self.user_classes.add(kind)

@@ -245,8 +245,7 @@ def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
 
 
 def _resisted(model: Model) -> list[str]:
-    """Return the names of balls and free joints with properties that only hinges and sliders have
-    here."""
+    """Return the names of balls and free joints with what only hinges and sliders have here."""
     resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
     names = []
     for j in range(model.njnt):

@@ -41,8 +41,7 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, which a table of `axis` and `angle` may
-    replace."""
+    """Return the Euler parameters for which a table of `axis` and `angle` may stand."""
     return tuple(rotation(axis, angle).tolist())
 
 

@@ -140,8 +140,7 @@ def scene_of(
     friction: FrictionLaw | None,
     gravity: TripleLike | None,
 ) -> tuple[Scene, State, Elements]:
-    """Return the scene of a robot, its state with all joints at zero, and its elements; see
-    `load_robot`."""
+    """Return the scene of a robot (see `load_robot`), its state at zero, and its elements."""
     location = tree.location
     hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
     play = {

@@ -131,8 +131,7 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of the given shapes; without shapes, true and false are allowed
-    too."""
+    """Return the schemas of arrays of given shapes; without shapes, flags are allowed too."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

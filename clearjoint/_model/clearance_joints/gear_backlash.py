@@ -76,8 +76,8 @@ class MeshCycle:
     factor: tuple[Scalar, Scalar] | None
 
     def varied(self, gap: Gap, side: float, law: AbstractContactLaw) -> tuple[Gap, SideForce]:
-        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`. The
-        depth of `gap` includes the transmission error, its rate does not; `law`: without the
+        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`. Of
+        `gap`, the depth includes the transmission error, the rate does not; `law` is without the
         factor."""
         slope = elastic = ZERO
         if self.error_slope is not None:

@@ -131,8 +131,8 @@ class GearJoint(AbstractConstraint):
 
 
 class ScrewMotion(AbstractTurning):
-    """Rotation by an angle about an axis, with an advance of `pitch`, m/rad, on which all
-    revolutions count."""
+    """Rotation about an axis, with an advance of `pitch`, m/rad. The angle counts all
+    revolutions."""
 
     pitch: Scalar
 
@@ -155,8 +155,7 @@ class ScrewMotion(AbstractTurning):
 
 
 def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of the shortest rotation from `second` to
-    `first`."""
+    """Return Euler parameters, not normalised, of the shortest rotation to `first`."""
     vector = second.cross(first)
     return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
 
