@@ -68,7 +68,8 @@ from .robot import Robot, variables_of
 from .robots import warn_of_omitted
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
-"""`solimp` of flanks, with MuJoCo's smallest impedance, and of constraints and dry friction."""
+"""`solimp` of flanks, with the smallest impedance, and of what would creep: constraints,
+friction."""
 QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction; MuJoCo takes at least two time steps, s."""
 LARGEST_PENETRATION = 0.1
