@@ -117,6 +117,10 @@ def test_wrong_columns_are_refused():
         (lambda: cj.LogColumn.encoder("q", counts=-3), "`counts` must be positive"),
         (lambda: cj.LogColumn.current("i", torque_constant=0.0), "`torque_constant`"),
         (lambda: cj.RobotLog.read(pd.DataFrame(GOOD)), "`angles` must be columns by joint"),
+        (
+            lambda: cj.RobotLog.read(pd.DataFrame(GOOD), angles={"elbow": "q"}, missing="omit"),
+            "`missing` must be one of .'refuse', 'drop'., but is 'omit'",
+        ),
     ):
         with pytest.raises(ValueError, match=message):
             make()
