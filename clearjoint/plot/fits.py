@@ -1,9 +1,7 @@
 """Draw fits to measurements, the accuracy of estimated parameters, and the length of record that a
 single run can fit."""
 
-from collections.abc import Collection, Iterable
-from functools import cached_property
-from typing import Protocol
+from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
@@ -12,10 +10,10 @@ from matplotlib.axes import Axes
 
 from .._fields.checks import require
 from .._fields.drawn_text import shown
+from .._identification.fit import Fit
 from .._information.analysis import Identifiability
 from .._information.error_growth import DISTURBANCE
 from .._information.horizon import FitHorizon
-from .._measurements.series import Measurements
 from .style import (
     BLUE,
     DARK,
@@ -30,37 +28,7 @@ from .style import (
 )
 
 
-class FittedModel(Protocol):
-    """The properties of `clearjoint.results.Fit` that figures show: a protocol, so that figures do
-    not import the identification of parameters."""
-
-    @property
-    def measurements(self) -> Measurements:
-        """Measured series, by name."""
-        ...
-
-    @property
-    def parameters(self) -> Collection[str]:
-        """Names of the parameters, in the order of `correlation`."""
-        ...
-
-    @cached_property
-    def predictions(self) -> dict[str, np.ndarray]:
-        """Predicted values (N,) at the N sample times of each series, in its SI unit."""
-        ...
-
-    @cached_property
-    def residuals(self) -> dict[str, np.ndarray]:
-        """(prediction - measured value) / noise, (N,), of each series."""
-        ...
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """Correlation coefficients (p, p) of the errors of the p estimated parameters."""
-        ...
-
-
-def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
+def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     """Draw each measured series over time with the fitted prediction, and below it the residuals,
     divided by the noise. The grey band, from -2 to 2, should contain 95 % of them.
 
@@ -96,7 +64,7 @@ def fitted(fit: FittedModel, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: FittedModel, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
+def _draw(fit: Fit, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
     series = fit.measurements.series[name]
     scaled_times = series.times * times.factor
     data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
@@ -112,7 +80,7 @@ def _draw(fit: FittedModel, name: str, times: ScaledValues, above: Axes, below: 
     dress(below, times.label, "residual / noise")
 
 
-def correlations(fit: FittedModel, axes: Axes | None = None) -> Axes:
+def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
     """Draw the correlation coefficients of the errors of estimated parameters as a matrix of
     coloured numbers.
 

@@ -5,40 +5,19 @@ from typing import Protocol
 
 import numpy as np
 from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
 
 from .._fields.checks import require
 from .style import BLUE, GREY, dress, legend_above
 
-
-class LoggedLoop(Protocol):
-    """Torque of a joint over its position at N times, as `clearjoint.results.Hysteresis`."""
-
-    @property
-    def position(self) -> np.ndarray:
-        """Logged positions, (N,) rad or m."""
-        ...
-
-    @property
-    def torque(self) -> np.ndarray:
-        """Logged torques, (N,) N m or N."""
-        ...
-
-    @property
-    def predicted_position(self) -> np.ndarray:
-        """Predicted positions, (N,) rad or m."""
-        ...
-
-    @property
-    def predicted_torque(self) -> np.ndarray:
-        """Predicted torques, (N,) N m or N."""
-        ...
+Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Position and torque of a joint at N times, (N,) each, as logged and then as predicted."""
 
 
 class FittedRobot(Protocol):
-    """The method of `clearjoint.results.RobotFit` that the figure shows."""
+    """The method of `clearjoint.results.RobotFit` that the figure shows; this room is beside that
+    of `RobotFit`."""
 
-    def hysteresis(self) -> Mapping[str, LoggedLoop]:
+    def hysteresis(self) -> Mapping[str, Loop]:
         """Return torque over position, by name of the joint."""
         ...
 
@@ -67,15 +46,12 @@ def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
     _, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
     axes = grid.ravel()
     for (joint, loop), drawn in zip(loops.items(), axes, strict=False):
-        _draw(joint, loop, drawn)
+        position, torque, predicted_position, predicted_torque = loop
+        drawn.plot(position, torque, ".", color=GREY, markersize=3, label="logged")
+        style = {"color": BLUE, "linewidth": 0.8, "label": "predicted"}
+        drawn.plot(predicted_position, predicted_torque, **style)
+        dress(drawn, f"position of {joint}, rad or m", "torque, N m or N")
+        legend_above(drawn, 2)
     for empty in axes[len(loops) :]:
         empty.set_visible(False)
     return axes[: len(loops)]
-
-
-def _draw(joint: str, loop: LoggedLoop, axes: Axes) -> None:
-    axes.plot(loop.position, loop.torque, ".", color=GREY, markersize=3, label="logged")
-    predicted = loop.predicted_position, loop.predicted_torque
-    axes.plot(*predicted, color=BLUE, linewidth=0.8, label="predicted")
-    dress(axes, f"position of {joint}, rad or m", "torque, N m or N")
-    legend_above(axes, 2)
