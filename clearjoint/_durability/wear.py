@@ -294,8 +294,8 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
-    """Return the cubic spline through the depths before each stage, and the number of cycles at
-    which it first reaches `depth`. The last of `depths` must be at least `depth`."""
+    """Return the cubic spline through `depths`, and the number of cycles at which it first reaches
+    `depth`, which the last of `depths` must reach."""
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(cycles, depths)
@@ -379,7 +379,6 @@ class CycleRun:
         return {name: (rate.bearing, rate.journal) for name, rate in self.rates.items()}
 
     def check(self, scene: Scene) -> None:
-        """Raise an error for wrong arguments."""
         named, expected = dict(self.rates), "of one joint at least"
         require(len(named) > 0, "rates", named, expected, "name a joint")
         supported = [n for n, joint in scene.joints.items() if isinstance(joint, ClearanceJoint)]
@@ -526,7 +525,7 @@ class _Stages:
     def first(
         scene: Scene, state: State, names: list[str], parameters: list[str], samples: int
     ) -> "_Stages":
-        """Return the stages before any run: one stage, in which no joint has worn."""
+        """Return the only stage before any run, in which no joint has worn."""
         depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
         areas = np.zeros((len(names), len(PARTS)))
         for k, name in enumerate(names):
@@ -624,7 +623,6 @@ class _Stages:
         return measured
 
     def _wears(self, run: CycleRun, scene: Scene, measured: _Measured) -> list[JointWear]:
-        """Return the wear of each joint as a function of the depths, by the run of a stage."""
         direct = np.zeros_like(self.depths[-1][1:])
         wears = _joint_wears(run, scene, measured.histories, direct.swapaxes(0, 1))
         if self.parameters:
@@ -647,7 +645,7 @@ class _Stages:
         self.failure = reason
 
     def _pressed(self, scene: Scene) -> Float[np.ndarray, " joints"]:
-        """Return the joints' largest penetrations in the last run, m, plus their `onset_offset`."""
+        """Largest penetration in the last run, m, plus `onset_offset`."""
         pressed = self.extremes[-1][:, 0].copy()
         for j, name in enumerate(self.names):
             joint = _clearance_joint(scene, name)
@@ -660,15 +658,15 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, scene: Scene, change: float) -> float:
-        """Return the number of cycles in which the depths of a joint change by a multiple of its
+        """Number of cycles in which the depths of a joint change by a multiple of its
         penetration."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
         cycles = change * self._pressed(scene) / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
 
     def _shorten(self, run: CycleRun, scene: Scene, length: float) -> bool:
-        """Replace the last stage by a shorter one, and return ``True``; or ``False`` if `cycles`
-        prescribes the stages or the depths would hardly change."""
+        """Replace the last stage by a shorter one; return whether this was possible: not if
+        `cycles` prescribes the stages, or the depths would hardly change."""
         if len(self.cycles) == 1 or run.cycles.ndim == 1:
             return False
         if length < self._cycles_to_change(scene, FIRST_CHANGE * FEWEST_CHANGE):
@@ -678,7 +676,6 @@ class _Stages:
         return True
 
     def _extrapolate(self, run: CycleRun, scene: Scene, length: float) -> None:
-        """Append the number of cycles and the depths after a stage of at most `length` cycles."""
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
         if run.cycles.ndim == 1:
@@ -725,7 +722,7 @@ class _Stages:
         return depths, reached
 
     def contacts(self) -> dict[str, tuple]:
-        """Return the variables of a store, besides the result, from which a computation goes on."""
+        """Variables of a store, besides the result, from which a computation goes on."""
         if not self.wears:
             return {}
         histories = np.stack([wear.history for wear in self.wears])
@@ -734,7 +731,6 @@ class _Stages:
         return dict(zip(CONTACTS, zip(dims, (histories, direct), strict=True), strict=True))
 
     def dataset(self) -> "xr.Dataset":
-        """Return the result of `wear`."""
         import xarray as xr
 
         depths = np.array(self.depths)
@@ -786,7 +782,6 @@ def _joint_wears(
     histories: Sequence[History] | np.ndarray,
     direct: Sequence[np.ndarray] | np.ndarray,
 ) -> list[JointWear]:
-    """Return the wear of each joint of `run` from its contacts and direct derivatives."""
     zeros = np.zeros((1, len(run.rates), len(PARTS), run.samples))
     unworn = _with_depths(scene, list(run.rates), zeros)
     rows = zip(run.rates_of_parts.items(), histories, direct, strict=True)
@@ -818,7 +813,6 @@ class _Store:
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages, run: CycleRun, scene: Scene) -> _Stages:
-        """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
         stored, remedy = _opened(self.path), "pass another folder"
@@ -853,8 +847,7 @@ def _old(path: Path) -> Path:
 
 
 def _folder(path: Path) -> Path:
-    """Return the folder that contains the store: `path` or, between the two renamings of
-    `_Store.write`, the folder to which the old store has been renamed."""
+    # Between the two renamings of `_Store.write`, only the old store is complete.
     return _old(path) if _old(path).exists() and not path.exists() else path
 
 
@@ -904,15 +897,14 @@ def _opened(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
-    """Return the state after the last run whose wear was used, or the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
     names = map(str, found["body"].values)
     return State({n: BodyState(*(v[j] for v in numbers.values())) for j, n in enumerate(names)})
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return the depths, m, or rates, m per cycle, of a result in row 0, and their derivatives by
-    the parameters, if any, in the other rows."""
+    """Return the depths or rates of a result in row 0, and their derivatives by the parameters, if
+    any, in the other rows."""
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:
@@ -924,8 +916,8 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 
 
 def _digest(scene: Scene, state: State, run: CycleRun) -> str:
-    """Return a digest of scene, state and arguments, by which a store recognises its computation.
-    It leaves out `largest_change`, `stages` and `depth`, which a user may change to continue."""
+    """Return a digest by which a store recognises its computation. It leaves out the arguments that
+    a user may change to continue, see `CycleRun`."""
     # The text of a direction may contain an address in memory, which differs from process to
     # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
@@ -944,8 +936,8 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Return a scene in which the profiles of parts with a positive wear rate are replaced by
-    periodic splines that interpolate them at `samples` angles."""
+    """Replace the profiles of parts with a positive wear rate by periodic splines that interpolate
+    them at `samples` angles."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]

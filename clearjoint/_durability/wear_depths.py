@@ -39,13 +39,12 @@ Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
 
 
 class Signal(eqx.Module):
-    """Quantity that returns a signal, one of `SIGNALS`, of a joint."""
+    """Quantity: a signal, one of `SIGNALS`, of a joint."""
 
     joint: str = eqx.field(static=True)
     name: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        """Return the signal at an instant."""
         element = now.scene.joints[self.joint]
         assert isinstance(element, ClearanceJoint)
         if self.name in PlanarAxes._fields:
@@ -61,12 +60,11 @@ class Signal(eqx.Module):
 
 
 class AllSignals(eqx.Module):
-    """All `SIGNALS` of a joint, as one quantity with an array of values."""
+    """Quantity: all `SIGNALS` of a joint, in their order."""
 
     joint: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> jax.Array:
-        """Return the signals at an instant, in the order of `SIGNALS`."""
         return jnp.stack([jnp.asarray(Signal(self.joint, name)(now)) for name in SIGNALS])
 
 
@@ -145,7 +143,6 @@ def _depths(
     signals: Mapping[str, Float[jax.Array, " T"]],
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
-    """Compute the result of `depths_from_signals`, by one program for each number of times."""
     axes = PlanarAxes(*(signals[name][:, None] for name in PlanarAxes._fields))
     radii = joint.bearing_radius, joint.journal_radius
     depths = []
@@ -182,12 +179,12 @@ def shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear of one base that falls on each angle, at each time.
 
-    The share of an angle is max(penetration + onset + extra, 0), divided by the sum of this over
-    all angles, all in m. `penetration` is that in the direction of the angle, the overlap less the
-    clearance, and `onset` the distance of the surfaces at which the force begins. A contact may be
-    so narrow that it lies between two angles. Therefore `extra` is added, by which the gap between
-    two circles is larger at one spacing of the angles, rad, from the deepest point:
-    0.5 * room * spacing^2, with the clearance and the mean deviations of the profiles as `room`.
+    It is max(penetration + onset + extra, 0), divided by the sum of this over all angles, all in m.
+    `penetration` is that in the direction of the angle, the overlap less the clearance, and `onset`
+    the distance of the surfaces at which the force begins. A contact may be so narrow that it lies
+    between two angles. Therefore `extra` is added, by which the gap between two circles is larger
+    at one spacing of the angles, rad, from the deepest point: 0.5 * room * spacing^2, with the
+    clearance and the mean deviations of the profiles as `room`.
     """
     samples = np.shape(angles)[-1]
     room, spacing = joint.clearance, 2.0 * np.pi / samples

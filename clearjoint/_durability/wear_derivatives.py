@@ -84,7 +84,6 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return scene and state for the coordinate `coordinate` + `value`."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:
@@ -134,7 +133,7 @@ def directions_of(
 
 
 def rate_name(joint: str, part: str) -> str:
-    """Return the name of a wear rate's logarithm as a parameter, such as "pin bearing rate"."""
+    """Name of a wear rate's logarithm as a parameter, such as "pin bearing rate"."""
     return f"{joint} {part} rate"
 
 

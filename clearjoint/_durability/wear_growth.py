@@ -72,8 +72,8 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the angle of the contact, and the position that the journal would have in a bearing
-    without the worn depths."""
+    """Return the angle of the contact, and the position that the journal would have without the
+    worn depths."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -102,7 +102,7 @@ def _wear(
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths per cycle that wear off a joint after other depths have worn off."""
+    """Return the depths per cycle that wear off a joint after `depths` have worn off."""
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
     along_x, along_y = _shift(depths, contact, axes)
@@ -139,7 +139,6 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the depths per cycle, and their derivatives along those of the depths."""
 
     def wear(depths: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths)
@@ -180,7 +179,7 @@ class JointWear(NamedTuple):
     direct: Float[np.ndarray, "p 2 samples"]
 
     def per_cycle(self, rows: Rows) -> Rows:
-        """Return the depths per cycle and their derivatives, from the depths and theirs."""
+        """Depths per cycle and their derivatives, from the depths and theirs."""
         per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle
@@ -194,7 +193,7 @@ class JointWear(NamedTuple):
 
     @property
     def wearing(self) -> tuple[int, ...]:
-        """Which of the two parts wear."""
+        """Indices of the parts that wear."""
         return tuple(np.flatnonzero(self.rates).tolist())
 
     def blended(self, other: "JointWear", share: float) -> "JointWear":

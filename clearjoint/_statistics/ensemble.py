@@ -28,6 +28,9 @@ from .._sweeps.axes import Axis
 from .._sweeps.outputs import NOT_OUTPUTS
 from .._sweeps.sweep import SweepOptions, sweep
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
@@ -140,7 +143,6 @@ def _component(state: State, body: str, part: str, k: int) -> float:
 
 
 def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies`."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
@@ -148,15 +150,11 @@ def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"
 def with_values(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
 ) -> tuple[Scene, State]:
-    """Return scene and initial state with the `values` of the axes of these names."""
     for name, value in values.items():
         change = axes[name].setter(scene, state)
         scene, state = change(scene, state, value)
     return scene, state
 
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
@@ -297,12 +295,10 @@ def ensemble(
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
-    """Return whether each lane of a zipped sweep failed: its run ended early or never began."""
     return results["result"].values != SUCCESSFUL
 
 
 def number_failed(results: "xr.Dataset") -> Labelled:
-    """Return the number of failed runs of a zipped sweep, as a variable of a dataset."""
     return Labelled((), int(failed_runs(results).sum()), description="number of failed runs")
 
 

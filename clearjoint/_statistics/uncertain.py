@@ -90,7 +90,7 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Return the distribution's middle and standard deviation or half width, in coordinates."""
+        """Middle and standard deviation, or half width, of the distribution, in coordinates."""
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None
@@ -114,24 +114,17 @@ class Uncertain:
 
 
 def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
-    """Raise a `ValueError` unless `uncertain` is a dictionary of `Uncertain`, and not empty."""
     require_types("uncertain", uncertain, Uncertain, "an Uncertain", PASS_UNCERTAIN)
     require(len(uncertain) > 0, "uncertain", {}, "not empty", PASS_UNCERTAIN)
 
 
 def check_confidence(confidence: float) -> None:
-    """Raise a `ValueError` unless the level of intervals is between 0 and 1."""
     inside = 0.0 < float(confidence) < 1.0
     require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
 
 
 def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points in the unit cube, by one of `METHODS`.
-
-    **Raises:** `ValueError` for an unknown method, and for fewer than one draw.
-
-    **Warns:** `UserWarning` for "sobol" and a number of draws that is not a power of two.
-    """
+    """Return points in the unit cube; raise and warn as `design`."""
     from scipy.stats import qmc
 
     require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
@@ -197,8 +190,7 @@ def design(
 def axes_at(
     scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
 ) -> dict[str, Axis]:
-    """Return an axis of n values for each of p numbers, at cumulative probabilities `points`,
-    (n, p)."""
+    """Return an axis for each of p numbers, at cumulative probabilities `points`, (n, p)."""
     return {
         name: number.axis(scene, state, number.standardised(points[:, k]))
         for k, (name, number) in enumerate(uncertain.items())

@@ -134,15 +134,15 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Return the joints that have contacts, each with its numbers in all lanes, so that one
-        call of a method of the joint computes all lanes."""
+        """Joints with contacts, each with its numbers in all lanes, so that one call of a method
+        computes all lanes."""
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
         return unpack(self.expanded(joints, varied), leading=1)
 
     def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
-        """Return `tree`, a part of `scene`, with the values of each number in all lanes, (lanes,
-        ...). `varied` is the same part of `scenes`."""
+        """Return `tree`, a part of `scene`, with each number in all lanes; `varied` is the same
+        part of `scenes`."""
         count = len(jax.tree.leaves(self.states)[0])
 
         def in_all(leaf: PyTree) -> PyTree:
@@ -159,12 +159,10 @@ class Lanes:
 def lanes_of(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
 ) -> Lanes:
-    """Return the scenes and initial states of all lanes, from the `values` of each axis in every
-    lane.
+    """Return all lanes, from the `values` of each axis in every lane.
 
-    Values may be refused by the constructor of a part of the scene, such as a body or a joint, or
-    by a function of `Axis.change`. That raises no error: lanes with such values are added to
-    `Lanes.bad`.
+    Lanes whose values are refused, by the constructor of a part of the scene or by a function of
+    `Axis.change`, are added to `Lanes.bad`.
 
     **Raises:** `ValueError` for an axis that `Axis.setter` refuses.
     """
@@ -222,7 +220,6 @@ def _columns_by_setters(
     changes: Mapping[str, Change],
     values: Mapping[str, np.ndarray],
 ) -> Columns:
-    """Columns without a loop over lanes, for axes that only set numbers."""
     columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
@@ -246,8 +243,7 @@ def _columns_by_functions(
     bad: dict[int, str],
 ) -> Columns:
     """Columns by calling the axes' functions for every lane. A lane gets the unchanged leaves and
-    an entry in `bad` if a function raises a `ValueError` for it, or changes more than numbers, such
-    as a name or the shape of an array."""
+    an entry in `bad` if a function raises a `ValueError`, or changes more than numbers."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):

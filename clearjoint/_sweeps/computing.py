@@ -51,12 +51,7 @@ def compute_missing(
 
     Lanes that are still missing after `ROUNDS` attempts are pending. With `trace`, worker processes
     check that they have the same code as this one. Without `executor`, `threads` of this process
-    compute the lanes.
-
-    **Raises:** `ValueError` for an unsuitable executor; `ChunkError` for chunks that the executor
-    could not compute; `PermissionError` if lanes are missing in a store that can't be written to.
-
-    **Warns:** `UserWarning` that names damaged files of a store on disk.
+    compute the lanes. Errors and warnings are those of `sweep`.
     """
     try:
         # Another process that writes to the same chunks may discard lanes that were written here.
@@ -145,7 +140,6 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add lanes that have ended, and write those that are due."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
             rows = chunks == chunk
@@ -154,7 +148,6 @@ class _Writer:
         self.write_if_due()
 
     def write_if_due(self) -> None:
-        """Write complete chunks, and incomplete ones unless that would take too long a time."""
         since = time.monotonic() - self._last_write
         if since * WRITE_SHARE >= self._write_seconds:
             self.write_all()
@@ -162,7 +155,6 @@ class _Writer:
             self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
 
     def write_all(self) -> None:
-        """Write all lanes that have ended and are not yet written."""
         self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
         start = time.monotonic()
         self._write(list(self._waiting))
@@ -170,7 +162,6 @@ class _Writer:
         self._write_seconds = self._last_write - start
 
     def _is_complete(self, chunk: int) -> bool:
-        """Whether all lanes of a chunk that are not written yet have ended."""
         return sum(len(lanes) for lanes, _ in self._waiting[chunk]) == self._unwritten[chunk]
 
     def _write(self, chunks: Sequence[int]) -> None:
@@ -188,7 +179,7 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a progress bar of the lanes in the store; print how many are there already, `done`."""
+    """Return a bar of the lanes in the store; print how many are there already, `done`."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)

@@ -96,9 +96,7 @@ QUEUED = 2
 class AbstractSubmitter(Protocol):
     """Interface of executors: a `concurrent.futures.Executor` or a `dask.distributed.Client`."""
 
-    def submit(self, function: Callable[..., object], /, *arguments: object) -> Future:
-        """Call `function(*arguments)` on a worker, and return a future of its result."""
-        ...
+    def submit(self, function: Callable[..., object], /, *arguments: object) -> Future: ...
 
 
 class ChunkError(RuntimeError):
@@ -198,8 +196,8 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Submit a chunk and return its future, which has the error if the executor is broken or
-        has been shut down."""
+        """Return the future of a chunk, which has the error if the executor is broken or has been
+        shut down."""
         try:
             return self._executor.submit(self._call, chunk)
         except RuntimeError as error:  # also a `BrokenExecutor`
@@ -209,8 +207,8 @@ class _Pool:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    """Return the runtime settings of this process and the encoded function as bytes. The function
-    is encoded separately, because a worker adopts the settings before it decodes the function."""
+    # The function is encoded separately, because a worker adopts the runtime settings before it
+    # decodes the function.
     file = io.BytesIO()
     _Pickler(file).dump(task)
     return pickle.dumps((in_force(), file.getvalue()))
@@ -221,7 +219,6 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
-    """Adopt the runtime settings in the bytes of `_payload`, and return the function."""
     _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)

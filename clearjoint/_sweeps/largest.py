@@ -286,7 +286,7 @@ class LaneMargins:
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether the margins only fall as the coordinate rises.
+        """Return whether the margins only fall.
 
         A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
         of that at a smaller coordinate by more than `tolerance`, a relative change of the peak.
@@ -349,14 +349,14 @@ def lane_margins(
 def limit_margins(
     peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return margins log(limit / quantile of the peaks over the draws), with 95 % intervals.
+    """Return margins log(limit / quantile of the peaks over the draws), with 95 % intervals: the
+    margins, lower ends and upper ends.
 
     The quantile is an order statistic of the draws: the smallest peak that the given share of the
     draws does not exceed. Its 95 % confidence interval is between two other order statistics and
     holds for any distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
-
-    **Returns:** margins, lower ends and upper ends. The lower end is -inf if there are too few
-    draws for it. Both ends equal the margin for a single draw, and for the quantile 1.
+    The lower end is -inf if there are too few draws for it. Both ends equal the margin for a single
+    draw, and for the quantile 1.
     """
     from scipy.stats import binom
 
@@ -381,8 +381,7 @@ def limit_margins(
 
 
 def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) -> AbstractReduction:
-    """Return a reduction unchanged; for a quantity, the reduction to its peak from the time `after`
-    on."""
+    """Return a reduction unchanged; for a quantity, its peak from the time `after` on."""
     if isinstance(quantity, AbstractReduction):
         return quantity
     unit = getattr(quantity, "unit", None) or "1"
@@ -409,10 +408,7 @@ class _Search:
     plain: Callable[[np.ndarray], LaneMargins] | None = None
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
-        """Search between the coordinates `low` and `high` of the parameter.
-
-        **Raises:** `ValueError` if the value at `low` violates a limit.
-        """
+        """Search between the coordinates `low`, which must satisfy the limits, and `high`."""
         known = self.margins(np.linspace(low, high, self.lanes))
         self._require_smallest(known)
         # The first row is coarse: just below its first violation another one may lie between two
@@ -516,7 +512,7 @@ class _Search:
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, known: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Return the relative distances of neighbouring values, as of `LargestFeasible.spacing`."""
+        """Relative distances of neighbouring values, see `LargestFeasible.spacing`."""
         values = np.array(self._values(known))
         low, high = values[0], values[-1]
         # The distance from zero to its neighbour is as large as the neighbour, however small.

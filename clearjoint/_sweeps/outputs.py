@@ -42,7 +42,7 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attribute "units", as in the CF conventions; none for texts."""
+        """As in the CF conventions; texts have no unit."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
@@ -67,12 +67,11 @@ class Variable(NamedTuple):
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return the entries for a number of lanes that have not been computed."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes, named by the CF conventions; an unknown unit is left out."""
+        """As in the CF conventions; an unknown unit is left out."""
         units = {"units": self.unit} if self.unit else {}
         return {**units, "long_name": self.description, **self.attrs}
 
@@ -146,14 +145,13 @@ class Layout:
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the value of each axis in every lane, by name of the axis."""
+        """Return the value of each axis in every lane."""
         columns = [axis.values for axis in self.axes]
         if not self.zipped:
             columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> LaneArrays:
-        """Return the results of all lanes before any of them has been computed."""
         return {name: variable.pending(self.lanes) for name, variable in self.variables.items()}
 
 
@@ -183,8 +181,7 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """A coordinate with an array of numbers or truth values; other values become texts without
-    unit."""
+    # Values other than numbers and truth values become texts without unit.
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)

@@ -57,6 +57,9 @@ from .store.program import identity_of, programs
 from .store.store import SweepMemory, SweepStore
 from .work import CONTACT, Work
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 def variables_of(
     scene: Scene, requested: Requested
@@ -158,11 +161,7 @@ def _states(
 
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
     """Return, as texts by name, the settings that a store compares, because results depend on them.
-
-    They include the start time, the kind of compiled program ("native", or XLA and its backend),
-    and the versions of clearjoint, JAX and diffrax. Other settings, such as the solver, are
-    recognised by the digests of the traced programs.
-    """
+    Others, such as the solver, are recognised by the digests of the traced programs."""
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}
     program = "native" if is_native() else f"XLA, {jax.default_backend()}"
@@ -176,10 +175,8 @@ def notes_for_readers(
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
-    """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
-
-    They become attributes of the results, which a store does not compare.
-    """
+    """Return, as texts by name, the arguments of a sweep and the numbers of all lanes, which
+    become attributes of the results."""
     # For each leaf of the state, whether it differs between lanes.
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     names = ("solver", "controller", "first_step", "stabilisation", "redundant")
@@ -203,7 +200,6 @@ def notes_for_readers(
 
 
 def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
-    """Numbers of a scene or state that all lanes share, as texts by name."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
     return {
@@ -212,9 +208,6 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
         if not varies[key]
     }
 
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 _PROCESS = os.getpid()
@@ -408,8 +401,6 @@ def checked_starts(
 def _common_values(
     lanes: Lanes, scheme: Scheme, requested: Requested, start_time: float, max_steps: int
 ) -> Common:
-    """Return what all lanes share: the plan of a run with its recorders, the sizes of their
-    buffers, and the scene with folded constants."""
     sections, tables, saves = requested.sections, requested.tables, requested.save.times is not None
     # Crossings, sample times and peaks of impacts lie inside of steps.
     if saves or sections or tables:
@@ -445,11 +436,7 @@ def _lane_tasks(
     settings: Settings,
     save: Saving,
 ) -> Task:
-    """Return the data of all lanes: scenes, states, end times, first steps, and times to save at.
-
-    **Raises:** `ValueError` for ends that are not finite or not long enough after the start, for
-    times to save at that are outside of the run, and if lanes have different numbers of them.
-    """
+    """Return the data of all lanes, after checks of their ends and their times to save at."""
     count = len(jax.tree.leaves(lanes.states)[0])
     # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     is_by_scene = callable(end_time) or callable(save.times)

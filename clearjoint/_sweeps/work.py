@@ -125,11 +125,7 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
-        """Return the results of the lanes of a chunk, in the order of `lanes[chunk]`.
-
-        **Raises:** `RuntimeError` if this process would run other code than the process that made
-        the sweep.
-        """
+        """Return the results of the lanes of a chunk, in the order of `lanes[chunk]`."""
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
@@ -157,7 +153,7 @@ of a sweep."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
-    """Join one or more pairs of the numbers of lanes and their results to one such pair."""
+    """Join pairs of the numbers of lanes and their results."""
     lanes, results = zip(*parts, strict=True)
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
     return np.concatenate(lanes), joined

@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of the forces. `scale`: length divided by force, m/N, before long arrows are cut; 1
-    without forces. `note`: text on the scale, for the legend."""
+    """`scale`: length divided by force, m/N, before long arrows are cut; 1 without forces. `note`:
+    text on the scale, for the legend."""
 
     parts: list[DrawnPart]
     scale: float
@@ -80,7 +80,7 @@ def arrows(
 
 
 def newtons(force: float) -> str:
-    """Return the text of a force, N, with a prefix of the unit: "12.3 kN"."""
+    """Return the text of a force, N, such as "12.3 kN"."""
     from matplotlib.ticker import EngFormatter
 
     return EngFormatter("N")(float(f"{force:.3g}"))

@@ -36,8 +36,7 @@ FRAMES_PER_SECOND = 25
 
 
 class Film:
-    """A matplotlib figure of a view, in which `show` draws one frame. Triangles that face away from
-    the camera are omitted."""
+    """A matplotlib figure of a view, in which `show` draws one frame."""
 
     def __init__(
         self,
@@ -81,7 +80,6 @@ class Film:
         self.show(0)
 
     def show(self, k: int) -> None:
-        """Draw the parts in frame `k` and, except for a single state, the frame's time."""
         height, width = self._shape
         # `nearest` has the inverse distance of the nearest opaque triangle at each point.
         picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)
@@ -117,8 +115,7 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
-        """Return the key by which parts are sorted before they are painted: the transparent ones
-        last, from the farthest to the nearest, over what is behind them."""
+        # The transparent parts last, from the farthest to the nearest, over what is behind them.
         centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
         return part.opacity < 1.0, float(centre @ self._view[2])
 

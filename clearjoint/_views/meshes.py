@@ -1,6 +1,8 @@
 """Triangle meshes of simple solids, and the solids of a view.
 
-Functions that make solids by the package trimesh raise `ImportError` if it is not installed.
+Cylinders and tubes are about z, and all solids are centred at the origin unless their function says
+otherwise. Functions that make solids by the package trimesh raise `ImportError` if it is not
+installed.
 """
 
 import importlib
@@ -28,7 +30,6 @@ class Mesh(NamedTuple):
     faces: Int[np.ndarray, "F 3"]
 
     def moved(self, pose: Float[np.ndarray, "4 4"]) -> "Mesh":
-        """Return the mesh with transformed vertices."""
         return Mesh(self.vertices @ pose[:3, :3].T + pose[:3, 3], self.faces)
 
 
@@ -56,22 +57,18 @@ def needed(package: str) -> ModuleType:
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """Return a cylinder about z, centred at the origin."""
     return _of(_creation().cylinder(radius, length, sections=ROUND))
 
 
 def tube(inner: float, outer: float, length: float) -> Mesh:
-    """Return a tube about z with open ends, centred at the origin."""
     return _of(_creation().annulus(inner, outer, length, sections=2 * ROUND))
 
 
 def ball(radius: float) -> Mesh:
-    """Return a ball about the origin."""
     return _of(_creation().icosphere(subdivisions=2, radius=radius))
 
 
 def box(sides: Sequence[float]) -> Mesh:
-    """Return a box centred at the origin, with `sides` along x, y and z."""
     return _of(_creation().box(sides))
 
 
@@ -115,8 +112,8 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
-    """Return a spur gear about z, centred at the origin, with the middle of a tooth on the x axis;
-    `radius` of the pitch circle, negative for an internal gear, and `width` along z."""
+    """Return a spur gear about z with the middle of a tooth on the x axis; `radius` of the pitch
+    circle, negative for an internal gear, and `width` along z."""
     module = 2.0 * abs(radius) / teeth  # m
     pitch = 2.0 * np.pi / teeth  # rad
     # Each tooth has four corners: root, tip, tip, root. Their angles are measured in pitches from
@@ -134,8 +131,8 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a plate of thickness `width` along z, centred at the origin, inside a `rim` of corners
-    in counter-clockwise order, each of which must be visible from the origin."""
+    """Return a plate of thickness `width` along z inside a `rim` of corners in counter-clockwise
+    order, each of which must be visible from the origin."""
     # Triangles from the rim to the centre.
     count = len(rim)
     first = np.arange(count)
@@ -144,8 +141,8 @@ def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 
 
 def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a ring of thickness `width` about z, centred at the origin, between two edges. Their
-    corners are in counter-clockwise order; those with the same index are at the same angle."""
+    """Return a ring of thickness `width` about z between two edges. Their corners are in
+    counter-clockwise order; those with the same index are at the same angle."""
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
 
@@ -182,17 +179,12 @@ def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Return one mesh with the vertices and faces of several meshes."""
     vertices, faces = zip(*meshes, strict=True)
     return Mesh(*needed("trimesh").util.append_faces(vertices, faces))
 
 
 def as_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Check a mesh that a user passes as the given argument, and return it as a `Mesh`.
-
-    **Raises:** `ValueError` for a missing file, for an object that is not a `MeshLike`, and for
-    wrong arrays; the errors of trimesh for a file that it can't read.
-    """
+    """Check a mesh that a user passes as the given argument, and return it as a `Mesh`."""
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and such an object becomes a pair of arrays.
     if isinstance(value, str | Path):
@@ -299,11 +291,9 @@ class DrawnPart:
     is_journal: bool = False
 
     def pose(self, k: int) -> Float[np.ndarray, "4 4"]:
-        """Return the pose in frame `k`."""
         return self.poses[min(k, len(self.poses) - 1)]
 
     def colour_at(self, k: int) -> str:
-        """Return the colour in frame `k`, "#rrggbb"."""
         return self.colour if self.modes is None else MODES[int(self.modes[k])]
 
 

@@ -34,8 +34,7 @@ def page(
     times: np.ndarray | None,
     height: int,
 ) -> str:
-    """Return the HTML text of a page that shows a view; `camera`: first position of the viewer;
-    `height`: of the view in a notebook, pixels."""
+    """Return the HTML text of a page; `height`: of the view in a notebook, pixels."""
     k3d = needed("k3d")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Given trait value dtype")  # k3d's own conversions

@@ -21,12 +21,12 @@ class BodyPoses:
     poses: Mapping[str, Float[np.ndarray, "N 4 4"]]
 
     def point(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Return the positions (N, 3), m, of a point of a body, `local` (3,) in body axes."""
+        """Return the positions of a point of a body, `local` (3,) in body axes."""
         pose = self.poses[body]
         return pose[:, :3, :3] @ np.asarray(local, dtype=float) + pose[:, :3, 3]
 
     def direction(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Return the unit vectors (N, 3) of a direction, `local` (3,) in body axes."""
+        """Return the unit vectors of a direction, `local` (3,) in body axes."""
         vector = np.asarray(local, dtype=float)
         return self.poses[body][:, :3, :3] @ (vector / np.linalg.norm(vector))
 

@@ -58,9 +58,8 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the sizes and scales for a view of a scene, by its first frame. `noted` has the points
-    and axes of the scene's elements (markers), and the radii and clearances of its bearings and
-    sockets (bores). Scales that are None are chosen so that bearings and clearances are visible.
+    """Return the sizes and scales for a view of a scene, by its first frame. Scales that are None
+    are chosen so that bearings and clearances are visible.
 
     **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance would exceed
     0.9 times the drawn radius of its bearing.
@@ -189,9 +188,8 @@ show more at the sides."""
 
 
 class Camera(NamedTuple):
-    """Camera of a view: positions of the viewer (`eye`) and of the middle of the picture
-    (`target`), m; unit vector `up`; and `reach`, half the height of the picture at the target, m.
-    """
+    """Positions of the viewer (`eye`) and of the middle of the picture (`target`), m; unit vector
+    `up`; and `reach`, half the height of the picture at the target, m."""
 
     eye: np.ndarray
     target: np.ndarray
@@ -235,9 +233,8 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the projection (..., N, 2), m, of points (..., N, 3), m, from a viewer at `distance`,
-    m, to the plane through the target. Coordinates are to the right, upwards and to the viewer,
-    from the target."""
+    """Return the projection, m, of points, m, from a viewer at `distance`, m, to the plane through
+    the target. Coordinates are to the right, upwards and to the viewer, from the target."""
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 

@@ -94,7 +94,7 @@ class SketchingPen(AbstractPen):
     convex hull of balls around the noted points. The radius of the balls is that of the bar, to
     which the sizes of most symbols are proportional.
 
-    - `element`: name of the joint or force that is being drawn; the caller sets it.
+    - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
     - `loads`: for each load, the name of its element, and points, (N, 3) m, and forces, (N, 3) N.
     - `drawn`: names of the joints and forces that have been drawn.
@@ -118,7 +118,6 @@ class SketchingPen(AbstractPen):
         self._solid: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
-        """Return all parts that have been drawn."""
         fixed = [
             DrawnPart(body, meshes.joined(solids), still(self._poses.poses[body]), colour, opacity)
             for (body, colour, opacity), solids in self._fixed.items()
@@ -383,7 +382,6 @@ class SketchingPen(AbstractPen):
         self._add(name, shape.moved(pose), opacity=1.0 if thin else CLEAR)
 
     def centre_of_mass(self, name: str) -> None:
-        """Draw a black ball at a body's centre of mass."""
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def shape(self, name: str, mesh: Mesh) -> None:
@@ -486,7 +484,7 @@ def sketch(
     solids: bool,
 ) -> SketchingPen:
     """Draw all parts of a scene except arrows, and return the pen. `shapes`: meshes that replace
-    the drawn bodies; `centres`, `solids`: whether to add centres of mass and equivalent solids."""
+    bodies; `centres`, `solids`: whether to add centres of mass and equivalent solids."""
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in shapes.items():
         pen.shape(name, mesh)

@@ -29,14 +29,12 @@ _LOCK = ".lock"
 
 
 def opened_group(path: Path) -> "zarr.Group":
-    """Open the Zarr group at a path, to read its metadata."""
     import zarr
 
     return zarr.open_group(path, mode="r", zarr_format=3, use_consolidated=True)
 
 
 def opened(group: "zarr.Group", name: str) -> "zarr.Array":
-    """Open an array of a group, to read its metadata."""
     import zarr
 
     array = group[name]
@@ -60,7 +58,6 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
-    """Return the path of the file with one chunk of an array."""
     return path / _key(array, chunk)
 
 
@@ -71,15 +68,14 @@ def _key(array: "zarr.Array", chunk: int) -> str:
 
 
 def compressors() -> "tuple[BytesBytesCodec, ...]":
-    """Return the compressors of arrays of results, which `read_chunk` and `write_chunk` apply. They
-    were Zarr's default ones when the first stores were written."""
+    """Return the compressors of `read_chunk` and `write_chunk`: Zarr's default ones when the
+    first stores were written."""
     from zarr.codecs import ZstdCodec
 
     return (ZstdCodec(level=0, checksum=False),)
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it, unless they exist."""
     # With `exist_ok`, Python takes any error for that of an existing folder, also a `TimeoutError`
     # of a signal handler.
     with suppress(FileExistsError):

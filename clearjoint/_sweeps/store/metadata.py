@@ -22,6 +22,7 @@ from .program import Identity
 
 if TYPE_CHECKING:
     import xarray as xr
+    import zarr
 
 ROOT = "zarr.json"
 """File with the metadata of a Zarr group, which lists its arrays."""
@@ -52,14 +53,12 @@ _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
 
 
 def move(file: Path, to: Path) -> None:
-    """Move a file to the path `to`: an earlier file there is replaced, and missing folders are
-    made."""
+    """Move a file; replace an earlier one and make missing folders."""
     make_folder(to.parent)
     file.replace(to)
 
 
 def write_dataset(path: Path, results: "xr.Dataset") -> None:
-    """Write a dataset as a Zarr store to a new folder."""
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
     # The files have no checksum of `.chunks`, because other programs read them too. With a CRC,
@@ -117,9 +116,6 @@ def remove_grid(path: Path) -> None:
         if entry.name != BY_LANE and entry.is_dir():
             shutil.rmtree(entry)
 
-
-if TYPE_CHECKING:
-    import zarr
 
 _OWN = "sweep_"
 """Prefix of the store's own attributes, which are neither settings nor notes of the sweep."""
@@ -246,7 +242,7 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 
 def _write(path: Path, contents: Contents) -> None:
-    """Write the group `by_lane` of a new or extended store, without results."""
+    """Write the group `by_lane`, without results."""
     import zarr
 
     layout, identity, order, added = contents
@@ -280,7 +276,17 @@ def _write(path: Path, contents: Contents) -> None:
     labels = [(coordinate, LANE, layout.chunk) for coordinate in along_lanes]
     labels += [(c, c.name, max(len(c.values), 1)) for c in layout.coordinates]
     for coordinate, dim, chunk in labels:
-        _write_label(path, group, coordinate, dim, chunk)
+        values, attrs = coordinate.values, dict[str, Any](coordinate.attributes)
+        array = group.create_array(
+            coordinate.name,
+            shape=values.shape,
+            chunks=(chunk,),
+            dtype=str if values.dtype.kind == "U" else values.dtype,
+            compressors=compressors(),
+            dimension_names=(dim,),
+            attributes=attrs,
+        )
+        write(path, array, values)
     for name, variable in layout.variables.items():
         group.create_array(
             name,
@@ -305,29 +311,8 @@ def _write(path: Path, contents: Contents) -> None:
     (path / ROOT).write_text(json.dumps(root, indent=2))
 
 
-def _write_label(
-    path: Path, group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int
-) -> None:
-    """Write an array of labels along a dimension, in chunks of the given length."""
-    values = coordinate.values
-    attributes: dict[str, Any] = dict(coordinate.attributes)
-    array = group.create_array(
-        coordinate.name,
-        shape=values.shape,
-        chunks=(chunk,),
-        dtype=str if values.dtype.kind == "U" else values.dtype,
-        compressors=compressors(),
-        dimension_names=(dim,),
-        attributes=attributes,
-    )
-    write(path, array, values)
-
-
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Read an array of labels. A store can't be opened without all its labels.
-
-    **Raises:** `ValueError` that names a missing or damaged file.
-    """
+    """Read an array of labels, without which a store can't be opened."""
     array = opened(group, name)
     values, faults = read(path, array)
     for chunk, fault in faults.items():

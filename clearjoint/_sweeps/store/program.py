@@ -91,7 +91,6 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
-    """Digests of a program's results, from those of its constants and inputs."""
     digests = dict(zip(jaxpr.invars, inputs, strict=True))
     digests |= zip(jaxpr.constvars, constants, strict=True)
 
@@ -269,7 +268,7 @@ class _Traced:
     def begin(
         self, plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar
     ) -> Lane:
-        """The lane before its first step, which has the given length."""
+        """The lane before its first step, of the given length."""
         request = _request(time + length, length)
         return begin_lane(plan, self.scene(numbers), state, time, request)
 
@@ -302,7 +301,7 @@ class _Traced:
         return row.instant(system, at)
 
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """The values that the reductions accumulate, at the start of the run."""
+        """What the reductions accumulate, at the start of the run."""
         now = self.instant(numbers, row, row)
         starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
         return jax.tree.map(jnp.asarray, starts)
@@ -310,8 +309,7 @@ class _Traced:
     def outputs(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """All values that are computed for each variable of the sweep's results at the end of a
-        step."""
+        """All values that are computed for each variable at the end of a step."""
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             start, tally = reduction.start(now), tallies[name]
@@ -336,9 +334,8 @@ def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
-    """Return the identity of a sweep, by which a store recognises it and its lanes. A lane starts
-    from its scene, its initial state, its end time and the length of its first step. A lane in
-    `lanes.bad`, which is not run, is identified by its error message instead."""
+    """Return the identity of a sweep. A lane starts from its scene, its initial state, its end time
+    and the length of its first step; one in `lanes.bad` is identified by its error message."""
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]

@@ -46,6 +46,10 @@ from .metadata import (
 )
 from .program import RUN, Identity, matching_lanes
 
+if TYPE_CHECKING:
+    import xarray as xr
+    import zarr
+
 Part = str | int | np.ndarray
 """Part of a layout in which two sweeps may differ: a text, such as a setting or a unit; the number
 of lanes in a chunk; or an array of labels."""
@@ -55,8 +59,8 @@ def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list
     """Return one line for each difference that prevents the store from taking the wanted sweep.
 
     What only the wanted sweep has is no difference, because the store can be extended. Notes that
-    differ are listed only beside other differences, which they may explain. `matches` has, for each
-    lane of the store, the number of the equal lane of the wanted sweep, or -1.
+    differ are listed only beside other differences, which they may explain. `matches`: see
+    `matching_lanes`.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -80,7 +84,7 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Units, labels and variables of a layout, by the names that messages show."""
+    """Units, labels and variables, by the names that messages show."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -104,8 +108,7 @@ def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterato
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """How the stored part differs from the wanted one; ``None`` stands for a part that is
-    absent."""
+    """How the stored part differs from the wanted one; an absent part is ``None``."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -121,8 +124,8 @@ def _text(part: Part) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
-    """Yield a line for each axis some of whose stored values the wanted sweep lacks, and a single
-    line if it lacks stored lanes. `matches`: as in `differences`."""
+    """A line for each axis some of whose stored values the wanted sweep lacks, and a single line
+    if it lacks stored lanes."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
@@ -153,7 +156,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:
-    """A line for each output whose times to save at differ in any lane that both sweeps have."""
+    """A line for each output whose times to save at differ in a lane of both sweeps."""
     old, new = stored.identity.lanes, wanted.identity.lanes
     # `matches` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
@@ -161,10 +164,6 @@ def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iter
         if count := differ[matches >= 0].sum():
             yield f"times of {name}: they differ in {count} of {matches.size} stored lanes"
 
-
-if TYPE_CHECKING:
-    import xarray as xr
-    import zarr
 
 Parts = Mapping[int, tuple[Sequence[int], LaneArrays]]
 """Results of some lanes by number of the chunk: numbers of n lanes of this chunk, in any order, and
@@ -199,7 +198,6 @@ class SweepMemory:
         """Do nothing, because other programs can't read this memory."""
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes."""
         return dataset(self.layout, self._arrays)
 
 
@@ -247,11 +245,9 @@ class SweepStore:
 
     def missing(self) -> dict[int, list[int]]:
         """Return the numbers of the lanes whose results are missing or damaged, by number of their
-        chunk.
+        chunk. A warning names damaged files.
 
         **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
-
-        **Warns:** `UserWarning` that names damaged files.
         """
         group = opened_group(self._folder)
         codes = _arrays(self.path, group, self._contents)[RESULT]
@@ -335,8 +331,8 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results of all lanes along the axes. A warning names damaged files, whose
-        lanes are pending."""
+        """Return the results along the axes. A warning names damaged files, whose lanes are
+        pending."""
         return _labelled(self.path, self._contents)
 
 
@@ -366,9 +362,8 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """Return the wanted contents, with the order of lanes that the store will have.
-
-    The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
+    """Return the wanted contents, in which stored lanes keep their rows and others get rows at the
+    end.
 
     **Raises:** `ValueError` that lists the `differences`.
     """
@@ -389,15 +384,13 @@ def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
 
 
 def _same_axes(layout: Layout, other: Layout) -> bool:
-    """Whether two sweeps have axes of the same names and values in the same order, and are both
-    zipped or both not."""
     axes, others = ([(a.name, a.values.tolist()) for a in x.axes] for x in (layout, other))
     return layout.zipped == other.zipped and axes == others
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Numbers of the pending lanes, by number of their chunk, from the result code and the number
-    of the lane in each row, and the number of rows in a chunk."""
+    """Numbers of the pending lanes, by number of their chunk, from the result code and the lane of
+    each row."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
