@@ -86,11 +86,8 @@ def within(
 
 
 def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return R with R R^T = `covariance`, which may be singular.
-
-    A column of R is a displacement by one standard error in the direction of an eigenvector of the
-    correlation matrix.
-    """
+    """Return R with R R^T = `covariance`, which may be singular. Its columns are displacements by
+    one standard error along the eigenvectors of the correlation matrix."""
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
@@ -111,12 +108,10 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """Whether the rise at each point disagrees with the model."""
         return _differing(self.predicted, self.actual)
 
     @property
     def passed(self) -> bool:
-        """Whether the rise agrees with the model at all points."""
         return not self.differing.any()
 
 
@@ -172,7 +167,6 @@ class Exploration:
 
     @property
     def lowest(self) -> float:
-        """Smallest chi squared of all points and minima."""
         return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
@@ -309,11 +303,8 @@ def _local_searches(
 
 
 def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
-    """Return whether a point is within one standard error of a minimum, by its covariance C:
-    whether d^T C^-1 d < 1 for the offset d.
-
-    A search from such a point would probably end in this minimum.
-    """
+    """Return whether a point is within one standard error of a minimum, in which a search from
+    there would probably end: whether d^T C^-1 d < 1 for the offset d and the covariance C."""
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
     # In units of the standard errors, C is the correlation matrix. It may be singular, and the
@@ -370,13 +361,7 @@ class LikelihoodCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether chi squared rises as the covariance predicts."""
         return self.test.passed
-
-    @property
-    def horizon(self) -> float:
-        """Time up to which chi squared agrees with the covariance, see `QuadraticTest`."""
-        return self.test.horizon
 
     def widening(self, best: RunMisfit) -> float:
         """Return the largest factor, 1 or more, by which an end of an interval of the exploration
@@ -398,29 +383,6 @@ class LikelihoodCheck:
         return len(statistics.distinct(minima, limit, lambda a, b: not inside(a, b.coordinates)))
 
 
-def check(
-    best: RunMisfit,
-    compared: Comparison,
-    number: int | None,
-    on_iteration: Callable[[Iteration], None],
-    cost: int = 0,
-    show: bool = False,
-) -> LikelihoodCheck:
-    """Test the covariance of a fit by runs around its `best` run.
-
-    If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
-    posterior. `number` is the number of points in the first round of the exploration, to which the
-    size of the posterior is proportional. If it is ``None``, exploration and posterior together
-    cost about as much as the test and the fit, which took `cost` runs with derivatives.
-    `on_iteration` is called after each run of a local search, and `show` turns a bar on.
-    """
-    started = time.perf_counter()
-    bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
-    with telling_of_compiling(bar):
-        checked = _checked(best, compared, number, on_iteration, cost, bar)
-    return replace(checked, seconds=time.perf_counter() - started)
-
-
 @dataclass
 class _CountedRuns:
     """Makes and counts the runs of an exploration, for chi squared at points and for local
@@ -434,7 +396,6 @@ class _CountedRuns:
     searches: list[Search] = field(default_factory=list)
 
     def chi_squared(self, points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
-        """Return chi squared over the whole record in runs without derivatives."""
         self.points += len(points)
         values = self.compared.chi_squared(points, self.compared.count)[:, -1]
         self.bar.update(len(points))
@@ -459,83 +420,90 @@ class _CountedRuns:
 
     @property
     def searched(self) -> int:
-        """Number of runs with derivatives."""
+        """Runs with derivatives."""
         return sum(search.evaluations for search in self.searches)
 
     def left(self) -> float:
-        """Return the number of further runs without derivatives within the limit."""
-        each = _cost_with_derivatives(len(self.compared.parameters))
+        """Further runs without derivatives within the limit."""
+        # One with derivatives by p parameters costs about as much as 1 + p without.
+        each = 1 + len(self.compared.parameters)
         return self.most - self.points - each * self.searched
 
     def affordable(self) -> bool:
         return self.left() > 0.0
 
 
-def _cost_with_derivatives(p: int) -> int:
-    """Return about how many runs without derivatives cost as much as one with derivatives by p
-    parameters."""
-    return 1 + p
-
-
-def _checked(
+def check(
     best: RunMisfit,
     compared: Comparison,
     number: int | None,
     on_iteration: Callable[[Iteration], None],
-    cost: int,
-    bar: ProgressBar,
+    cost: int = 0,
+    show: bool = False,
 ) -> LikelihoodCheck:
-    # The seed is fixed: the check of the same fit always gives the same result.
-    generator = np.random.default_rng(0)
-    p = len(best.coordinates)
-    limits = _largest_offsets(best, step_limits(compared.parameters))
-    test = _quadratic_test(best, compared, limits, generator, bar)
-    tested_points = len(test.actual)
-    if test.passed:
-        return LikelihoodCheck(test, None, (), tested_points, 0.0, 0.0)
-    most_runs = math.inf
-    if number is None:
-        # The test and the fit had runs with derivatives. A quarter of the runs without derivatives
-        # that cost as much is for the first round, so that enough are left for the others.
-        most_runs = float(_cost_with_derivatives(p) * (cost + tested_points))
-        number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
-    runs = _CountedRuns(compared, most_runs, on_iteration, bar)
-    difference = float(runs.chi_squared(best.coordinates[None])[0]) - best.chi_squared
-    farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-    likely = statistics.likely_chi_squared(compared.data.count - p)
-    # Chi squared of an early part of the record is smoother and wider: its covariance draws
-    # points beyond the minimum that the whole record's covariance describes.
-    covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-    options = covariances, farthest, number, likely, generator, runs.affordable
-    explored = explore(runs.chi_squared, runs.descend, best, *options)
-    # The local searches of the exploration end early. If one of them has found a lower minimum,
-    # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
-    # squared up to `FLOOR`, so that a smaller one is no other minimum.
-    lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-    if best.chi_squared - lowest.chi_squared > FLOOR:
-        runs.descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
-    posterior = None
-    # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
-    if explored.lowest <= likely and runs.left() > LEAST_RUNS * POINTS * number:
-        half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
-        box = lowest.coordinates - half, lowest.coordinates + half
-        most = int(min(runs.left(), MOST_RUNS * number))
-        posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
-    return LikelihoodCheck(
-        test=test,
-        exploration=explored,
-        searches=tuple(runs.searches),
-        runs=tested_points + len(explored.points) + runs.searched,
-        seconds=0.0,
-        difference=difference,
-        posterior=posterior,
-        bounded=math.isfinite(most_runs),
-    )
+    """Test the covariance of a fit by runs around its `best` run.
+
+    If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
+    posterior. `number` is the number of points in the first round of the exploration, to which the
+    size of the posterior is proportional. If it is ``None``, exploration and posterior together
+    cost about as much as the test and the fit, which took `cost` runs with derivatives.
+    `on_iteration` is called after each run of a local search, and `show` turns a bar on.
+    """
+    started = time.perf_counter()
+    bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
+    with telling_of_compiling(bar):
+        # The seed is fixed: the check of the same fit always gives the same result.
+        generator = np.random.default_rng(0)
+        p = len(best.coordinates)
+        limits = _largest_offsets(best, step_limits(compared.parameters))
+        test = _quadratic_test(best, compared, limits, generator, bar)
+        tested_points = len(test.actual)
+        if test.passed:
+            seconds = time.perf_counter() - started
+            return LikelihoodCheck(test, None, (), tested_points, seconds, 0.0)
+        most_runs = math.inf
+        if number is None:
+            # The test and the fit had runs with derivatives. A quarter of the runs without
+            # derivatives that cost as much is for the first round; the others need enough too.
+            most_runs = float((1 + p) * (cost + tested_points))
+            number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
+        runs = _CountedRuns(compared, most_runs, on_iteration, bar)
+        difference = float(runs.chi_squared(best.coordinates[None])[0]) - best.chi_squared
+        farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
+        likely = statistics.likely_chi_squared(compared.data.count - p)
+        # Chi squared of an early part of the record is smoother and wider: its covariance draws
+        # points beyond the minimum that the whole record's covariance describes.
+        covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
+        options = covariances, farthest, number, likely, generator, runs.affordable
+        explored = explore(runs.chi_squared, runs.descend, best, *options)
+        # The local searches of the exploration end early. If one of them has found a lower minimum,
+        # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
+        # squared up to `FLOOR`, so that a smaller one is no other minimum.
+        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+        if best.chi_squared - lowest.chi_squared > FLOOR:
+            runs.descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+        posterior = None
+        # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
+        if explored.lowest <= likely and runs.left() > LEAST_RUNS * POINTS * number:
+            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
+            box = lowest.coordinates - half, lowest.coordinates + half
+            most = int(min(runs.left(), MOST_RUNS * number))
+            posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
+        return LikelihoodCheck(
+            test=test,
+            exploration=explored,
+            searches=tuple(runs.searches),
+            runs=tested_points + len(explored.points) + runs.searched,
+            seconds=time.perf_counter() - started,
+            difference=difference,
+            posterior=posterior,
+            bounded=math.isfinite(most_runs),
+        )
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
-    """Return how far explored points with a low chi squared are from the lowest minimum: in each
-    coordinate, the largest distance of such a point, or two standard errors if that is more."""
+    """Return how far explored points with a low chi squared are from the lowest minimum in each
+    coordinate, or two standard errors if that is more."""
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
@@ -614,8 +582,7 @@ def _largest_offsets(
 def _early_covariances(
     best: RunMisfit, compared: Comparison, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return the covariances of fits to the record up to `horizon`, s, and up to half way between
-    its start and `horizon`; none if `horizon` is infinite."""
+    """Return the covariances of fits to the record up to `horizon`, s, and to half of this part."""
     if not math.isfinite(horizon):
         return []
     start, rows = float(compared.runs.start_time), best.jacobian

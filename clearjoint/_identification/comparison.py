@@ -51,12 +51,11 @@ class Comparison:
     replaced."""
 
     def of(self, measurements: Measurements) -> "Comparison":
-        """Return the comparison with other measurements of the same channels and times."""
         return replace(self, data=samples(measurements, len(self.runs.times)))
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
-        """Times of the samples, followed by copies of the last one as padding."""
+        """Sample times, followed by copies of the last one as padding."""
         return np.asarray(self.runs.times)
 
     @property
@@ -191,11 +190,6 @@ def comparison(
     start_time: float,
     settings: Settings,
 ) -> Comparison:
-    """Return the `Comparison` of a scene with measurements.
-
-    **Raises:** `ValueError` if `start_time` is after the first sample; also as `experiment` and
-    `units_of`.
-    """
     times, series = measurements.times(), measurements.series
     expected = f"no later than the first sample, at {times[0]} s"
     remedy = "start earlier, or leave samples out by measurements.between(...)"
@@ -212,15 +206,14 @@ def comparison(
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return n scenes, with ``None`` for the leaves that are not `varied`, and n initial states."""
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), which
-    are NaN at samples that a run does not reach; see `Comparison.chi_squared`."""
+    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), NaN
+    at samples that a run does not reach."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:

@@ -445,7 +445,7 @@ class Fit(AbstractTabular):
     ) -> Iterator[str]:
         """Sentences on possible reasons why the intervals are wrong after an exploration."""
         # Of the horizon by runs around the estimates and the predicted one, the earlier counts.
-        until = check.horizon
+        until = check.test.horizon
         if self.horizon is not None:
             until = min(until, self.horizon.single_shot)
         if math.isfinite(until):

@@ -28,7 +28,7 @@ FEWEST_FREEDOM = 2.0
 
 
 class Direction(NamedTuple):
-    """A direction in the coordinates of p parameters, and the uncertainty of estimates along it.
+    """A direction in the coordinates, and the uncertainty of estimates along it.
 
     - `change`: (p,) change of the coordinates; the entry with the largest absolute value is 1.
     - `deviation`: standard deviation of the estimates, in multiples of `change`.
@@ -101,7 +101,6 @@ class CorrelatedNoise:
 
     @property
     def variance(self) -> float:
-        """Variance of a sample."""
         return float(self.autocovariances[0])
 
     @property
@@ -181,12 +180,7 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 
 
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
-    """Return other minima of chi squared that fit the data about as well, the lowest first.
-
-    By its chi squared, each is in the joint 95 % confidence region of the best one. By the
-    covariances, it is outside the 95 % interval of at least one parameter around the best minimum,
-    and around each lower minimum that is returned.
-    """
+    """Return other minima of chi squared that fit the data about as well, see `Fit.rivals`."""
     from scipy.special import chdtri
 
     limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))

@@ -25,7 +25,7 @@ def filled(
     number: int,
     generator: np.random.Generator,
 ) -> Float[np.ndarray, "{number} p"]:
-    """Return a Latin hypercube of points, which fill the box from `low` to `high` evenly."""
+    """Return a Latin hypercube of points in the box from `low` to `high`."""
     from scipy.stats import qmc
 
     return low + (high - low) * qmc.LatinHypercube(len(low), rng=generator).random(number)
@@ -116,8 +116,7 @@ def drawn_among(
 
 
 def _principal_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Distances between points, in units of the points' standard deviation along each principal
-    axis of their covariance."""
+    """Distances in units of the points' standard deviation along each principal axis."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

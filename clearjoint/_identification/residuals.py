@@ -193,11 +193,7 @@ def experiment(
     settings: Settings | None,
 ) -> Experiment:
     """Return the `Experiment` that runs a scene for any values of its parameters, by default with
-    the settings `clearjoint.presets.derivatives`.
-
-    **Raises:** `ValueError` for no parameters or outputs, and as the checks of scene, times and
-    sensors.
-    """
+    the settings `clearjoint.presets.derivatives`."""
     check_parameters(parameters)
     require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     requested = requested_by(outputs, None)
@@ -232,11 +228,10 @@ class Samples(eqx.Module):
 
     @property
     def count(self) -> int:
-        """Number of samples in all series."""
         return int(np.count_nonzero(self.weights))
 
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
-        """Return a copy in which samples after `end_time` have zero weight."""
+        """Give samples after `end_time` zero weight."""
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
@@ -256,7 +251,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return the samples of all series, on `Measurements.times` padded to `count` times."""
+    """Return all samples, on `Measurements.times` padded to `count` times."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -287,19 +282,16 @@ class RunMisfit:
 
     @property
     def chi_squared(self) -> float:
-        """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates for residuals of unit variance."""
         return covariance(self.jacobian)
 
 
 def run_misfit(
     runs: Experiment, data: Samples, end_time: float, coordinates: ArrayLike
 ) -> RunMisfit:
-    """Run the scene once and return its residuals and their Jacobian."""
     run = runs.run(coordinates, end_time)
     residuals, jacobian = map(np.asarray, _weighted(runs, run, data))
     predicted = np.stack([np.asarray(run.values[name]) for name in runs.names])

@@ -59,10 +59,7 @@ class Starts:
     def around(
         self, first: Float[np.ndarray, " p"], names: Sequence[str]
     ) -> Float[np.ndarray, "{self.number} p"]:
-        """Return the coordinates of all starts; the first row is `first`.
-
-        **Raises:** `ValueError` for a name in `spread` that is not in `names`.
-        """
+        """Return the coordinates of all starts; the first row is `first`."""
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
@@ -71,10 +68,6 @@ class Starts:
 def half_widths(
     spread: float | Mapping[str, float], names: Sequence[str]
 ) -> Float[np.ndarray, " p"]:
-    """Return half the width of the box in which random points are drawn, for each parameter.
-
-    **Raises:** `ValueError` for a name in `spread` that is not in `names`.
-    """
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
     _require_known("spread", spread, names)
@@ -88,12 +81,7 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Return the coordinates of all starts: the guesses in their order, then the random starts.
-
-    **Raises:** `ValueError` for a guess that is no dictionary, an empty list of guesses, the name
-    of an unknown parameter, and a value that is outside the range of its scale or that the scene's
-    elements refuse.
-    """
+    """Return the coordinates of all starts: the guesses in their order, then the random starts."""
     names = tuple(parameters)
     several = isinstance(guess, Sequence)
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]

@@ -262,20 +262,13 @@ class ImpossiblePointsError(ValueError):
 
 
 class TooManyRunsError(ArithmeticError):
-    """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
-
-    It is raised before the runs that would exceed this number, and no result is returned.
-    """
+    """Error of `drawn_posterior` before more runs than its argument `most_runs`."""
 
 
 def _log_prior(
     parameters: Mapping[str, Parameter], log_prior: LogPrior | None, points: np.ndarray
 ) -> np.ndarray:
-    """Return the logarithms of the user's prior density at points in the box, by default uniform.
-
-    **Raises:** `ValueError` if `log_prior` returns another shape, NaN or +infinity; -infinity is a
-    density of zero.
-    """
+    """Return the logarithms of the prior density at points in the box, by default uniform."""
     if log_prior is None:
         return np.zeros(len(points))
     pairs = zip(parameters.items(), points.T, strict=True)

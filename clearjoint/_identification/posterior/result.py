@@ -199,7 +199,6 @@ class Posterior(AbstractTabular):
 
     @override
     def __str__(self) -> str:
-        """Return the report: intervals, weights of minima, evidence, runs and warnings."""
         # The table is that of a fit; headings of the same width keep its columns aligned.
         number = len(self.weights)
         weights = ", ".join(f"{weight:.0%}" for weight in self.weights)

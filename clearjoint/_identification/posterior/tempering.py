@@ -81,7 +81,7 @@ class Target:
     log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
 
     def holds(self, points: Float[np.ndarray, "n p"]) -> Bool[np.ndarray, " n"]:
-        """Return whether each point is in the box."""
+        """Whether each point is in the box."""
         return np.all((points >= self.low) & (points <= self.high), axis=1)
 
 
@@ -95,11 +95,10 @@ class Cloud:
     log_priors: Float[np.ndarray, " n"]
 
     def taken(self, indices: np.ndarray) -> "Cloud":
-        """Return a cloud of the points with the given indices, which may repeat."""
         return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
 
     def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return a cloud with the points of `others` where `mask` is true, else of this one."""
+        """Return the points of `others` where `mask` is true, else those of this cloud."""
         wide = mask[:, None]
         return Cloud(
             np.where(wide, others.points, self.points),
@@ -272,7 +271,6 @@ def along_record(
 
 
 def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
-    """Return points, all in the box, with their chi squared over the first `ahead` times."""
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
@@ -389,8 +387,7 @@ def mutated(
 
 
 def fewest_for_covariance(p: int) -> int:
-    """Return the smallest number of points from which a covariance of p coordinates is
-    estimated."""
+    """Return the smallest number of points for a covariance of p coordinates."""
     return 4 * (p + 1)
 
 
@@ -445,13 +442,11 @@ class Mixture:
         return Mixture(centres, wider * roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
     def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
-        """Return random points of the mixture."""
         chosen = generator.choice(len(self.weights), number, p=self.weights)
         normal = generator.standard_normal((number, self.centres.shape[1]))
         return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)
 
     def log_density(self, points: Float[np.ndarray, "m p"]) -> Float[np.ndarray, " m"]:
-        """Return the logarithms of the mixture's density at points."""
         from scipy.special import logsumexp
 
         inverse = np.linalg.inv(self.roots)

@@ -127,12 +127,8 @@ def screen(
     number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around the guess `centre` once, and return the points that fit best.
-
-    `lanes` makes the runs. The `number` of the pass, from 0, changes the random numbers.
-
-    **Raises:** `ValueError` for a name in the `spread` of `screening` that is no parameter.
-    """
+    """Screen the box around the guess `centre` once. The `number` of the pass, from 0, changes the
+    random numbers."""
     from scipy.special import chdtri
 
     spread = half_widths(screening.spread, tuple(lanes.parameters))
