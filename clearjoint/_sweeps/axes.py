@@ -115,7 +115,7 @@ class Axis:
 class Lanes:
     """The scenes and initial states of all lanes of a sweep.
 
-    - `scene`, `state`: the scene and initial state that the user passed.
+    - `scene`, `state`: as the user passed them.
     - `varied`: PyTree like `scene`; a leaf is ``True`` if any lane has other numbers there than
       `scene`.
     - `scenes`: PyTree like `scene`; a leaf that is ``True`` in `varied` is an array (lanes, ...),
@@ -163,8 +163,6 @@ def lanes_of(
 
     Lanes whose values are refused, by the constructor of a part of the scene or by a function of
     `Axis.change`, are added to `Lanes.bad`.
-
-    **Raises:** `ValueError` for an axis that `Axis.setter` refuses.
     """
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))

@@ -24,14 +24,11 @@ Tracer = Callable[[], Mapping[str, str]]
 """Function that returns digests, by name, of the programs that the calling process would run."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
-"""Time without a result after which a warning is logged if no progress bar is shown, because the
-workers may be unable to start."""
+"""Time without a result after which a warning is logged if no progress bar is shown."""
 ROUNDS = 3
-"""Largest number of attempts to compute the lanes that are missing in the store. More than one is
-needed only if another process writes to the store at the same time."""
+"""Largest number of attempts to compute the missing lanes."""
 WRITE_SHARE = 0.05
-"""Largest share of the sweep's time that writing incomplete chunks may take. Each of these writes
-replaces whole files."""
+"""Largest share of the sweep's time that writing incomplete chunks, as whole files, may take."""
 WRITTEN_TOGETHER = 16
 """Largest number of chunks that are written together. With more, lanes would count as pending for
 longer, and little time would be saved."""

@@ -87,8 +87,7 @@ ChunkFunction = Callable[[int], LaneArrays]
 RETRIES = 3
 """How many times Dask repeats a chunk that raises an error before the sweep fails."""
 TICK = 1.0
-"""Time between two calls of `on_start`, the callback of `run_chunks`, while workers are
-starting."""
+"""Time between two calls of `on_start` while workers are starting."""
 QUEUED = 2
 """Number of chunks submitted for each worker, so that it can begin another one at once."""
 
@@ -128,9 +127,8 @@ def run_chunks(
     Only a few chunks at a time are submitted, and none after an error. Until the first result,
     `on_start` is called every second with the time since the call.
 
-    **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
-    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
-    after the chunks already submitted have ended.
+    **Raises:** `ValueError` for an unsuitable executor; `ChunkError`, after the chunks already
+    submitted have ended.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
@@ -142,8 +140,6 @@ def run_chunks(
             for _ in range(min(room, len(waiting))):
                 chunk = waiting.popleft()
                 running[pool.submit(chunk)] = chunk
-            # Until the first result, while workers start and compile, `on_start` is called every
-            # second.
             ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
             if not done and not ended:
                 on_start(time.monotonic() - started)

@@ -229,15 +229,14 @@ def largest_feasible(
 
 @dataclass(frozen=True)
 class LaneMargins:
-    """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
+    """Margins at n values of the parameter, see `LargestFeasible`.
 
     - `coordinates`: the parameter's values on its scale, rising.
-    - `margins`: the smallest margin of all outputs, and NaN, which counts as a violation, for a
-      peak that is NaN. `LargestFeasible` says what a peak is.
+    - `margins`: the smallest margin of all outputs; NaN, which counts as a violation, for a peak
+      that is NaN.
     - `low`, `high`: ends of the margins' 95 % confidence intervals; equal to `margins` without
       draws, for a single draw, and for the quantile 1.
-    - `peak`: part of an error message, about the output with the smallest margin at the first
-      coordinate.
+    - `peak`: text for an error message about the smallest margin at the first coordinate.
     """
 
     coordinates: Float[np.ndarray, " n"]
@@ -436,8 +435,7 @@ class _Search:
         return known
 
     def _confirmed(self, known: LaneMargins) -> LaneMargins:
-        """Lower the margins just below the first violation to those of `plain` runs, where these
-        are smaller."""
+        """Lower the margins just below the first violation to those of `plain` runs."""
         if self.plain is None:  # `margins` already has the settings that the user has given
             return known
         # Lower margins, and rows added between a value and the violation, may move the first

@@ -82,16 +82,11 @@ class Layout:
 
     - `axes`: the swept values; `zipped`: the i-th lane has the i-th value of each.
     - `chunk`: number of lanes in a chunk.
-    - `variables`: results by name, with ``"result"``, the result code, among them.
-    - `coordinates`: labels along dimensions of variables, if they have any.
+    - `variables`: results, with ``"result"``, the result code, among them.
+    - `coordinates`: labels along dimensions of variables.
     - `settings`: texts by name, for settings on which the results depend.
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
       the name of a function.
-
-    **Raises:** `ValueError` for a name that occurs twice among axes, variables, labels and other
-    dimensions, of which `LANE` is one, or that equals `BY_LANE`; for names of variables that are
-    empty, contain a slash or backslash, or begin with "." or "__"; for a `chunk` that is not a
-    positive integer; for no axes; and for zipped axes of different lengths.
     """
 
     axes: tuple[Coordinate, ...]
@@ -156,8 +151,7 @@ class Layout:
 
 
 def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
-    """Return the results of all lanes as a dataset along the sweep's axes, or along `LANE` if
-    zipped, with units, and with settings and notes as attributes."""
+    """Return the results of all lanes as the dataset of `sweep`."""
     import xarray as xr
 
     # If the sweep is zipped, there is one dimension of lanes, along which the axes are labels.
@@ -203,8 +197,7 @@ def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
 
 
 class PartOfStates(eqx.Module):
-    """Quantity with one part of the states of all bodies, such as "position". `STATE_PARTS` has its
-    unit."""
+    """Quantity: one part of the states of all bodies, such as "position"."""
 
     part: str = eqx.field(static=True)
     bodies: tuple[str, ...] = eqx.field(static=True)

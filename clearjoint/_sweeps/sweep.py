@@ -64,10 +64,7 @@ if TYPE_CHECKING:
 def variables_of(
     scene: Scene, requested: Requested
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
-    """Return the variables of a sweep by name, and the labels of dimensions other than the axes.
-
-    **Raises:** `ValueError` for an output whose variables have names that are already used.
-    """
+    """Return the variables of a sweep by name, and the labels of dimensions other than the axes."""
     # By the CF conventions, these two attributes give the name of each integer result code.
     codes = result_numbers()
     flags = {
@@ -175,8 +172,7 @@ def notes_for_readers(
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
-    """Return, as texts by name, the arguments of a sweep and the numbers of all lanes, which
-    become attributes of the results."""
+    """Return the arguments of a sweep and the numbers that all lanes share, for attributes."""
     # For each leaf of the state, whether it differs between lanes.
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     names = ("solver", "controller", "first_step", "stabilisation", "redundant")
@@ -374,9 +370,6 @@ def checked_starts(
 
     **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
     are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
-
-    **Raises:** `ValueError` if the coordinates have no variable, as joint coordinates of a scene in
-    which nothing can move.
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)

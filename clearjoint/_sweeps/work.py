@@ -20,9 +20,8 @@ class Work:
     """All lanes of a sweep, in the form in which they can be run.
 
     - `common`, `tasks`: what all lanes share, and the data of each lane, such as its end time.
-    - `bodies`: names of the bodies along the dimension "body".
-    - `bad`: numbers of the lanes with invalid parameters, or with nearly redundant constraints,
-      which count as invalid parameters too; they are not run.
+    - `bodies`: names along the dimension "body".
+    - `bad`: numbers of the lanes in `Lanes.bad`, which are not run.
     - `variables`: by name, the type, shape and unit of each result of a lane.
     """
 
@@ -97,8 +96,7 @@ class Work:
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
         """Return the recorded rows, by name of the output and of the column, with their number as
-        "count". For impact tables, all arrays have a dimension of contacts after that of the
-        lanes."""
+        "count". Those of impact tables have a dimension of contacts after that of the lanes."""
         logs = {
             name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
         }
@@ -115,9 +113,8 @@ class Chunks:
     """Function that computes a chunk of a sweep, in this process or in a worker process.
 
     - `lanes`: numbers of the lanes to run, by number of the chunk.
-    - `trace`: returns digests of the programs that the calling process would run. If they differ
-      from those of `work`, its code is not that of the process that made the sweep. ``None`` for no
-      check.
+    - `trace`: returns digests of the programs that the calling process would run, which must be
+      those of `work`; ``None`` for no check.
     """
 
     work: Work
@@ -148,8 +145,7 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests of the programs that this process has traced, which takes long, and found equal to those
-of a sweep."""
+"""Digests of programs that this process has traced, which takes long, and found equal."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:

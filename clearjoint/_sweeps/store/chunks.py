@@ -94,12 +94,8 @@ def _dtype(array: "zarr.Array") -> np.dtype:
 
 
 def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray) -> Path:
-    """Write one chunk of an array, so that a reader finds either the earlier file or the new one.
-
-    The last chunk may have fewer rows than the others.
-
-    **Raises:** `OSError`, for example if the disk is full; the earlier file is left then.
-    """
+    """Write one chunk of an array, so that a reader finds either the earlier file or the new one,
+    also after an `OSError`, as on a full disk."""
     from numcodecs.zstd import Zstd
 
     file, codec = chunk_file(path, array, chunk), _codec(array)
@@ -122,8 +118,7 @@ def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray)
 
 
 def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
-    """Read the rows of one chunk of an array, or return the fault, `MISSING` or `DAMAGED`, of its
-    file."""
+    """Return the rows of one chunk of an array, or the fault, `MISSING` or `DAMAGED`."""
     from numcodecs.zstd import Zstd
 
     file, codec = chunk_file(path, array, chunk), _codec(array)
@@ -147,8 +142,8 @@ def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of a group. Return its values, and the faults of its files by chunk; the values
-    of such a chunk are the fill value."""
+    """Return the values of an array, and the faults of its files by chunk, whose values are the
+    fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

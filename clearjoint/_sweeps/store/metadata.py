@@ -97,9 +97,8 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def _move_all(new: Path, path: Path) -> None:
-    """Move the files of the group at `new` to the folder `path`, except those that it has already.
-    The file `ROOT` lists the arrays and is moved last: until then the group reads as before. Result
-    codes are moved after all other arrays."""
+    """Move the files of a group that `path` does not have already. The file `ROOT` lists the arrays
+    and is moved last: until then the group reads as before. Result codes are moved before it."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
@@ -123,7 +122,7 @@ _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
 """Name of the attribute with a digest of all other metadata of the group `by_lane`."""
 ADDED = "sweep_added"
-"""Name of the attribute that lists the variables added after the store was made. They may lack the
+"""Name of the attribute that lists the variables added after the store was made, which may lack
 files of lanes that were done before."""
 ABANDONED_AFTER = 3600.0
 """Age above which an incomplete store counts as left behind by a killed process and is removed.
@@ -131,12 +130,8 @@ Writing one takes about a second."""
 
 
 class Contents(NamedTuple):
-    """Contents of a store without the results.
-
-    - `identity`: digests by which the sweep and its lanes are recognised.
-    - `order`: (lanes,) number of the lane in each row.
-    - `added`: names of the variables that were added after the store was made.
-    """
+    """Contents of a store without the results. `order` has the number of the lane in each row, and
+    `added` the names of the variables that were added after the store was made."""
 
     layout: Layout
     identity: Identity
@@ -145,12 +140,8 @@ class Contents(NamedTuple):
 
 
 def create(path: Path, contents: Contents) -> None:
-    """Make a store without results at a path; do nothing if another process makes it at the same
-    time.
-
-    The store is written under another name and then renamed, so that at any time it is either
-    complete or absent.
-    """
+    """Make a store without results at a path, unless another process makes it at the same time. It
+    is written under another name and then renamed, so that it is either complete or absent."""
     with unfinished(path) as store:
         _write(store / BY_LANE, contents)
         write_grid(store, dataset(contents.layout, contents.layout.pending()))
@@ -179,11 +170,7 @@ def remove_abandoned(path: Path) -> None:
 
 
 def contents_of(path: Path) -> Contents:
-    """Read the contents, without the results, of the store at a path.
-
-    **Raises:** `ValueError` if there is no sweep's store, if it is of another version, or if its
-    metadata or labels are damaged.
-    """
+    """Read the contents of the store at a path; errors are those of `open_sweep`."""
     # Attributes are settings and notes of the sweep, and the store's own, which begin with `_OWN`.
     group, attrs = _opened(path)
     own = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}

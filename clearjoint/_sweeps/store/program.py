@@ -55,8 +55,7 @@ from ..outputs import variable_name
 _ADDRESS = " at 0x"
 """Text that marks an address in the `repr` of a Python function; it differs between processes."""
 _WITHOUT_RESULT = {"debug_callback", "debug_print"}
-"""Names of primitives that print or call a Python function, but return nothing, and thus change no
-result."""
+"""Primitives that print or call a Python function, but return nothing."""
 
 
 class Fingerprints(NamedTuple):
@@ -71,8 +70,6 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
     """Return the digests and shapes of the entries of the dictionary that a function returns.
 
     Digests depend on structure, shapes and types of the arguments, but not on their numbers.
-
-    **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
     """
     program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
@@ -119,8 +116,7 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
 
 
 def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
-    """Digests of the results of a program that is a parameter of an operation, such as the body of
-    a loop."""
+    """Digests of the results of a program inside of an operation, such as the body of a loop."""
     if isinstance(program, ClosedJaxpr):
         return _results(program.jaxpr, [_constant(c) for c in program.consts], inputs)
     return _results(program, _numbered("constant", program.constvars), inputs)
@@ -217,9 +213,6 @@ def programs(
 
     Since each variable has its own digest, an output can be added to a store without making the
     stored lanes invalid. `channels[name][key]` are the quantities that the output `name` records.
-
-    **Raises:** `ValueError` for a scene or an output that calls a Python function that JAX doesn't
-    trace.
     """
     numbers, structure = eqx.partition(folded_scene, eqx.is_array_like)
     traced, time = _Traced(plan, channels, structure), jnp.asarray(start_time, dtype=float)
@@ -247,8 +240,8 @@ def programs(
 
 @dataclass(frozen=True)
 class _Traced:
-    """Parts of a lane's computation (start, steps, outputs and tables of impacts) as functions that
-    JAX can trace. `numbers` are those of the scene, and `structure` is the scene without them."""
+    """Parts of a lane's computation as functions that JAX can trace. `numbers` are those of the
+    scene, and `structure` is the scene without them."""
 
     plan: Plan
     channels: dict[str, dict[str, Quantity]]

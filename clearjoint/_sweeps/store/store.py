@@ -166,8 +166,8 @@ def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iter
 
 
 Parts = Mapping[int, tuple[Sequence[int], LaneArrays]]
-"""Results of some lanes by number of the chunk: numbers of n lanes of this chunk, in any order, and
-an array (n, ...) of these lanes, in the same order, for every variable by name."""
+"""Results by number of the chunk: numbers of n lanes of this chunk, in any order, and an array
+(n, ...) of these lanes for every variable."""
 _NAMED = 5
 """Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
@@ -217,10 +217,6 @@ class SweepStore:
 
         A store with fewer lanes or variables than the requested sweep is extended, and one with the
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
-
-        **Raises:** `ValueError` if there is something other than an intact store of this version at
-        the path, or if the stored sweep differs from the requested one as `differences` lists;
-        `OSError` if the store can't be created or extended, for example without permission.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
@@ -363,10 +359,7 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
     """Return the wanted contents, in which stored lanes keep their rows and others get rows at the
-    end.
-
-    **Raises:** `ValueError` that lists the `differences`.
-    """
+    end. An error lists the `differences`."""
     # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
     matches = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
