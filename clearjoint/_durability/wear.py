@@ -52,21 +52,18 @@ FIRST_CHANGE = 0.2
 """Change of the worn depth in the first stage, relative to the largest penetration beyond the onset
 of the force."""
 GROWTH = 2.0
-"""Largest number of cycles of a stage, divided by that of the stage before. The spline through the
-stages, by which `cycles_to_depth` interpolates, has an error of about 1e-3 then."""
+"""Largest number of cycles of a stage, divided by that of the stage before; the spline of
+`cycles_to_depth` through the stages then has an error of about 1e-3."""
 SHORTENED = 0.25
 """Number of cycles of a stage, divided by that of a stage after which the run failed."""
 FEWEST_CHANGE = 1e-3
-"""Change of the worn depth, relative to that of the first stage, below which a stage is not
-shortened any more."""
+"""Change of the worn depth, relative to that of the first stage, below which none is shortened."""
 SETTLING_RUNS = 8
-"""Largest number of runs after a stage, each from the state at the end of the one before, until the
-motion is periodic."""
+"""Largest number of runs after a stage until the motion is periodic."""
 LEAST_PENETRATION = 1e-12
 """Smallest scale of errors of depths, m, for joints whose contacts stay open."""
 INTEGRATION = 0.02
-"""Absolute tolerance of the integration of depths over a stage, divided by the error that a stage
-may have."""
+"""Absolute tolerance of the integration over a stage, divided by the stage's permitted error."""
 CONTACTS = ("contacts", "direct")
 """Variables of a store that are no part of the result: fields of `JointWear`."""
 FEWEST_SAMPLES = 8
@@ -417,9 +414,8 @@ class CycleRun:
     def measure(
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
-        """Return the wear per cycle, its derivatives and the state after the run. They are zero if
-        the run, or that of the derivatives, failed; `failure` then says why. `depths` are those
-        that the scene's joints have lost."""
+        """Run some cycles and measure the wear, which is zero if the run, or that of the
+        derivatives, failed. `depths` are those that the scene's joints have lost."""
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         options = {"start_time": self.start_time, "throw": False, "progress": False}
@@ -480,8 +476,6 @@ class _Measured(NamedTuple):
       bearing and journal per cycle, then their derivatives with respect to each of p parameters.
     - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
       ends of the journal, N.
-    - `state`: after the run.
-    - `histories`: contacts of each joint.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
@@ -497,7 +491,7 @@ class _Stages:
     """The stages computed so far.
 
     - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface of each joint.
-    - `cycles`: number of cycles before each stage.
+    - `cycles`: before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives with respect to the p `parameters`.
     - `rates`, `extremes`: for each stage with a run, the depth per cycle and its derivatives, and
@@ -696,11 +690,9 @@ class _Stages:
     def _grown(
         self, run: CycleRun, scene: Scene, length: float, end: list[JointWear] | None = None
     ) -> tuple[np.ndarray, float]:
-        """Return the depths at the end of a stage of `length` cycles after the last run, and its
-        number of cycles, which is smaller if a depth ends the computation before.
-
-        With the wear `end` at the end of the stage, the depths are corrected.
-        """
+        """Return the depths at the end of a stage of `length` cycles after the last run, corrected
+        by the wear `end` there, and its number of cycles, which is smaller if a depth ends the
+        computation before."""
         begun = len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[begun], self.rates[begun], self._pressed(scene)
         rtol = INTEGRATION * run.stage_error
@@ -799,9 +791,8 @@ class _Store:
     digest: str
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
-        """Replace the store by one of a result of `wear` and of the contacts that continue it. At
-        any time, `_folder` returns the folder of a complete store, the old or the new one, even if
-        the process is killed."""
+        """Replace the store by one of a result and of the contacts that continue it. At any time,
+        also after a kill, `_folder` returns the folder of a complete store."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -852,8 +843,7 @@ def _folder(path: Path) -> Path:
 
 
 def _version(folder: Path) -> int | None:
-    """Return the inode of a folder, ``None`` if there is none. A reader compares it before and
-    after reading, to notice that the store was replaced in between."""
+    """Return the inode of a folder, by which a reader notices that the store was replaced."""
     try:
         return folder.stat().st_ino
     except FileNotFoundError:

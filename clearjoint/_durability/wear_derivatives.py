@@ -70,11 +70,10 @@ class ParameterDirection:
     """Function that changes the scene and state along one parameter: its number, and with it all
     profiles that wear, by the effect of the parameter on the stages before.
 
-    - `index`: index of the parameter in the `shifts` of each `MovingSpline`.
-    - `joints`: names of the joints that wear.
+    - `index`: of the parameter in the `shifts` of each `MovingSpline`.
+    - `joints`: that wear.
     - `change`, `scale`: how the number is set from a coordinate; ``None`` for a wear rate, on which
       a run depends only through the profiles.
-    - `coordinate`: present coordinate of the parameter.
     """
 
     index: int
@@ -109,9 +108,6 @@ def directions_of(
 ) -> dict[str, ParameterDirection]:
     """Return a `ParameterDirection` by name for each parameter, and then for the logarithm of each
     positive wear rate. In `scene`, each profile that wears must be a `MovingSpline`.
-
-    **Raises:** `ValueError` for a parameter that does not fit the scene and the state, or that has
-    the name of a wear rate.
     """
     joints = tuple(rates)
     directions: dict[str, ParameterDirection] = {}

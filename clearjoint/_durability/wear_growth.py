@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from scipy.integrate import OdeSolution
 
 INSTANTS_PER_SAMPLE = 4
-"""Number of instants of a half of the measured cycles, divided by the number of angles. If a
-contact circles the wall once in that time, it moves by a quarter of the spacing of the angles from
-one instant to the next."""
+"""Number of instants of a half of the measured cycles, divided by the number of angles: a contact
+that circles the wall once moves by a quarter of their spacing."""
 NUMBERS = ("x", "y", "angle", *PlanarAxes._fields, "work")
 """What a `History` has of each instant: position of the base's centre in an unworn bearing, m,
 angle of the contact from the bearing's x axis, rad, the four numbers of `PlanarAxes`, and friction
@@ -48,10 +47,8 @@ def contact_history(
     signals: Signals,
     cycles: float,
 ) -> History:
-    """Return the contacts of a joint in a number of cycles, from their `times` and signals.
-
-    `joint` is that of the run, and `depths` are those that had worn off it before.
-    """
+    """Return the contacts of a joint in a number of cycles, from their `times` and signals, after
+    `depths` had worn off the joint."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]
     bases = []
     for base in BASES:
@@ -166,9 +163,8 @@ def _jacobian(
 class JointWear(NamedTuple):
     """Wear of one joint per cycle as a function of the depths that have worn off it.
 
-    - `joint`: the joint, unworn, with a spline for each part that wears.
+    - `joint`: unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N.
-    - `history`: its contacts.
     - `direct`: (p, 2, samples) m per cycle, the derivatives of the depths per cycle by the
       parameters with the depths held fixed.
     """
@@ -185,8 +181,7 @@ class JointWear(NamedTuple):
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return approximately the derivatives of the depths per cycle of the parts that wear by
-        their depths, from a part of the contacts."""
+        """Return the result of `_jacobian` approximately, from a part of the contacts."""
         some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
         some[:, -1] *= INSTANTS_PER_SAMPLE
         return np.asarray(_jacobian(self.joint, self.rates, some, depths))
@@ -220,9 +215,7 @@ def grow(
     The contacts are those of `start` throughout, or change evenly from those of `start` to those of
     `end`. The depths are integrated by backward differentiation formulas, with a relative tolerance
     and an absolute one of each row, m. Where the deepest point reaches `depth`, m, the function
-    ends.
-
-    **Raises:** `RuntimeError` if the integration fails.
+    ends. `RuntimeError`: the integration failed.
     """
     from scipy.integrate import solve_ivp
 

@@ -31,7 +31,7 @@ DRAWN = 8
 """Number of random test points for each parameter."""
 LESS, MORE, FLOOR = 1.5, 2.0, 0.5
 """Chi squared agrees with the quadratic model if its rise is between predicted / LESS - FLOOR and
-predicted * MORE + FLOOR. A rise that is too small may lead to another minimum."""
+predicted * MORE + FLOOR."""
 DIFFERING_SHARE = 0.1
 """The horizon is the first time at which chi squared disagrees with the quadratic model at this
 share of the test points or more."""
@@ -40,8 +40,7 @@ WIDENINGS = (1.0, 2.0, 4.0)
 KEPT = 32
 """Smallest number of points with the lowest chi squared from which the next round draws."""
 WORTH = 3.0
-"""Rise of chi squared over the lowest, in multiples of `RISE`, up to which points are worth
-exploring."""
+"""Rise of chi squared over the lowest, in multiples of `RISE`, that is worth exploring."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
 ROUNDS = 6
@@ -154,7 +153,6 @@ class Exploration:
 
     - `points`, `chi_squared`: the first is the minimum at which the fit's own search ended.
     - `minima`: the run at this minimum, then the ends of the local searches.
-    - `rounds`: number of rounds in which points were drawn.
     - `settled`: whether noise explains the lowest chi squared, and the last round widened every
       interval by less than a twentieth and found no new minimum that affects the intervals.
     """
@@ -170,19 +168,15 @@ class Exploration:
         return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-        """Return the ends of the parameters' 95 % intervals, in coordinates.
-
-        An interval contains all points whose chi squared is at most `RISE` above the lowest, and
-        the `interval_ends` of the minima.
-        """
+        """Return the ends of the 95 % intervals, which contain all points whose chi squared is at
+        most `RISE` above the lowest, and the `interval_ends` of the minima."""
         allowed = self.points[self.chi_squared <= self.lowest + RISE]
         ends = np.concatenate([allowed, interval_ends(self.minima, self.lowest)])
         return ends.min(axis=0), ends.max(axis=0)
 
 
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
-    """Return the ends of the 95 % intervals around each of several minima, in coordinates: two rows
-    for each minimum, lower and upper ends.
+    """Return the ends of the 95 % intervals around minima: two rows for each, lower and upper ends.
 
     An interval contains the values for which chi squared, minimised over the other parameters by
     the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
@@ -314,8 +308,7 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
 
 
 STEPS_DOWN = 15
-"""Maximum number of runs of a local search; the final search in the lowest minimum has four times
-as many."""
+"""Maximum number of runs of a local search; the final search has four times as many."""
 NEAR, NEAREST = 0.03, 1e-3
 """Gauss-Newton steps, in standard errors, at which a local search and the final search end."""
 FARTHEST = 100.0
@@ -341,9 +334,8 @@ class LikelihoodCheck:
       doesn't explain chi squared, if too many runs would be needed, or if its points don't
       represent it.
     - `searches`: the local searches of the exploration. If one of them has lowered chi squared by
-      more than 0.5, a more accurate search from there is the last.
-    - `runs`: number of runs, except those of the posterior.
-    - `seconds`: computing time, including that of the posterior.
+      more than `FLOOR`, a more accurate search from there is the last.
+    - `runs`: without those of the posterior; `seconds`: with that of the posterior.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
       with derivatives. Above 1, the rise at a distance of one standard error, integration errors
       are too large.
@@ -385,8 +377,8 @@ class LikelihoodCheck:
 
 @dataclass
 class _CountedRuns:
-    """Makes and counts the runs of an exploration, for chi squared at points and for local
-    searches. They are affordable while they cost less than `most` runs without derivatives."""
+    """Makes and counts the runs of an exploration, which are affordable while they cost less than
+    `most` runs without derivatives."""
 
     compared: Comparison
     most: float
@@ -520,7 +512,7 @@ def _small_posterior(
 ) -> Posterior | None:
     """Return the posterior for a uniform prior in a box; ``None`` if its few points don't represent
     it, if it needs more than `most_runs`, or if no points could be drawn. `lowest` is the smallest
-    known chi squared, and the number of points is proportional to `number`."""
+    known chi squared."""
     before = bar.n
 
     def on_step(time: float, runs: int) -> None:
@@ -566,7 +558,7 @@ def _quadratic_test(
 def _largest_offsets(
     best: RunMisfit, max_changes: Float[np.ndarray, " p"]
 ) -> Float[np.ndarray, " p"]:
-    """Return the largest distance of explored points from the estimates, in coordinates.
+    """Return the largest distance of explored points from the estimates.
 
     It is twice the largest change in one step of a fit. Where that is infinite, it is the larger of
     two numbers: the coordinate's magnitude, and `FARTHEST` times the standard error that the

@@ -47,8 +47,7 @@ class Comparison:
     units: Mapping[str, str] = field(default_factory=dict)
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
     """The latest batch of lanes, whose compiled programs the next one reuses, also with other
-    measurements; empty at first. It is in a list because no field of a frozen dataclass can be
-    replaced."""
+    measurements; empty at first. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
         return replace(self, data=samples(measurements, len(self.runs.times)))
@@ -64,8 +63,7 @@ class Comparison:
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the last of the first `count` sample times, s, where a fraction is rounded up; for
-        0, the start of the run."""
+        """Return the last of the first `count` sample times, s, rounded up; for 0, the start."""
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.start_time)
 

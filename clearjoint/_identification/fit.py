@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AT_BOUND = 1e-3
-"""Distance from a bound of a `Bounded` scale, relative to its range, below which an estimate counts
-as being at the bound."""
+"""Distance from a bound of a `Bounded` scale, relative to its range, that counts as at it."""
 ALIKE = 1.3
 """Ratio of the half widths of two intervals up to which the report says that they agree."""
 SHOWN = 3
@@ -51,9 +50,8 @@ FAR = 2.0
 GOOD = 1.5
 """Ratio of residuals to stated noise up to which a series counts as well fitted."""
 PIECES = 20
-"""Number of equal pieces into which the record is divided to find where residuals become large.
-Also the smallest number of samples of a series that is examined for errors of its sensor, and of a
-fit that is examined for outliers."""
+"""Number of equal pieces of the record in which large residuals are searched; also the smallest
+number of samples that are examined for errors of a sensor or for outliers."""
 DOUBLINGS = 5
 """Number of growing windows to suggest, each twice as long as the one before it."""
 MOST = 0.5
@@ -190,9 +188,8 @@ class Fit(AbstractTabular):
 
     @property
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
-        """Factor by which each interval is widened: `widening`, times a factor of Student's
-        distribution, because the variance of correlated noise is estimated from few independent
-        samples; 1 where `widening` is 1."""
+        """`widening`, times a factor of Student's distribution where it is above 1, because the
+        variance of correlated noise is estimated from few independent samples."""
         noises = self._correlated_noise.values()
         fewest = min((noise.effective for noise in noises), default=math.inf)
         factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
@@ -297,8 +294,8 @@ class Fit(AbstractTabular):
         return self._at_samples(self.best.best.jacobian)
 
     def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the rows (N, ...) at the sample times of each of the S series, by name, from rows
-        (S T, ...) at all T times of a run, series after series."""
+        """Return the rows (N, ...) at the sample times of each series, from rows (S T, ...) at all
+        T times of a run, series after series."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
         return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
@@ -641,7 +638,7 @@ def _explanation(
     """Find a few errors of a sensor that together explain most of the misfit of its series.
 
     Errors are added one by one, each time the one with which the residuals become smallest, until
-    the errors together explain the share `MOST` of the series' chi squared. `residuals` are those
+    they explain the share `MOST` of the series' chi squared. `residuals` are those
     of all series, `part` the rows of the sensor's series, and `effects` the derivatives of
     `residuals` by each kind of error.
 
@@ -677,8 +674,7 @@ def _explanation(
 def _effects_of_errors(
     fit: Fit, name: str
 ) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
-    """Derivatives of the residuals of a series by each kind of error that its sensor may have, at
-    an ideal sensor."""
+    """Derivatives of the residuals of a series by each kind of error of an ideal sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
@@ -693,9 +689,8 @@ def _effects_of_errors(
 
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """A sentence on a series whose misfit a few errors of its sensor explain for the most part, if
-    there is one; of several such series, on the one whose errors lower the chi squared of all
-    series the most."""
+    """A sentence on the series, if there is one, whose misfit a few errors of its sensor explain
+    for the most part; of several, the one whose errors lower the chi squared of all the most."""
     residuals = np.concatenate([*fit.residuals.values()])
     jacobian = np.concatenate([*fit._jacobians.values()])
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
@@ -741,7 +736,6 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
 
 
 def _is_estimated(fit: Fit, kind: type[AbstractSeriesVariation], series: str) -> bool:
-    """Whether an error of this kind, of the sensor of a series, is a parameter of the fit."""
     variations = (parameter.variation for parameter in fit.parameters.values())
     return any(type(each) is kind and series in each.series for each in variations)
 

@@ -92,10 +92,8 @@ def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
 
 @dataclass(frozen=True)
 class CorrelatedNoise:
-    """Stationary noise of M samples at equal intervals.
-
-    `autocovariances`: (M,) covariance of two samples that are 0 to M - 1 intervals apart.
-    """
+    """Stationary noise of M samples at equal intervals. `autocovariances` are those of two samples
+    that are 0 to M - 1 intervals apart."""
 
     autocovariances: Float[np.ndarray, " M"]
 
@@ -190,8 +188,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 def distinct(
     minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
 ) -> list[RunMisfit]:
-    """Return the minima with a chi squared up to `limit`, the lowest first, without those that are
-    not `apart` from one returned before."""
+    """Return the minima with a chi squared up to `limit`, the lowest first, that are `apart` from
+    all before."""
     chosen: list[RunMisfit] = []
     for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
         if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):

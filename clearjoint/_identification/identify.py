@@ -299,12 +299,8 @@ class _Problem:
     def _search(
         self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
     ) -> Search:
-        """Search from coordinates, window by window, each from the result of the one before.
-
-        After Ctrl-C, the search has `Ending.INTERRUPTED` and the best run so far.
-
-        **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
-        """
+        """Search window by window, each from the result of the one before. After Ctrl-C, the search
+        has `Ending.INTERRUPTED` and the best run so far, if a run has ended."""
         max_changes, runs = step_limits(compared.parameters), compared.runs
         windows, at = [], start
         best: RunMisfit | None = None
@@ -347,7 +343,6 @@ class _Problem:
 
 
 def warn_of(fits: Sequence[Fit]) -> None:
-    """Issue the warnings of poor fits."""
     poor = [fit for fit in fits if fit.advice]
     if poor:
         many = "" if len(fits) == 1 else f"{len(poor)} of {len(fits)} fits are; the first: "
@@ -370,7 +365,7 @@ def _with_prior(
     at: np.ndarray,
 ) -> RunMisfit:
     """Return the misfit at coordinates `at` with the residuals (at - centre)/deviations of a normal
-    prior appended; where a deviation is infinite, there is no prior."""
+    prior appended, zero where a deviation is infinite."""
     plain = misfit(at)
     residuals = np.append(plain.residuals, (at - centre) / deviations)
     jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])
@@ -381,8 +376,7 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield the function to call after each run: the user's, or one that updates a bar, which is
-    hidden if `progress` is false. `searches` is the total number of searches."""
+    """Yield the function to call after each run: the user's, or one that updates a bar."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return

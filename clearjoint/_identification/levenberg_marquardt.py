@@ -25,8 +25,7 @@ from .._fields.objects import on_device
 from .residuals import RunMisfit
 
 PATIENCE = 15
-"""Number of successive rejected steps after which a search ends. Each rejection multiplies the
-damping by four, so that the last of these steps are negligibly short."""
+"""Number of successive rejected steps, each with four times the damping, that end a search."""
 SHORT = 1e-3
 """A search ends if every component of the next step, in scaled coordinates, whose unit is about a
 standard deviation of an estimate, is smaller in magnitude than this fraction of the tolerance."""
@@ -85,10 +84,8 @@ class Iteration:
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """Result of a search that uses only the samples up to a time.
-
-    `iterations` has all runs of the search; it is empty if the user interrupted the first of them.
-    """
+    """Result of a search that uses only the samples up to a time. `iterations` is empty if the user
+    interrupted the first run."""
 
     end_time: float
     iterations: tuple[Iteration, ...]
@@ -110,12 +107,10 @@ class Search:
 
     @property
     def ending(self) -> Ending:
-        """Reason why the search in the last window ended."""
         return self.windows[-1].ending
 
     @property
     def evaluations(self) -> int:
-        """Number of iterations in all windows."""
         return sum(len(window.iterations) for window in self.windows)
 
 
@@ -166,7 +161,7 @@ _Model = tuple[jax.Array, jax.Array, jax.Array]
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
-    """Residuals of the linear model, in optimistix' form."""
+    """The linear model, in optimistix' form."""
     at, residuals, jacobian = model
     return residuals + jacobian @ (y - at), None
 
@@ -264,11 +259,8 @@ def search_with_damping(
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
     """Return p + 1 residuals and their Jacobian, in scaled coordinates, that have the same sum of
-    squares as the M residuals at all coordinates.
-
-    A QR decomposition gives them: it rotates the rows. So one compiled program serves data of any
-    size. Fewer than p + 1 rows are followed by zeros.
-    """
+    squares as the M residuals at all coordinates: one compiled program serves data of any size. A
+    QR decomposition gives them; fewer than p + 1 rows are followed by zeros."""
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))
     triangle = np.linalg.qr(table, mode="r")

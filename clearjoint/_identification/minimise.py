@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     import optax
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
-"""Function that receives outputs by name, (N,) each or numbers of reductions, and returns the
-number to minimise, ()."""
+"""Function of outputs by name, (N,) or numbers of reductions, that returns what to minimise."""
 Coordinates = dict[str, PyTree]
 """For each parameter by name: the coordinate of a `Parameter` on its scale, or the values of a path
 in the form of `Predictor.values`."""
@@ -205,8 +204,7 @@ def _descended(
 
 @dataclass(frozen=True)
 class _Forward:
-    """Objective and gradient by runs with derivatives, in forward mode; the search starts at the
-    coordinates `first`, (p,)."""
+    """Objective and gradient by runs in forward mode, from the coordinates `first`, (p,)."""
 
     runs: Experiment
     objective: Objective
@@ -246,8 +244,7 @@ class _Forward:
 
 @dataclass(frozen=True)
 class _Reverse:
-    """Objective and gradient by runs in reverse mode, for any `Part`s; the search starts at the
-    values of `predictor`."""
+    """Objective and gradient by runs in reverse mode, for any `Part`s."""
 
     predictor: Predictor
     objective: Objective

@@ -56,8 +56,7 @@ times."""
 NO_RECORDERS = requested_by(None, None).recorders()
 """As in `sensitivities` without recorded outputs, so that a fit after it compiles nothing anew."""
 UNREACHED = 1e6
-"""Residual, in standard deviations, of a sample that the run did not reach: large enough that an
-optimiser rejects the step."""
+"""Residual of a sample that the run did not reach: an optimiser rejects the step."""
 
 
 class Experiment(eqx.Module):
@@ -215,7 +214,7 @@ def experiment(
 
 
 class Samples(eqx.Module):
-    """Samples of S measured series on T common times, as arrays from which residuals are computed.
+    """Samples of S measured series on T common times.
 
     `weights` are inverse standard deviations of the noise. `values` and `weights` are zero where a
     series has no sample, and at the padding after the last time. `periods` has ``None`` for a

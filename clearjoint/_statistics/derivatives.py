@@ -195,9 +195,6 @@ def estimate(
 ) -> Estimate:
     """Return the derivatives of an output's mean from its `values` at the `points` of `_points`; by
     regression for parameters whose distribution is `normal`, by pairs of runs for uniform ones.
-
-    **Raises:** `ValueError` if too few independent runs succeed for the regression, or if fewer
-    than two pairs of runs of a uniform parameter succeed.
     """
     count = points.shape[1]
     derivatives, errors, freedom = np.zeros((3, count))

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Share of the largest singular value of the constraints' Jacobian, below which singular values,
-such as those that redundant constraints cause, count as zero."""
+"""Share of the largest singular value of the constraints' Jacobian below which others are zero."""
 NEGLIGIBLE = 1e-9
 """Components of a disturbance below this share of its size are rounding errors and are set to zero,
 so that velocities which the constraints fix get no axis."""
@@ -44,9 +43,8 @@ so that velocities which the constraints fix get no axis."""
 def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws v"]:
     """Return a random direction in the space of all velocities for each draw of an ensemble.
 
-    The v columns are the components of velocity and spin of each body, all standard normal, in the
-    scene's order of bodies. The first rows don't depend on the number of draws, so that an
-    ensemble can be extended.
+    The v columns are the components of velocity and spin of each body, all standard normal. The
+    first rows don't depend on the number of draws, so that an ensemble can be extended.
     """
     return np.random.default_rng(seed).standard_normal((draws, 6 * len(scene.bodies)))
 
@@ -65,8 +63,6 @@ def disturbed_velocities(
     Those of `state` are changed by the parts of the random directions `along` that the constraints
     permit, scaled to `size`, m/s: the expected root mean square of the added speeds over starts and
     bodies, in which a spin counts by the speed at its body's radius of gyration.
-
-    **Raises:** `ValueError` if the constraints leave no velocity free.
     """
     radii = radii_of_gyration(scene)
     lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])
@@ -105,9 +101,6 @@ def disturbed_axes(
     state. `size` and `along` are as in `disturbed_velocities`. Each `draws` successive lanes must
     have equal values of `axes`. If `draws` is 1 and `axes` change only numbers of the scene, the
     constraints of `scene` serve all lanes, so that the numbers must differ little from its own.
-
-    **Raises:** `ValueError` if the constraints leave no velocity free, and for a name in `axes`
-    that is also that of a disturbed velocity.
     """
     # Axes that change only numbers of the scene leave the initial state as it is. With one draw
     # for each value, every lane has its own numbers and would need its own Jacobian and singular
@@ -324,7 +317,7 @@ def _statistics(
     levels: Float[np.ndarray, " q"],
     quantities: Collection[str],
 ) -> "xr.Dataset":
-    """Return the statistics of all outputs over the draws at each point.
+    """Return the statistics over the draws at each point.
 
     - `labels`: coordinates of the dataset along the axes.
     - `shape`: number of values of each axis, then number of draws, which are successive lanes.

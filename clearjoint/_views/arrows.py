@@ -90,10 +90,8 @@ def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return the point, (N, 3) m, at which each contact force acts, and the force on the second
-    body of the joint, (N, 3) N, by names such as "pin V" for the contact "V" of the joint "pin".
-
-    Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
-    """
+    body of the joint, (N, 3) N, by names such as "pin V". Joints that draw nothing, such as
+    `Backlash`, whose contacts transmit a couple, are left out."""
     result = {}
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:

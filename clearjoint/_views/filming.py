@@ -31,7 +31,7 @@ DPI = 100
 SAMPLES = 4 * DPI
 """Computed points per inch, of which several are averaged in a pixel."""
 MOST_POINTS = 1_000_000
-"""Largest number of points whose depths are computed at once; a triangle may have more."""
+"""Largest number of points at once; a triangle may have more."""
 FRAMES_PER_SECOND = 25
 
 
@@ -191,8 +191,7 @@ def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _time_text(time: float, whole: float) -> str:
-    """Return the text of a time, s, with so many digits that one unit of the last digit is at most
-    a hundredth of the run's duration `whole`, s."""
+    """Text of a time, s, whose last digit is at most a hundredth of the run's duration `whole`."""
     whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))

@@ -23,8 +23,8 @@ ROUND = 32
 
 
 class Mesh(NamedTuple):
-    """Vertices (V, 3), m, and faces (F, 3) of the surface of a solid: indices of the three vertices
-    of each triangle, counter-clockwise seen from outside."""
+    """Vertices, m, and faces of the surface of a solid: indices of the three vertices of each
+    triangle, counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "V 3"]
     faces: Int[np.ndarray, "F 3"]
@@ -89,8 +89,8 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring about z with straight ends, from z = 0 to z = 1. If a pose stretches
-    it to `length`, m, the wire, of radius `wire`, m, is round."""
+    """Return a helical spring about z with straight ends, from z = 0 to z = 1. In a pose that
+    stretches it to `length` the wire, of radius `wire`, is round."""
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
@@ -154,12 +154,9 @@ def _extruded(
 
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
-    """Return the outline, as corners at the angles 0, 2 pi/N, ..., of the region inside N lines.
-    Line k is perpendicular to the direction of corner k, at `distances[k]` from the origin.
-
-    If the distances are the support function of a convex shape (the distances of its tangents), the
-    outline is that of the shape.
-    """
+    """Return the outline, as corners at the angles 0, 2 pi/N, ..., of the region inside N lines:
+    that of a convex shape if the lines are its tangents. Line k is perpendicular to the direction
+    of corner k, at `distances[k]` from the origin."""
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
     # A ray from the origin in the k-th direction meets the j-th line after the length d / c, where
     # d is the distance of the line from the origin, and c the cosine of the angle between the k-th
@@ -171,8 +168,7 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
-    """Return the convex hull of balls around all points: a rounded rod for two points, a rounded
-    plate for three."""
+    """Return the convex hull of balls around all points: for two points, a rounded rod."""
     trimesh = needed("trimesh")
     knob = _creation().icosphere(subdivisions=1, radius=radius).vertices
     return _of(trimesh.convex.convex_hull((points[:, None] + knob[None]).reshape(-1, 3)))
@@ -208,9 +204,8 @@ def as_mesh(argument: str, value: MeshLike) -> Mesh:
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return poses, rotations about the origin, that map z to each unit vector in `axes`, and x to
-    the direction of the part of `start` perpendicular to it; by default to any perpendicular
-    direction."""
+    """Return rotations that map z to each unit vector in `axes`, and x to the direction of the part
+    of `start` perpendicular to it; by default to any perpendicular direction."""
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
@@ -245,8 +240,7 @@ def _of(shape: HasTriangles) -> Mesh:
 
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
-    """Return the triangles (F, 3) between successive rings of `corners` vertices each, which are
-    numbered ring by ring."""
+    """Return the triangles between successive rings of `corners` vertices each."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners
     lower = np.stack([a, b, a + corners], -1).reshape(-1, 3)
@@ -271,8 +265,7 @@ CLEAR = 0.3
 class DrawnPart:
     """A solid of a view, with its pose in each frame.
 
-    - `name`: name of its body, joint or force; for the arrow of a contact force, that of the joint
-      and the label of the contact.
+    - `name`: of its body, joint or force; for the arrow of a contact force, with the contact.
     - `mesh`: triangles in the solid's own axes, m.
     - `poses`: (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest. They may also
       stretch the solid.
@@ -301,7 +294,7 @@ def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
     """Return the poses in which a solid from z = 0 to z = 1, such as a spring, connects two moving
-    points, and is stretched along x and y by `width`; (1, 4, 4) if all poses are equal."""
+    points, and is stretched along x and y by `width`; only one if all are equal."""
     along = ends - starts
     # A minimum of 1e-12 m, since equal points have no direction.
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)

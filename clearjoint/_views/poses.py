@@ -14,8 +14,7 @@ from .._model.scene import Scene
 
 @dataclass(frozen=True)
 class BodyPoses:
-    """Poses (N, 4, 4) of all bodies and of the ground in N frames at `times`, (N,) s or ``None``
-    for a single state."""
+    """Poses of all bodies and of the ground in N frames at `times`, ``None`` for a single state."""
 
     times: Float[np.ndarray, " N"] | None
     poses: Mapping[str, Float[np.ndarray, "N 4 4"]]
@@ -32,7 +31,6 @@ class BodyPoses:
 
 
 def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
-    """Return the poses of bodies and ground in a single state, or in states at N `times`."""
     from scipy.spatial.transform import Rotation
 
     ground = np.tile(np.eye(4), (1 if times is None else len(times), 1, 1))
@@ -69,8 +67,8 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
-    """Return the indices (M,) of the instants that become frames: at most `most`, about equally
-    spaced in time, with the first and, unless `most` is 1, the last."""
+    """Return the indices of the instants that become frames: at most `most`, about equally spaced
+    in time, with the first and, unless `most` is 1, the last."""
     if len(times) <= most:
         return np.arange(len(times))
     wanted = np.linspace(times[0], times[-1], most)
@@ -82,8 +80,8 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Raise a `ValueError` unless `states` has exactly the given bodies and, with `times`, one
-    position of each body for each time, which a user's trajectory may lack."""
+    """Raise a `ValueError` unless `states` has exactly the given bodies and, with `times`, their
+    positions at these."""
     in_motion, in_scene = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(in_motion == in_scene, "motion", in_motion, f"of the scene's bodies {in_scene}", remedy)

@@ -19,8 +19,8 @@ from .meshes import FORCE, LOAD, DrawnPart, corners, frame_about
 from .poses import BodyPoses
 
 BORE = 2.4
-"""Drawn radius of a bearing whose true radius is unknown, in radii of the bar by which a body is
-drawn; also the least drawn radius of bearings of known radius, by default."""
+"""Drawn radius of a bearing of unknown radius, in radii of the bar by which a body is drawn; by
+default also the least drawn radius of other bearings."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Return the drawn radius of a bearing with the true `radius`, None if unknown."""
+        """Drawn radius of a bearing with the true `radius`, None if unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -87,7 +87,7 @@ def proportions(
 
 
 class BodySolid(NamedTuple):
-    """A homogeneous box or cylinder with the mass and moments of inertia of a body.
+    """A homogeneous box or cylinder.
 
     - `axes`: unit vectors along the axes of the solid as columns, in body axes. `sides`: (3,) m.
     - `round`: whether the solid is a cylinder about the third axis; the first two sides are then
@@ -139,8 +139,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """Return the main direction of the joint axes in the first frame, and whether nearly all are
-    parallel; the Z axis and false without joint axes."""
+    """Return the main direction of the joint axes, and whether nearly all are parallel."""
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:
@@ -157,12 +156,9 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector: the first suitable one of the direction against gravity, Y and
-    Z, or X if none of them is suitable.
-
-    For a planar mechanism, directions within 60 degrees of the line of sight, which is along
-    `front`, are not suitable, because they would not point upwards in the picture.
-    """
+    """Return the upward unit vector: the first suitable one of the direction against gravity, Y, Z
+    and X. For a planar mechanism, directions within 60 degrees of the line of sight, `front`, are
+    not suitable, because they would not point upwards in the picture."""
     against = np.zeros(3) if scene.gravity is None else -np.asarray(scene.gravity, dtype=float)
     x, y, z = np.eye(3)
     for candidate in (against, y, z):
@@ -239,8 +235,8 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return a vector from the mechanism towards the viewer: the part of `front` perpendicular to
-    `up`, if it is long enough, and then tilted to the right and upwards."""
+    """Return a vector towards the viewer: the part of `front` perpendicular to `up`, if it is long
+    enough, tilted to the right and upwards."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Components of the direction to the right and upwards; the component along `front` is 1.

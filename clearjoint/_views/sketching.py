@@ -64,10 +64,7 @@ class DrawnJournal:
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
         """Return the point at which the drawn journal touches the drawn bearing in each frame.
-
-        **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
-        base W; `normal`: unit vectors from the axis to the contact points.
-        """
+        `position`: of the contact on the journal's axis, from -1 at base V to 1 at base W."""
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
         if self.profile is None:
             return centre + self.radius * normal
@@ -91,8 +88,7 @@ class SketchingPen(AbstractPen):
 
     Joints and forces call the methods from `mark` to `gear`, each of which adds solids (`load` only
     a load) and notes the points of its markers. The method `body` then draws a body as a bar: the
-    convex hull of balls around the noted points. The radius of the balls is that of the bar, to
-    which the sizes of most symbols are proportional.
+    convex hull of balls around these points.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
@@ -214,7 +210,7 @@ class SketchingPen(AbstractPen):
         length: Single,
         profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
     ) -> None:
-        """Draw the bearing as an open cylinder, and the journal in it with enlarged eccentricity.
+        """Draw the bearing as an open cylinder, and the journal in it.
 
         Clearance and eccentricity are multiplied by `Proportions.clearance_scale`, the radius of
         the bearing, if known, and the length by `Proportions.bearing_scale`. Deviations from
@@ -299,9 +295,9 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates perpendicular to `normal`, whose sides that face the marker `middle` are at
-        the distances `surfaces` from it, m, along the normal. At each end, they are longer than the
-        path of the marker `runner` by `excess`, m, and a bar."""
+        """Draw plates perpendicular to `normal`, whose sides that face `middle` are at the
+        distances `surfaces` from it, m. At each end, they are longer than the path of `runner` by
+        `excess`, m, and a bar."""
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -391,7 +387,7 @@ class SketchingPen(AbstractPen):
 
     def ground(self, down: Float[np.ndarray, "3"]) -> None:
         """Draw a stand below each point of the ground's elements: a pyramid with its tip at the
-        point or, for a bearing, at the outside of its wall. `down`: unit vector."""
+        point or, for a bearing, at the outside of its wall."""
         # The columns are the axes of the pyramid: to the side, near the line of sight, and down.
         # The small number prevents a division by zero if `front` is parallel to `down`.
         frame = frame_about(down, self._sizes.front + 1e-6)
@@ -407,8 +403,8 @@ class SketchingPen(AbstractPen):
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Return the points that the hull of a body must contain, (M, 3) m in body axes; of points
-        that are equal up to `NEAR`, only the first."""
+        """Return the points that the hull of a body must contain, (M, 3) m in body axes, without
+        those that equal an earlier one up to `NEAR`."""
         points = np.reshape(self._corners[name], (-1, 3))
         rounded = np.round(points / (NEAR * self._sizes.size))
         _, firsts = np.unique(rounded, axis=0, return_index=True)
@@ -419,8 +415,7 @@ class SketchingPen(AbstractPen):
         self._fixed.setdefault(key, []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid to the marker's body, with the solid's origin at the marker's point, and its
-        z axis along the marker's axis, if it has one."""
+        """Fix a solid with its origin at the marker's point and z along the marker's axis, if any."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
@@ -456,7 +451,7 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _moved_back(self, marker: Marker, distance: float) -> Marker:
-        """Return a marker that is moved along its axis away from the viewer in the first frame."""
+        """Move a marker along its axis away from the viewer in the first frame."""
         axis = marker.along()
         towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
         behind = (-axis if towards_viewer >= 0.0 else axis) * distance
@@ -466,8 +461,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest coordinate of the marker `runner`, m, along an axis
-        of the body of the marker `base`, from that marker."""
+        """Return the smallest and the largest coordinate of `runner`, m, along an axis of the body
+        of `base`, from that marker."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -528,7 +523,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a rotation matrix (3, 3) that maps z to the axis `along`, and x to the direction at
-    the angle `phase`, rad, about it, by the convention of joints for profiles and teeth."""
+    """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`
+    about it, by the convention of joints for profiles and teeth."""
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -274,8 +274,8 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 
 
 def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
-    """Return the meshes of bodies that the user of `view` passes. A mesh whose size differs from
-    that of the mechanism by more than a factor of 50, as for a mesh in mm, is refused."""
+    """Check and return the meshes of bodies. One whose size differs from that of the mechanism by
+    more than a factor of 50, as for a mesh in mm, is refused."""
     checked = {}
     for name, value in meshes.items():
         bodies = sorted(scene.bodies)
@@ -291,9 +291,8 @@ def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) ->
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note on the largest force of all impacts, in a list. The list is empty unless that
-    force exceeds the largest normal force in all frames by more than a tenth, because it acts
-    between two frames."""
+    """Return a note, in a list, on the largest force of all impacts if it acts between frames: if
+    it exceeds the largest normal force in all frames by more than a tenth."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

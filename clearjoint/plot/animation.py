@@ -16,8 +16,7 @@ from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Clearance in the pictures, in radii of the bearing. True clearances, at most a few hundredths of
-the radius, would hardly be visible."""
+"""Clearance in the pictures, in radii of the bearing; true ones would hardly be visible."""
 NOTE = f"clearance drawn larger, as {DRAWN_GAP:g} of the bearing's radius"
 WALL = 0.14
 """Thickness of the bearing's wall in the pictures, in radii of the bearing."""

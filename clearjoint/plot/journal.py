@@ -1,7 +1,4 @@
-"""Draw the eccentricities of a journal's bases over time and in the bearing's cross-section.
-
-A base touches the wall when its eccentricity exceeds the clearance.
-"""
+"""Draw the eccentricities of a journal's bases over time and in the bearing's cross-section."""
 
 from collections.abc import Mapping
 

@@ -1,5 +1,4 @@
-"""Report of a run on one page: its tables and figures, in rows that are matplotlib `SubFigure`
-objects."""
+"""Report of a run on one page, in rows that are matplotlib `SubFigure` objects."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -184,8 +183,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _simultaneous(impacts: Impacts) -> list[list[int]]:
-    """Return groups of indices of simultaneous impacts of a joint at different contacts. Each
-    impact of a group overlaps the first one for more than half of the shorter one's duration."""
+    """Return groups of indices of impacts of a joint at different contacts, each of which overlaps
+    the first one of its group for more than half of the shorter one's duration."""
     groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
@@ -216,8 +215,7 @@ PAGE = (8.27, 11.69)
 MOST_ROWS = 8
 """Largest number of impacts that a table lists; twice as many joints with contacts."""
 LETTERS = 112
-"""Number of letters for which a line of the page has space: it is 7.4 inches wide, and a letter of
-bold text a little less than 0.066."""
+"""Number of letters of a line of the page: 7.4 inches, of a little less than 0.066 if bold."""
 MARGIN = 0.4
 """Margin of the page, inches."""
 
@@ -291,8 +289,7 @@ def report(
 
 
 class _Part(NamedTuple):
-    """A row of the page. Texts have exactly their `height`, inches; figures share the rest of the
-    page in proportion to theirs."""
+    """A row of the page. Texts have their `height`, inches; figures share the rest in ratio."""
 
     height: float
     draw: Callable[[SubFigure], None]
@@ -338,8 +335,8 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row of the page with lines of text and, unless there are no `rows`, a table below,
-    whose widest columns are made narrower, with broken texts, if the page has too little space."""
+    """Return a row of the page with lines of text and, with `rows`, a table below, whose widest
+    columns are broken into lines if the page has too little space."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.

@@ -85,8 +85,7 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 def draw_lines(
     axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
 ) -> None:
-    """Draw curves, each with label, x (N,) and y (N,), that differ by colour and line style, also
-    from lines already on the axes."""
+    """Draw curves, each with label, x (N,) and y (N,), that differ in look from all on the axes."""
     for label, x, y in curves:
         colour = next_colour(axes)
         style = dict(LINES)[colour]
@@ -168,7 +167,7 @@ def inside(
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
     """Return a mask (N,) of the values in a window, of which there must be some. The last three
-    arguments are for the error message: name of the window, what it lacks, and advice."""
+    arguments are for the error message."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
     expected = f"an interval with {contents}"
@@ -251,8 +250,7 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """Return the factor from s to the unit of a time axis, and its text: ms if all times, s, or the
-    window are below 2 s, else s."""
+    """Return the factor from s to the unit of a time axis, and its text: ms below 2 s, else s."""
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < 2.0 else (1.0, "s")
 
@@ -281,9 +279,7 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Return whether an axis for values should be logarithmic: all finite values are positive, and
-    the largest exceeds 12 times the smallest or, for a `swept` parameter, at least three values
-    form a geometric series."""
+    """Return whether an axis for values should be logarithmic (see the docstring of `plot`)."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False

@@ -44,8 +44,7 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return `axis`, or if it is None the name of the sweep's only axis. A zipped sweep has none
-    that counts as the only one."""
+    """Return `axis`, or if it is None the name of the only axis; a zipped sweep has none."""
     if axis is not None:
         require_names(dataset, (axis,))
         return axis

@@ -42,12 +42,10 @@ STEP = 1e-6
 """Step of central differences, relative to the number that is changed. The relative error of a
 difference is about 1e-10: the step squared, plus the rounding error divided by the step."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative by a dimensionless factor of a number, relative to the
-magnitude of the derivative plus a thousandth of the force. It is far above the errors of finite
-differences."""
+"""Largest accepted error of a derivative by a factor of a number, relative to the derivative plus a
+thousandth of the force, and far above the errors of finite differences."""
 SINGLE = 9
-"""Number of points at which a function is also evaluated singly, which is slow, without
-`jax.vmap`."""
+"""Number of points at which a function is also evaluated singly, which is slow."""
 
 Points: TypeAlias = Float[jax.Array, " N"]
 """Depths in m, rates or speeds in m/s, or forces in N at N points."""

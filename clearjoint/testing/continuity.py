@@ -15,8 +15,8 @@ from .._model.bodies import Motion
 PIECES = 64
 """Number of pieces into which each interval is divided."""
 HALVINGS = 100
-"""Number of bisections of each piece. The ends of the interval that remains are adjacent floats,
-except near zero, where they are closer together than 1e-30 times the width of the piece."""
+"""Number of bisections of each piece. The last ends are adjacent floats or, near zero, closer
+together than 1e-30 times the width of the piece."""
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5

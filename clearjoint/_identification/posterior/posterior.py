@@ -29,8 +29,8 @@ NEAREST = 10
 """Smallest number of neighbours of a point. With fewer, chance gaps between the points would divide
 a mode."""
 SMALLEST = 0.01
-"""Share of all points below which a mode is joined to the nearest larger mode, because so few
-points may be stray points of the larger one."""
+"""Share of all points below which a mode, perhaps of stray points, is joined to the nearest larger
+one."""
 
 
 def modes(
@@ -98,8 +98,7 @@ def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n 
 FEWEST = 32
 """Smallest number of points that a posterior may have."""
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
-"""Function of the parameters' values by name, (n,) each, that returns the logarithm of a density at
-the n points, (n,)."""
+"""Function of the values by name, (n,) each, that returns the logarithm of a density, (n,)."""
 
 
 def posterior(
@@ -198,9 +197,7 @@ def drawn_posterior(
     samples. `box` has the lower and upper ends of the coordinates. `on_step` is called after each
     step with the time up to which the record is in the likelihood, and the number of runs so far.
 
-    **Raises:** `ImpossiblePointsError`, a `ValueError`, if the prior is zero at all or almost all
-    points of the box, or so few points are possible that they have no covariance;
-    `TooManyRunsError` if more than `most_runs` runs are needed.
+    **Raises:** `ImpossiblePointsError`, `TooManyRunsError`.
     """
     begun, runs, failed = time.perf_counter(), 0, 0
 

@@ -18,15 +18,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 EDGE, EDGE_SHARE = 0.01, 0.02
-"""`EDGE`: a point is at an end of the box if its distance from the end is less than this share of
-the box's width. `EDGE_SHARE`: the report warns if more than this share of the points is at one end,
-twice the share that a uniform distribution would have there."""
+"""Distance from an end of the box, relative to its width, that counts as at the end; share of the
+points at one end above which the report warns, twice that of a uniform distribution."""
 EVEN = 0.1
-"""The report warns that a parameter's points fill the box evenly if their cumulative distribution
-differs everywhere by less than this from that of a uniform distribution over the box."""
+"""Largest difference of cumulative distributions up to which points fill the box evenly."""
 FEWEST_EFFECTIVE = 150.0
-"""The report warns of inaccurate ends of intervals if the effective number of runs is less than
-this and less than half the number of points."""
+"""Effective number of runs below which the report warns, unless it is half the number of points."""
 
 
 @dataclass(frozen=True)

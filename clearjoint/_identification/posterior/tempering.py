@@ -27,8 +27,7 @@ from jaxtyping import Bool, Float
 from ..points import chi_squared_over, filled, last_where
 
 KEPT = 0.5
-"""Effective number of points to which a step along the record may reduce the cloud, relative to the
-number of points. It determines the length of the step."""
+"""Effective share of the points to which a step along the record may reduce the cloud."""
 AHEAD = 1.5
 """Number of sample times over which points are run, relative to the number in the likelihood. The
 further times serve the next steps."""
@@ -69,8 +68,7 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `curves`: function that runs points, see `Curves`; `count`: number of times of the record.
-    - `low`, `high`: ends of the box.
+    - `count`: number of times of the record; `low`, `high`: ends of the box.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 
@@ -114,7 +112,6 @@ class Drawn:
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior, with its
       standard error `error`.
     - `effective`: effective number of the weighted runs from which the points were drawn.
-    - `steps`: number of steps along the record.
     """
 
     points: Float[np.ndarray, "n p"]
@@ -313,10 +310,8 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
 
 
 def effective_number(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> float:
-    """Return the effective number of weighted points, 1 / (sum of their squared weights).
-
-    Equal points count as one: copies of a point tell nothing more about a distribution.
-    """
+    """Return 1 / (sum of the squared weights). Equal points count as one: copies of a point tell
+    nothing more about a distribution."""
     return 1.0 / float((_distinct(points, weights)[1] ** 2).sum())
 
 
@@ -347,8 +342,7 @@ def mutated(
     generator: np.random.Generator,
 ) -> Cloud:
     """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings. The
-    likelihood is that of the first `reached` sample times, a number that need not be whole (see
-    `chi_squared_over`).
+    likelihood is that of the first `reached` sample times, see `chi_squared_over`.
 
     Moves alternate between draws from a mixture of normal distributions around the weighted points
     and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of
@@ -409,8 +403,6 @@ class Mixture:
         the weight of the point, and a wide one around all points. All standard deviations are
         multiplied by `wider`. Equal points count as one: as neighbours of each other they would
         have no covariance.
-
-        **Raises:** `numpy.linalg.LinAlgError` if no more than p distinct points have a weight.
         """
         points, weights = _distinct(points, weights)
         count, p = points.shape

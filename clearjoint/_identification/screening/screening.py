@@ -26,11 +26,9 @@ LEVEL = 0.99
 """Points fit about as well as the best if their chi squared exceeds the smallest by at most the
 quantile of the chi squared distribution with p degrees of freedom at this level."""
 LOOSER = 1000.0
-"""Tolerance of the integration in screening runs, relative to that of the fit. Screening only ranks
-points, and the fit from the best of them is accurate."""
+"""Tolerance of the integration in screening runs, which only rank points, relative to the fit's."""
 STILL_FITTING = 4
-"""The next round runs over the part of the record that at least this many of the present points
-still fit. Hardly any new point would fit a longer part."""
+"""The next round runs over the part of the record that so many of the present points still fit."""
 FIRST = 4
 """Number of points in the first round, which fills the whole box, relative to the number of new
 points in other rounds."""
