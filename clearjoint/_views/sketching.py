@@ -415,7 +415,7 @@ class SketchingPen(AbstractPen):
         self._fixed.setdefault(key, []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid with its origin at the marker's point and z along the marker's axis, if any."""
+        """Fix a solid with its origin at the marker's point and z along the marker's axis."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
