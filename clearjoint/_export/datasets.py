@@ -114,6 +114,16 @@ def labelled_dataset(
     return xr.Dataset(*parts, attrs={**whole, **dict(notes)})
 
 
+def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:
+    """Return the labels of parameters, with their `units`, and of the bounds of intervals."""
+    along = ("parameter",)
+    return {
+        "parameter": Labelled(along, texts([*units])),
+        "unit": Labelled(along, texts([*units.values()])),
+        "bound": Labelled(("bound",), texts(["low", "high"])),
+    }
+
+
 def texts(labels: ArrayLike) -> np.ndarray:
     """Return labels as an array of texts; without any, `np.asarray` would return floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from .._export.datasets import AbstractTabular, Labelled, estimate_labels, labelled_dataset, texts
 from .._export.tables import aligned, duration, estimates_table, numbered
 from .._information import fisher_information as information
 from .._information.horizon import FitHorizon
@@ -108,19 +108,14 @@ class Fit(AbstractTabular):
         "with"). Attributes are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and
         `warnings`.
         """
-        names, along = [*self.parameters], ("parameter",)
+        along = ("parameter",)
         variables = {
             "estimate": Labelled(along, [*self.estimates.values()]),
             "standard_error": Labelled(along, [*self.standard_errors.values()]),
             "interval": Labelled((*along, "bound"), [*self.intervals.values()]),
             "correlation": Labelled((*along, "with"), self.correlation),
         }
-        labels = {
-            "parameter": Labelled(along, texts(names)),
-            "unit": Labelled(along, texts([*self.units.values()])),
-            "bound": Labelled(("bound",), texts(["low", "high"])),
-            "with": Labelled(("with",), texts(names)),
-        }
+        labels = estimate_labels(self.units) | {"with": Labelled(("with",), texts([*self.units]))}
         notes = {
             "ending": self.ending.value,
             "chi_squared": self.chi_squared,

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from typing_extensions import override
 
-from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..._export.datasets import AbstractTabular, Labelled, estimate_labels, labelled_dataset
 from ..._export.tables import duration, estimates_table
 from ..._parametrisation.parameter import Parameter, values_on
 
@@ -151,18 +151,14 @@ class Posterior(AbstractTabular):
         (parameter, bound), in the `unit` of each parameter. Attributes are `log_evidence`,
         `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
         """
-        names, along = [*self.parameters], ("parameter",)
+        along = ("parameter",)
         variables = {
-            "mean": Labelled(along, [self.means[name] for name in names]),
-            "standard_deviation": Labelled(along, [self.standard_deviations[n] for n in names]),
-            "interval": Labelled((*along, "bound"), [self.intervals[name] for name in names]),
+            "mean": Labelled(along, [*self.means.values()]),
+            "standard_deviation": Labelled(along, [*self.standard_deviations.values()]),
+            "interval": Labelled((*along, "bound"), [*self.intervals.values()]),
         }
-        labels = {
-            "parameter": Labelled(along, texts(names)),
-            "unit": Labelled(along, texts([self.units[name] for name in names])),
-            "bound": Labelled(("bound",), texts(["low", "high"])),
-        }
-        return labelled_dataset("posterior", variables, labels, tuple(self._notes().items()))
+        notes = tuple(self._notes().items())
+        return labelled_dataset("posterior", variables, estimate_labels(self.units), notes)
 
     def to_arviz(self) -> "arviz.InferenceData":
         """Return the points as an `arviz.InferenceData` with one chain.
