@@ -1,10 +1,9 @@
 """Growth of the worn depths of a joint over many cycles, with the contacts of a run held fixed.
 
-Wear is stiff: the material that carries the load wears off first, and after a change of depth by
-the elastic penetration, other material carries it. An explicit step is therefore unstable if the
-depth changes by more than the penetration. But forces, sliding speeds and directions of the
-contacts change little meanwhile. Here they are held fixed, the journal follows the wall, and an
-implicit method computes how the depths grow.
+Wear is stiff: after a change of depth by the elastic penetration, other material carries the load.
+An explicit step over more than that is therefore unstable. But forces, sliding speeds and
+directions of the contacts change little meanwhile. Here they are held fixed, the journal follows
+the wall, and an implicit method computes how the depths grow.
 """
 
 from functools import partial

@@ -160,7 +160,6 @@ class Exploration:
     points: Float[np.ndarray, "n p"]
     chi_squared: Float[np.ndarray, " n"]
     minima: tuple[RunMisfit, ...]
-    rounds: int
     settled: bool
 
     @property
@@ -220,7 +219,7 @@ def explore(
     new_points = drawn_around(minimum.coordinates, covariances, number)
     points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
     minima, best, previous_intervals = [minimum], minimum, None
-    for rounds in range(1, ROUNDS + 1):
+    for _ in range(ROUNDS):
         points = np.concatenate([points, new_points])
         values = np.concatenate([values, chi_squared(new_points)])
         # The points with the lowest chi squared: at least `KEPT`, and all of a chi squared that is
@@ -229,7 +228,7 @@ def explore(
         lowest_points = points[np.argsort(values, kind="stable")[: min(low_enough, number // 2)]]
         descended = _local_searches(lowest_points, minima, descend, affordable)
         # Returned as it is, with `settled` true, only if the intervals have settled.
-        explored = Exploration(points, values, (*minima, *descended), rounds, True)
+        explored = Exploration(points, values, (*minima, *descended), True)
         low, high = explored.intervals()
         # A minimum is new if it affects the intervals and is none of the known ones.
         relevant = [end for end in descended if end.chi_squared <= explored.lowest + RISE]

@@ -1,7 +1,6 @@
 """Levenberg-Marquardt search by optimistix, one step at a time.
 
-optimistix works with the linear model of residuals that the caller computes, so that a step is
-compiled once for each number of parameters, separately from the runs. Other than in
+A step is compiled once for each number of parameters, separately from the runs. Other than in
 `optimistix.LevenbergMarquardt`, coordinates are scaled by the column norms of the first Jacobian,
 the damping decreases if the linear model was good, not only if it was almost exact, no coordinate
 changes by more than the `max_step` of its scale in a step, and a step that increases chi squared is

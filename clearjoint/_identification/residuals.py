@@ -268,7 +268,6 @@ class RunMisfit:
       samples that the run misses, where the `jacobian` is zero. In a window of a growing record
       that is not the last one, a prior adds p more.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
-    - `time`: time that the run reached, s; `attempts`: number of its steps, rejected ones included.
     """
 
     coordinates: Float[np.ndarray, " p"]
@@ -276,8 +275,6 @@ class RunMisfit:
     jacobian: Float[np.ndarray, "M p"]
     predicted: Float[np.ndarray, "S T"]
     result: RESULTS
-    time: float
-    attempts: int
 
     @property
     def chi_squared(self) -> float:
@@ -294,8 +291,7 @@ def run_misfit(
     run = runs.run(coordinates, end_time)
     residuals, jacobian = map(np.asarray, _weighted(runs, run, data))
     predicted = np.stack([np.asarray(run.values[name]) for name in runs.names])
-    ending = run.result, float(run.time), int(run.attempts)
-    return RunMisfit(np.array(coordinates, float), residuals, jacobian, predicted, *ending)
+    return RunMisfit(np.array(coordinates, float), residuals, jacobian, predicted, run.result)
 
 
 @Compiled

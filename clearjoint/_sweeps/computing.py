@@ -195,7 +195,6 @@ def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[t
 
 
 def show_running(bar: tqdm, running: Running) -> None:
-    """Show in a progress bar the time left, and the simulated times that lanes have reached."""
     assert isinstance(bar, ProgressBar)
     bar.seconds_left = running.seconds_left
     reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"

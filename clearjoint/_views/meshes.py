@@ -180,7 +180,6 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def as_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Check a mesh that a user passes as the given argument, and return it as a `Mesh`."""
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and such an object becomes a pair of arrays.
     if isinstance(value, str | Path):

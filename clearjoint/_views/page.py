@@ -1,8 +1,7 @@
 """A page that shows a mechanism in a browser: one file that needs no network and no server.
 
-The page is made by the package k3d. Pages of the package viser are smaller (1.00 against 1.46 MB
-for 12 bodies in 500 frames) and are shown sooner (after 1.8 against 2.5 s), but k3d shows the time
-of the run, writes the file without a web server, and depends on ipywidgets alone.
+It is made by the package k3d. Pages of viser are smaller and are shown sooner, but k3d shows the
+time of the run, writes the file without a web server, and depends on ipywidgets alone.
 """
 
 import json

@@ -381,7 +381,6 @@ class SketchingPen(AbstractPen):
         self._add(name, meshes.ball(1.5 * self._bar), "#000000")
 
     def shape(self, name: str, mesh: Mesh) -> None:
-        """Draw a mesh, in body axes, as the shape of a body."""
         self._add(name, mesh)
         self._shaped.add(name)
 

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..._fields.checks import require, require_type
+from ..._fields.checks import require, require_count, require_type
 from ..._measurements.series import Measurements
 from ..._model.bodies import State
 from ..._model.scene import Scene
@@ -166,8 +166,7 @@ def posterior(
     enough = isinstance(draws, int) and draws >= FEWEST
     expected = f"a whole number from {FEWEST}"
     require(enough, "draws", draws, expected, "500 points serve up to about five parameters")
-    is_seed = isinstance(seed, int) and seed >= 0
-    require(is_seed, "seed", seed, "a whole number from 0", "pass 0")
+    require_count("seed", seed, "pass 0", zero=True)
     settings = settings_or(settings, presets.identification)
     compared = comparison(scene, state, measurements, parameters, start_time, settings)
     centre = start_coordinates(scene, state, parameters, guess, None)[0]

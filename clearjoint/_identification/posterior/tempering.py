@@ -1,13 +1,12 @@
 """Sequential Monte Carlo over a growing record, and importance sampling at its end.
 
 A cloud of points is drawn from the prior. Then the record enters the likelihood in steps of many
-samples, or of a fraction of a sample. After each step the points are weighted, resampled and moved,
-so that they are distributed as the posterior of the record so far (N. Chopin, *A sequential
-particle filter method for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference
-for Lévy-driven stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over a
-part of the record with few impacts, chi squared is smooth, so that the cloud finds the region of
-the truth before later impacts make it rough. Growing powers of the likelihood of the whole record,
-as usual, would have to find this region in the rough chi squared.
+samples, or of a fraction of one. After each step the points are weighted, resampled and moved, so
+that they are distributed as the posterior of the record so far (N. Chopin, *A sequential particle
+filter method for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference for
+Lévy-driven stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over few
+impacts chi squared is smooth, so that the cloud finds the region of the truth. Growing powers of
+the likelihood of the whole record, as usual, would have to find it in the rough chi squared.
 
 The cloud serves only to find the region, because a small cloud loses the ends of a curved region.
 The points of the result and the evidence come from rounds of importance sampling (O. Cappé et al.,

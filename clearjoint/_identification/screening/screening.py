@@ -1,10 +1,10 @@
 """Search for starts of a fit by runs without derivatives, over a growing part of the record.
 
 If predicted and measured impact peaks don't overlap, the derivatives of chi squared don't lead to
-the solution, and later impacts add many minima. The first round therefore uses an early part of the
-record, so short that many points of a box around the guess still fit it about equally well. The
-method shrinks level sets like nested sampling (J. Skilling, *Nested sampling for general Bayesian
-computation*, 2006), for a misfit that grows with the record.
+the solution, and later impacts add many minima. The first round therefore uses a part of the record
+so short that many points of a box around the guess fit it about equally well. The method shrinks
+level sets like nested sampling (J. Skilling, *Nested sampling for general Bayesian computation*,
+2006), for a misfit that grows with the record.
 """
 
 import math

@@ -199,7 +199,6 @@ def contents_of(path: Path) -> Contents:
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
-    """Open a store, and return its group `by_lane` and the attributes of this group."""
     file = path / BY_LANE / ROOT
     try:
         # Older versions stored the lanes where the grid is now.
@@ -229,7 +228,6 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 
 def _write(path: Path, contents: Contents) -> None:
-    """Write the group `by_lane`, without results."""
     import zarr
 
     layout, identity, order, added = contents

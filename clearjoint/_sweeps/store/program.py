@@ -7,9 +7,8 @@ lanes run them.
 
 The digest of a value combines the operation that computes the value, the operation's parameters and
 the digests of its operands. It therefore doesn't depend on names, on the order of independent
-operations, on unused operations, on `jax.jit` around parts of the function, or on the process. It
-does depend on the code of globals, helpers, base classes and properties, as far as this code is in
-the traced program.
+operations, on unused operations, on `jax.jit` around parts of the function, or on the process, but
+on all code, also of helpers, that is in the traced program.
 """
 
 import dataclasses

@@ -1,10 +1,9 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
-Each variable is an array whose chunks are those of the sweep, so writing a chunk changes no file of
-another chunk. The result codes of a chunk are written last. Without them its lanes count as
-pending, whatever else a killed process has written, and so do those of a chunk with a damaged,
-missing or exchanged file. Two processes that write to the same store wait for each other if the
-system can lock files.
+Each variable is an array whose chunks are those of the sweep. The result codes of a chunk are
+written last. Without them its lanes count as pending, whatever else a killed process has written,
+and so do those of a chunk with a damaged, missing or exchanged file. Two processes that write to
+the same store wait for each other if the system can lock files.
 
 A store can be extended by lanes and by variables. It recognises lanes by the numbers from which
 they start, and variables by the programs that compute them. It has the axes of the sweep that
@@ -186,7 +185,6 @@ class SweepMemory:
         self._arrays = layout.pending()
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the numbers of the lanes that have no results yet, by number of their chunk."""
         return _missing(self._arrays[RESULT], np.arange(self.layout.lanes), self.layout.chunk)
 
     def write(self, parts: Parts) -> None:

@@ -46,8 +46,6 @@ def line(
         jacobian,
         predicted[None],
         cj.RESULTS.successful,
-        2.0,
-        10,
     )
     iteration = Iteration(0, True, best.chi_squared, at, 0.0, 1.0)
     search = Search(at, (WindowSearch(2.0, (iteration,), ending),), best)

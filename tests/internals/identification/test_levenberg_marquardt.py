@@ -14,7 +14,7 @@ FREE = np.full(2, np.inf)
 
 def misfit(at, residuals, jacobian):
     ended = cj.RESULTS.successful
-    return RunMisfit(at, residuals, jacobian, np.zeros((1, 0)), ended, 0.0, 0)
+    return RunMisfit(at, residuals, jacobian, np.zeros((1, 0)), ended)
 
 
 def decay(at, data=0.0):

@@ -94,7 +94,7 @@ class Rough:
             at, cost = at + step, new
         residuals, jacobian = np.sqrt([cost]), np.sqrt([[information]])
         ended = cj.RESULTS.successful
-        return RunMisfit(np.array([at]), residuals, jacobian, np.zeros((1, 0)), ended, 0.0, 0)
+        return RunMisfit(np.array([at]), residuals, jacobian, np.zeros((1, 0)), ended)
 
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
