@@ -44,8 +44,8 @@ class Uncertain:
 
     Exactly one of the last three must be given.
 
-    **Raises:** `ValueError` for none or several of these three, for a size that is not positive,
-    for bounds that don't rise, and for a `parameter` that is neither a `Parameter` nor a path.
+    **Raises:** `ValueError` for none or several of these three, a size that is not positive, and
+    bounds that don't rise.
 
     >>> path = lambda scene: scene.joints["shoulder"].clearance
     >>> cj.Uncertain(path, deviation=5e-6).deviation
@@ -171,9 +171,8 @@ def design(
       the distributions evenly.
     - `method`: "sobol", "halton", "latin hypercube", or "random" for independent draws.
 
-    **Raises:** `ValueError` for an unknown `method`, fewer than one draw, an empty `uncertain`,
-    entries that are not `Uncertain`, and a nominal value or bound that the parameter's scale does
-    not allow.
+    **Raises:** `ValueError` for unsupported arguments, and for a nominal value or bound that the
+    parameter's scale does not allow.
 
     **Warns:** `UserWarning` for "sobol" and a number of `draws` that is not a power of two.
 

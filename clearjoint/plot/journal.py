@@ -122,8 +122,7 @@ def journal_orbit(
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
     whose radius is the clearance: a base whose centre is outside the circle touches the wall.
 
-    Bases with the same path share one curve. Since accepted steps are long in free flight, observe
-    the motion at ``solution.steps.between()``.
+    Bases with the same path share one curve.
 
     **Arguments:** `section`: the directions to the right and upwards, see `eccentricity_vectors`.
 

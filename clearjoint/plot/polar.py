@@ -50,7 +50,6 @@ def contact_rose(
       one base.
     - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
     - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
-    - `axes`: polar ones.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -86,8 +85,7 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     """Draw the volumes that one lane of a sweep wears off a bearing's wall, as polar bars over the
     angle from the x axis of the bearing's frame. Bars of base W are stacked on those of base V.
 
-    **Arguments:** `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`;
-    `axes`: polar ones.
+    **Arguments:** `output`: name of an output of the sweep that is a `clearjoint.ArchardWear`.
 
     >>> clearance = cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4, 2e-4])
     >>> outputs = {"wear": cj.ArchardWear("shoulder", coefficient=1e-4, hardness=2e9, sectors=8)}
@@ -124,7 +122,6 @@ def worn_profile(
     - `part`: "bearing", for the wear of its wall, or "journal".
     - `curves`: number n of curves. They are at 1/n, 2/n and so on of all cycles; the last one is
       black.
-    - `axes`: polar ones.
 
     >>> import xarray as xr
     >>> depths = {"bearing_depth": (("joint", "stage", "angle"), np.full((1, 2, 8), 1e-6))}
