@@ -214,16 +214,16 @@ def wear(
         scene = _with_depths(scene, list(rates), unworn)
         directions = directions_of(scene, state, run.rates_of_parts, parameters)
         run = dataclasses.replace(run, directions=directions)
-    stages_so_far = _Stages.first(scene, state, list(rates), list(run.directions), samples)
+    stages_so_far = _Stages.first(run, scene, state)
     store = None if path is None else _Store(Path(path), _digest(scene, state, run))
     if store is not None:
-        stages_so_far = store.read(stages_so_far, run, scene)
+        stages_so_far = store.read(stages_so_far)
     begun, last = stages_so_far.cycles[-1], float(run.cycles.max())
     total = last if np.isfinite(last) else None
     units = {"unit": " cycles", "unit_scale": True}
     with tqdm(total=total, initial=begun, disable=not progress, **units) as bar:
-        while not stages_so_far.has_ended(run):
-            stages_so_far.add(run, scene)
+        while not stages_so_far.has_ended():
+            stages_so_far.add()
             bar.update(stages_so_far.cycles[-1] - bar.n)
             if store is not None:
                 store.write(stages_so_far.dataset(), stages_so_far.contacts())
@@ -490,10 +490,10 @@ class _Measured(NamedTuple):
 class _Stages:
     """The stages computed so far.
 
-    - `areas`: (J, 2) m^2, of the bearing's wall and of the journal's surface of each joint.
+    - `run`: the arguments of `wear`; `scene`: from `_with_splines`, before any wear.
     - `cycles`: before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
-      bearing before journal, and their derivatives with respect to the p `parameters`.
+      bearing before journal, and their derivatives along the p `run.directions`.
     - `rates`, `extremes`: for each stage with a run, the depth per cycle and its derivatives, and
       those of `_Measured`. The last stage may have no run yet. Its depths are then extrapolated,
       and are corrected after its run.
@@ -503,70 +503,63 @@ class _Stages:
     - `ending`: why the computation ended; empty while it goes on.
     """
 
-    names: list[str]
-    parameters: list[str]
-    areas: Float[np.ndarray, "joints 2"]
+    run: CycleRun
+    scene: Scene
+    state: State
     cycles: list[float]
     depths: list[np.ndarray]
-    rates: list[np.ndarray]
-    extremes: list[np.ndarray]
-    state: State
+    rates: list[np.ndarray] = dataclasses.field(default_factory=list)
+    extremes: list[np.ndarray] = dataclasses.field(default_factory=list)
     wears: list[JointWear] = dataclasses.field(default_factory=list)
     failure: str = ""
     ending: str = ""
 
     @staticmethod
-    def first(
-        scene: Scene, state: State, names: list[str], parameters: list[str], samples: int
-    ) -> "_Stages":
+    def first(run: CycleRun, scene: Scene, state: State) -> "_Stages":
         """Return the only stage before any run, in which no joint has worn."""
-        depths = np.zeros((1 + len(parameters), len(names), len(PARTS), samples))
-        areas = np.zeros((len(names), len(PARTS)))
-        for k, name in enumerate(names):
-            joint = _clearance_joint(scene, name)
-            radii = np.array([float(joint.bearing_radius), float(joint.journal_radius)])
-            areas[k] = 2.0 * np.pi * radii * float(joint.journal_length)
-        return _Stages(names, parameters, areas, [0.0], [depths], [], [], state)
+        shape = 1 + len(run.directions), len(run.rates), len(PARTS), run.samples
+        return _Stages(run, scene, state, cycles=[0.0], depths=[np.zeros(shape)])
 
-    def add(self, run: CycleRun, scene: Scene) -> None:
+    def add(self) -> None:
         """Run the last stage, correct its depths by the run, and extrapolate them to a new stage.
 
         If the run fails or the correction is too large, the stage is replaced by a shorter one.
         Where this does not help, the first stage raises an error, and later ones set `failure`, so
         that the results so far are kept.
         """
+        run = self.run
         if len(self.rates) == len(self.cycles):  # a computation that had reached its end
-            self._extrapolate(run, scene, self.cycles[-1] - self.cycles[-2])
+            self._extrapolate(self.cycles[-1] - self.cycles[-2])
             return
-        measured = self._measured(run, scene)
+        measured = self._measured()
         difference, before = run.difference(measured), len(self.cycles) > 1
         length = self.cycles[-1] - self.cycles[-2] if before else 0.0
         if measured.failure or difference > run.tolerance:
-            if not self._shorten(run, scene, SHORTENED * length):
-                self._refuse(measured.failure, difference, run)
+            if not self._shorten(SHORTENED * length):
+                self._refuse(measured.failure, difference)
             return
-        depths, wears = self.depths[-1], self._wears(run, scene, measured)
+        depths, wears = self.depths[-1], self._wears(measured)
         if before:
             try:
-                depths, _ = self._grown(run, scene, length, wears)
+                depths, _ = self._grown(length, wears)
             except RuntimeError as error:
-                if not self._shorten(run, scene, SHORTENED * length):
+                if not self._shorten(SHORTENED * length):
                     self.failure = f"the depths of a stage failed: {error}"
                 return
-            scales = depths[0].max(axis=(1, 2)) + self._pressed(scene)
+            scales = depths[0].max(axis=(1, 2)) + self._pressed()
             corrections = np.abs(depths - self.depths[-1])[0].max(axis=(1, 2))
             # The extrapolation is of first order in the length of the stage, so that its error
             # is proportional to the square of the length.
             error = float(np.max(corrections / scales)) / run.stage_error
             next_length = length * min(GROWTH, 0.9 / np.sqrt(max(error, 1e-9)))
-            if error > 1.0 and self._shorten(run, scene, max(next_length, SHORTENED * length)):
+            if error > 1.0 and self._shorten(max(next_length, SHORTENED * length)):
                 return
         self.depths[-1] = depths
         rows = [wear.per_cycle(depths[:, j]) for j, wear in enumerate(wears)]
         self.rates.append(np.stack(rows, axis=1))
         self.extremes.append(measured.extremes)
         self.state, self.wears = measured.state, wears
-        if self.has_ended(run):
+        if self.has_ended():
             return
         # Without wear, no number of cycles leads to a depth.
         if np.isinf(run.cycles.max()) and not self.rates[-1][0].any():
@@ -576,11 +569,12 @@ class _Stages:
             require(before, "cycles", np.inf, expected, remedy)
             return
         if not before:
-            next_length = self._cycles_to_change(scene, FIRST_CHANGE)
-        self._extrapolate(run, scene, next_length)
+            next_length = self._cycles_to_change(FIRST_CHANGE)
+        self._extrapolate(next_length)
 
-    def has_ended(self, run: CycleRun) -> bool:
+    def has_ended(self) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so."""
+        run = self.run
         has_run = len(self.rates) == len(self.cycles)
         if self.failure:
             self.ending = self.failure
@@ -594,10 +588,11 @@ class _Stages:
             self.ending = ""
         return self.ending != ""
 
-    def _measured(self, run: CycleRun, scene: Scene) -> _Measured:
+    def _measured(self) -> _Measured:
         """Return the wear of the last stage, in which the journal may first have to fall to the
         worn wall, so that further runs follow until the motion is periodic."""
-        scene, state = _with_depths(scene, self.names, self.depths[-1]), self.state
+        run, state = self.run, self.state
+        scene = _with_depths(self.scene, list(run.rates), self.depths[-1])
         if len(self.cycles) == 1:
             return run.measure(scene, state, self.depths[-1][0])
         for _ in range(SETTLING_RUNS):
@@ -616,33 +611,45 @@ class _Stages:
             state = measured.state
         return measured
 
-    def _wears(self, run: CycleRun, scene: Scene, measured: _Measured) -> list[JointWear]:
+    def _wears(self, measured: _Measured) -> list[JointWear]:
         direct = np.zeros_like(self.depths[-1][1:])
-        wears = _joint_wears(run, scene, measured.histories, direct.swapaxes(0, 1))
-        if self.parameters:
+        if self.run.directions:
             # The run has the derivatives by the parameters with those of the depths.
+            wears = self.joint_wears(measured.histories, direct.swapaxes(0, 1))
             through_depths = [w.per_cycle(self.depths[-1][:, j])[1:] for j, w in enumerate(wears)]
             direct = measured.halves.mean(axis=0)[1:] - np.stack(through_depths, axis=1)
-            wears = _joint_wears(run, scene, measured.histories, direct.swapaxes(0, 1))
-        return wears
+        return self.joint_wears(measured.histories, direct.swapaxes(0, 1))
 
-    def _refuse(self, failure: str, difference: float, run: CycleRun) -> None:
+    def joint_wears(
+        self,
+        histories: Sequence[History] | np.ndarray,
+        direct: Sequence[np.ndarray] | np.ndarray,
+    ) -> list[JointWear]:
+        rates = self.run.rates_of_parts
+        unworn = _with_depths(self.scene, list(rates), np.zeros_like(self.depths[0][:1]))
+        rows = zip(rates.items(), histories, direct, strict=True)
+        return [
+            JointWear(_clearance_joint(unworn, name), of_parts, history, slopes)
+            for (name, of_parts), history, slopes in rows
+        ]
+
+    def _refuse(self, failure: str, difference: float) -> None:
         """Set `failure` for a run that can't be extrapolated; raise an error in the first stage."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
-            if self.parameters:
+            if self.run.directions:
                 reason += " or in its derivatives"
         expected = f"a cycle of a periodic motion ({reason})"
         remedy = "check the duration, or raise `settle`, `measured` or `tolerance`"
-        require(len(self.cycles) > 1, "cycle", run.cycle, expected, remedy)
+        require(len(self.cycles) > 1, "cycle", self.run.cycle, expected, remedy)
         self.failure = reason
 
-    def _pressed(self, scene: Scene) -> Float[np.ndarray, " joints"]:
+    def _pressed(self) -> Float[np.ndarray, " joints"]:
         """Largest penetration in the last run, m, plus `onset_offset`."""
         pressed = self.extremes[-1][:, 0].copy()
-        for j, name in enumerate(self.names):
-            joint = _clearance_joint(scene, name)
+        for j, name in enumerate(self.run.rates):
+            joint = _clearance_joint(self.scene, name)
             # The force may begin before the surfaces touch; the penetration is then negative.
             pressed[j] += float(joint.law.onset_offset())
             expected = f"a distance at which the force of {name!r} has not begun"
@@ -651,25 +658,26 @@ class _Stages:
             require(has_force, "onset_offset", offset, expected, remedy)
         return np.maximum(pressed, LEAST_PENETRATION)
 
-    def _cycles_to_change(self, scene: Scene, change: float) -> float:
+    def _cycles_to_change(self, change: float) -> float:
         """Number of cycles in which the depths of a joint change by a multiple of its
         penetration."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
-        cycles = change * self._pressed(scene) / np.where(fastest > 0.0, fastest, 1.0)
+        cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
 
-    def _shorten(self, run: CycleRun, scene: Scene, length: float) -> bool:
+    def _shorten(self, length: float) -> bool:
         """Replace the last stage by a shorter one; return whether this was possible: not if
         `cycles` prescribes the stages, or the depths would hardly change."""
-        if len(self.cycles) == 1 or run.cycles.ndim == 1:
+        if len(self.cycles) == 1 or self.run.cycles.ndim == 1:
             return False
-        if length < self._cycles_to_change(scene, FIRST_CHANGE * FEWEST_CHANGE):
+        if length < self._cycles_to_change(FIRST_CHANGE * FEWEST_CHANGE):
             return False
         del self.cycles[-1], self.depths[-1]
-        self._extrapolate(run, scene, length)
+        self._extrapolate(length)
         return True
 
-    def _extrapolate(self, run: CycleRun, scene: Scene, length: float) -> None:
+    def _extrapolate(self, length: float) -> None:
+        run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
         if run.cycles.ndim == 1:
@@ -679,7 +687,7 @@ class _Stages:
             length = min(length, run.largest_change / fastest) if fastest > 0.0 else length
         length = min(length, left)
         try:
-            depths, reached = self._grown(run, scene, length)
+            depths, reached = self._grown(length)
         except RuntimeError as error:
             self.failure = f"the depths of a stage failed: {error}"
             return
@@ -687,14 +695,12 @@ class _Stages:
         self.cycles.append(goal if reached == left else self.cycles[-1] + reached)
         self.depths.append(depths)
 
-    def _grown(
-        self, run: CycleRun, scene: Scene, length: float, end: list[JointWear] | None = None
-    ) -> tuple[np.ndarray, float]:
+    def _grown(self, length: float, end: list[JointWear] | None = None) -> tuple[np.ndarray, float]:
         """Return the depths at the end of a stage of `length` cycles after the last run, corrected
         by the wear `end` there, and its number of cycles, which is smaller if a depth ends the
         computation before."""
-        begun = len(self.rates) - 1
-        rows, per_cycle, pressed = self.depths[begun], self.rates[begun], self._pressed(scene)
+        run, begun = self.run, len(self.rates) - 1
+        rows, per_cycle, pressed = self.depths[begun], self.rates[begun], self._pressed()
         rtol = INTEGRATION * run.stage_error
         # A little deeper, so that the correction doesn't lead above the depth again.
         until = None if run.depth is None or end else run.depth * (1.0 + 0.1 * run.stage_error)
@@ -725,24 +731,27 @@ class _Stages:
     def dataset(self) -> "xr.Dataset":
         import xarray as xr
 
-        depths = np.array(self.depths)
+        depths, names = np.array(self.depths), list(self.run.rates)
         # The last stage has no run, and so no rate, penetration and force. The reshape is for the
         # first stage, when the lists are empty.
         rates = np.full(depths.shape, np.nan)
         rates[: len(self.rates)] = np.array(self.rates).reshape(-1, *depths.shape[1:])
-        extremes = np.full((len(depths), len(self.names), len(EXTREMES)), np.nan)
+        extremes = np.full((len(depths), len(names), len(EXTREMES)), np.nan)
         extremes[: len(self.extremes)] = np.array(self.extremes).reshape(-1, *extremes.shape[1:])
         variables: dict[str, tuple] = {}
         for k, (name, unit) in enumerate(EXTREMES.items()):
             variables[name] = ("stage", "joint"), extremes[:, :, k], {"units": unit}
+        joints = [_clearance_joint(self.scene, name) for name in names]
+        lengths = np.array([float(joint.journal_length) for joint in joints])
         for k, part in enumerate(PARTS):
-            volumes = depths[:, 0, :, k].mean(axis=-1) * self.areas[:, k]
+            radii = np.array([float(getattr(joint, f"{part}_radius")) for joint in joints])
+            volumes = depths[:, 0, :, k].mean(axis=-1) * (2.0 * np.pi * radii * lengths)
             variables[f"{part}_volume"] = ("stage", "joint"), volumes, {"units": "m^3"}
         dims = "stage", "joint", "angle"
         for name, rows, unit in (("depth", depths, "m"), ("rate", rates, "m per cycle")):
             for k, part in enumerate(PARTS):
                 variables[f"{part}_{name}"] = dims, rows[:, 0, :, k], {"units": unit}
-                if self.parameters:
+                if self.run.directions:
                     along = ("stage", "parameter", *dims[1:]), rows[:, 1:, :, k], {"units": unit}
                     variables[f"{part}_{name}_derivative"] = along
         for field in fields(BodyState):
@@ -753,9 +762,9 @@ class _Stages:
             variables,
             coords={
                 "cycles": ("stage", self.cycles),
-                "joint": self.names,
+                "joint": names,
                 "angle": ("angle", _angles(depths.shape[-1]), {"units": "rad"}),
-                **({"parameter": self.parameters} if self.parameters else {}),
+                **({"parameter": [*self.run.directions]} if self.run.directions else {}),
                 "body": list(self.state.bodies),
             },
             attrs={"ending": self.ending, "failure": self.failure},
@@ -766,21 +775,6 @@ def _clearance_joint(scene: Scene, name: str) -> ClearanceJoint:
     joint = scene.joints[name]
     assert isinstance(joint, ClearanceJoint), "`CycleRun.check` refuses others"
     return joint
-
-
-def _joint_wears(
-    run: CycleRun,
-    scene: Scene,
-    histories: Sequence[History] | np.ndarray,
-    direct: Sequence[np.ndarray] | np.ndarray,
-) -> list[JointWear]:
-    zeros = np.zeros((1, len(run.rates), len(PARTS), run.samples))
-    unworn = _with_depths(scene, list(run.rates), zeros)
-    rows = zip(run.rates_of_parts.items(), histories, direct, strict=True)
-    return [
-        JointWear(_clearance_joint(unworn, name), of_parts, history, slopes)
-        for (name, of_parts), history, slopes in rows
-    ]
 
 
 @dataclass(frozen=True)
@@ -803,7 +797,7 @@ class _Store:
             new.rename(self.path)
         shutil.rmtree(old, ignore_errors=True)
 
-    def read(self, first: _Stages, run: CycleRun, scene: Scene) -> _Stages:
+    def read(self, first: _Stages) -> _Stages:
         if not _folder(self.path).exists():
             return first
         stored, remedy = _opened(self.path), "pass another folder"
@@ -820,7 +814,7 @@ class _Store:
         measured = int(np.isfinite(stored["penetration"].values[0]).sum())
         extremes = np.stack([stored[name].values.T for name in EXTREMES], axis=-1)
         contacts = [stored[name].values for name in CONTACTS if measured]
-        wears = _joint_wears(run, scene, *contacts) if measured else []
+        wears = first.joint_wears(*contacts) if measured else []
         return dataclasses.replace(
             first,
             wears=wears,

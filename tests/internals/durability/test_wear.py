@@ -102,11 +102,12 @@ def test_a_store_of_an_earlier_version_is_not_continued(tmp_path):
     whole = cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, **OPTIONS)
     store = wear_module._Store(tmp_path / "wear", "same")
     store.write(whole.drop_vars("force"), {})
-    first = wear_module._Stages.first(scene, state, ["pin"], [], whole.sizes["angle"])
+    run = SimpleNamespace(directions={}, rates=OF_PIN, samples=whole.sizes["angle"])
+    first = wear_module._Stages.first(run, scene, state)
     with pytest.raises(
         ValueError, match="a store of this version.*without force.: pass another folder"
     ):
-        store.read(first, None, scene)
+        store.read(first)
 
 
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
@@ -135,11 +136,10 @@ def test_the_last_stage_ends_at_the_goal_without_rounding(monkeypatch):
     goal, begun = 961.1, 177.8
     assert begun + (goal - begun) < goal
     depths = np.zeros((1, 0, 2, 8))
-    none = np.zeros((0, 2))
-    stages = wear_module._Stages([], [], none, [0.0, begun], [depths] * 2, [depths], [none], None)
     run = SimpleNamespace(cycles=np.array(goal), largest_change=None)
-    monkeypatch.setattr(stages, "_grown", lambda run, scene, length: (depths, length))
-    stages._extrapolate(run, None, np.inf)
+    stages = wear_module._Stages(run, None, None, [0.0, begun], [depths] * 2, [depths])
+    monkeypatch.setattr(stages, "_grown", lambda length: (depths, length))
+    stages._extrapolate(np.inf)
     assert stages.cycles == [0.0, begun, goal]
 
 
