@@ -190,16 +190,70 @@ def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarra
     return np.array(ends).reshape(-1, len(minima[0].coordinates))
 
 
+STEPS_DOWN = 15
+"""Maximum number of runs of a local search; the final search has four times as many."""
+NEAR, NEAREST = 0.03, 1e-3
+"""Gauss-Newton steps, in standard errors, at which a local search and the final search end."""
+
+
+@dataclass
+class _CountedRuns:
+    """Makes and counts the runs of an exploration, which are affordable while they cost less than
+    `most` runs without derivatives."""
+
+    compared: Comparison
+    most: float
+    on_iteration: Callable[[Iteration], None]
+    bar: ProgressBar
+    points: int = 0
+    searches: list[Search] = field(default_factory=list)
+
+    def chi_squared(self, points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
+        self.points += len(points)
+        values = self.compared.chi_squared(points, self.compared.count)[:, -1]
+        self.bar.update(len(points))
+        return values
+
+    def descend(
+        self, start: Float[np.ndarray, " p"], near: float = NEAR, steps: int = STEPS_DOWN
+    ) -> RunMisfit:
+        """Return the minimum that a local search from `start` reaches in at most `steps` runs with
+        derivatives, or until its next step is below `near` standard errors."""
+        end = float(self.compared.times[-1])
+        misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
+        max_changes = step_limits(self.compared.parameters)
+        options = max_changes, near, steps, self.on_iteration
+        lowest, iterations, ending = search_with_damping(misfit, start, *options)
+        # An interruption, which `search_with_damping` catches, ends the whole check.
+        if ending is Ending.INTERRUPTED:
+            raise KeyboardInterrupt
+        self.searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
+        self.bar.update(len(iterations))
+        return lowest
+
+    @property
+    def searched(self) -> int:
+        """Runs with derivatives."""
+        return sum(search.evaluations for search in self.searches)
+
+    def left(self) -> float:
+        """Further runs without derivatives within the limit."""
+        # One with derivatives by p parameters costs about as much as 1 + p without.
+        each = 1 + len(self.compared.parameters)
+        return self.most - self.points - each * self.searched
+
+    def affordable(self) -> bool:
+        return self.left() > 0.0
+
+
 def explore(
-    chi_squared: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]],
-    descend: Callable[[Float[np.ndarray, " p"]], RunMisfit],
+    runs: _CountedRuns,
     minimum: RunMisfit,
     covariances: Sequence[Float[np.ndarray, "p p"]],
     limits: Float[np.ndarray, " p"],
     number: int,
     likely: float,
     generator: np.random.Generator,
-    affordable: Callable[[], bool] = lambda: True,
 ) -> Exploration:
     """Explore the neighbourhood of a fit's `minimum` for all points with a similar chi squared.
 
@@ -208,10 +262,10 @@ def explore(
     Each further round draws half as many points among those with the lowest chi squared so far. It
     draws as many again around the lowest minimum if the round before found a much lower one, or if
     the lowest chi squared is above `likely`, the largest that noise explains. In every round, local
-    searches (`descend`) start from some of the lowest points that are far from each other and from
-    the known minima. The exploration ends when it has settled, after `ROUNDS` rounds, or when
-    further runs are not `affordable`. In each coordinate, points are at most `limits` away from the
-    minimum around which they are drawn.
+    searches start from some of the lowest points that are far from each other and from the known
+    minima. The exploration ends when it has settled, after `ROUNDS` rounds, or when further runs
+    are not affordable. In each coordinate, points are at most `limits` away from the minimum around
+    which they are drawn.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
@@ -221,12 +275,12 @@ def explore(
     minima, best, previous_intervals = [minimum], minimum, None
     for _ in range(ROUNDS):
         points = np.concatenate([points, new_points])
-        values = np.concatenate([values, chi_squared(new_points)])
+        values = np.concatenate([values, runs.chi_squared(new_points)])
         # The points with the lowest chi squared: at least `KEPT`, and all of a chi squared that is
         # worth a closer look, but at most half as many as the first round has.
         low_enough = max(KEPT, int((values <= values.min() + WORTH * RISE).sum()))
         lowest_points = points[np.argsort(values, kind="stable")[: min(low_enough, number // 2)]]
-        descended = _local_searches(lowest_points, minima, descend, affordable)
+        descended = _local_searches(lowest_points, minima, runs)
         # Returned as it is, with `settled` true, only if the intervals have settled.
         explored = Exploration(points, values, (*minima, *descended), True)
         low, high = explored.intervals()
@@ -244,7 +298,7 @@ def explore(
             if (grown < SETTLED).all():
                 return explored
         previous_intervals = low, high
-        if not affordable():
+        if not runs.affordable():
             break
         # New points are drawn among the lowest points and the minima, because local searches reach
         # lower chi squared than random points.
@@ -278,8 +332,7 @@ def _drawn_around(
 def _local_searches(
     starts: Float[np.ndarray, "m p"],
     minima: Sequence[RunMisfit],
-    descend: Callable[[Float[np.ndarray, " p"]], RunMisfit],
-    affordable: Callable[[], bool],
+    runs: _CountedRuns,
 ) -> list[RunMisfit]:
     """Search for minima from up to `DESCENTS` of the starts that are far from each other and from
     the known `minima`: always from the first of them, from each other one if it is affordable."""
@@ -290,8 +343,8 @@ def _local_searches(
     chosen = far_apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
     ends: list[RunMisfit] = []
     for k in chosen:
-        if not ends or affordable():
-            ends.append(descend(candidates[k]))
+        if not ends or runs.affordable():
+            ends.append(runs.descend(candidates[k]))
     return ends
 
 
@@ -306,10 +359,6 @@ def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
     return float((offset / errors) @ np.linalg.pinv(scaled) @ (offset / errors)) < 1.0
 
 
-STEPS_DOWN = 15
-"""Maximum number of runs of a local search; the final search has four times as many."""
-NEAR, NEAREST = 0.03, 1e-3
-"""Gauss-Newton steps, in standard errors, at which a local search and the final search end."""
 FARTHEST = 100.0
 """Distance from the estimates, in standard errors, up to which an exploration may draw points."""
 POINTS, MOST_RUNS = 1.25, 75
@@ -374,56 +423,6 @@ class LikelihoodCheck:
         return len(statistics.distinct(minima, limit, lambda a, b: not inside(a, b.coordinates)))
 
 
-@dataclass
-class _CountedRuns:
-    """Makes and counts the runs of an exploration, which are affordable while they cost less than
-    `most` runs without derivatives."""
-
-    compared: Comparison
-    most: float
-    on_iteration: Callable[[Iteration], None]
-    bar: ProgressBar
-    points: int = 0
-    searches: list[Search] = field(default_factory=list)
-
-    def chi_squared(self, points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
-        self.points += len(points)
-        values = self.compared.chi_squared(points, self.compared.count)[:, -1]
-        self.bar.update(len(points))
-        return values
-
-    def descend(
-        self, start: Float[np.ndarray, " p"], near: float = NEAR, steps: int = STEPS_DOWN
-    ) -> RunMisfit:
-        """Return the minimum that a local search from `start` reaches in at most `steps` runs with
-        derivatives, or until its next step is below `near` standard errors."""
-        end = float(self.compared.times[-1])
-        misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
-        max_changes = step_limits(self.compared.parameters)
-        options = max_changes, near, steps, self.on_iteration
-        lowest, iterations, ending = search_with_damping(misfit, start, *options)
-        # An interruption, which `search_with_damping` catches, ends the whole check.
-        if ending is Ending.INTERRUPTED:
-            raise KeyboardInterrupt
-        self.searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
-        self.bar.update(len(iterations))
-        return lowest
-
-    @property
-    def searched(self) -> int:
-        """Runs with derivatives."""
-        return sum(search.evaluations for search in self.searches)
-
-    def left(self) -> float:
-        """Further runs without derivatives within the limit."""
-        # One with derivatives by p parameters costs about as much as 1 + p without.
-        each = 1 + len(self.compared.parameters)
-        return self.most - self.points - each * self.searched
-
-    def affordable(self) -> bool:
-        return self.left() > 0.0
-
-
 def check(
     best: RunMisfit,
     compared: Comparison,
@@ -465,8 +464,7 @@ def check(
         # Chi squared of an early part of the record is smoother and wider: its covariance draws
         # points beyond the minimum that the whole record's covariance describes.
         covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
-        options = covariances, farthest, number, likely, generator, runs.affordable
-        explored = explore(runs.chi_squared, runs.descend, best, *options)
+        explored = explore(runs, best, covariances, farthest, number, likely, generator)
         # The local searches of the exploration end early. If one of them has found a lower minimum,
         # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
         # squared up to `FLOOR`, so that a smaller one is no other minimum.

@@ -96,11 +96,13 @@ class Rough:
         ended = cj.RESULTS.successful
         return RunMisfit(np.array([at]), residuals, jacobian, np.zeros((1, 0)), ended)
 
+    def affordable(self):
+        return True
+
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
         explored = checking.explore(
-            self.chi_squared,
-            self.descend,
+            self,
             found,
             [found.covariance, np.eye(1)],
             np.array([20.0]),
