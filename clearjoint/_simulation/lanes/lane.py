@@ -22,12 +22,12 @@ from ..._result_codes import RESULTS
 from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction
 from ..results.solution import contact_label
-from ..run.host_run import LATEST
+from ..run.host_run import LATEST, end_of
 from ..run.impact_recorder import ImpactRecorder
 from ..run.outputs import REDUCTIONS, SECTIONS, TABLES
 from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
 from ..run.run_checks import assembled
-from ..run.run_loop import Progress, Recorders, RunLoop, begin_run, final_result, final_state
+from ..run.run_loop import Progress, Recorders, RunLoop, begin_run
 from ..run.sections import SectionRecorder
 from ..step.dense_output import Snapshot
 from ..step.method import Scheme
@@ -126,7 +126,7 @@ def impact_log(name: str, joint: str, contact: str) -> str:
 
 class Outcome(eqx.Module):
     """Results of a lane: end time, s, result code, numbers of steps that were tried and accepted,
-    final state, and results[name][part] of the reductions."""
+    final state, packed, and results[name][part] of the reductions."""
 
     time: Scalar
     result: RESULTS
@@ -149,8 +149,7 @@ def begin_lane(
     method, ends = plan.scheme.method, (request.end_time, request.first_step)
     step = begin_run(method, system, state, start_time, *ends)
     step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
-    row = Snapshot(step.t, step.y, step.entry_speeds)
-    saved = RowBuffer.like(row, ROWS) if plan.saves else None
+    saved = RowBuffer.like(Snapshot.of(step), ROWS) if plan.saves else None
     return without_weak_types(Lane(plan.loop(system, request).start(step), saved))
 
 
@@ -171,20 +170,9 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lan
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
     """Return the outcome of a lane at its present time; it is final if the lane has ended."""
-    system = plan.scheme.system(scene)
-    step = lane.run.step
-    now = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
-    return Outcome(
-        time=step.t,
-        result=final_result(step, end_time),
-        attempts=step.attempts,
-        accepted=step.accepted,
-        final=final_state(system, step),
-        results={
-            name: reduction.results(lane.run.records[REDUCTIONS][name], now)
-            for name, reduction in plan.reductions.items()
-        },
-    )
+    system, step, tallies = plan.scheme.system(scene), lane.run.step, lane.run.records[REDUCTIONS]
+    final, result, results = end_of(system, plan.reductions, tallies, step, end_time)
+    return Outcome(step.t, result, step.attempts, step.accepted, final, results)
 
 
 def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:

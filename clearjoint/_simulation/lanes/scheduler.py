@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..._compilation.xla import program_is_made_inside
-from ..._math.vectors import Scalar, pack
+from ..._math.vectors import Scalar
 from ..._native import Native, UnsupportedPrimitiveError, is_native
 from ..._native.cells import Cells
 from ..._native.compiled import report_fallback
@@ -504,7 +504,7 @@ def _begun(common: Common, task: Task) -> Lane:
 
 @Native
 def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    return pack(outcome(common.plan, common.scene(task), lane, task.end_time))
+    return outcome(common.plan, common.scene(task), lane, task.end_time)
 
 
 @Native

@@ -20,17 +20,17 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._compilation import traced_once
-from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
 from ..._result_codes import RESULTS
-from ...quantities.base import Instant, Quantity
-from ..step.dense_output import look_inside, stabilised
+from ...quantities.base import Quantity
+from ..reductions.base import AbstractReduction
+from ..step.dense_output import look_inside
 from ..step.method import Scheme, SystemFamily
 from ..step.solvers import DenseInformation, UnrolledExplicit
-from ..step.step_state import Attempt, Method, Step, Tangents, TangentsInside
+from ..step.step_state import Attempt, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
 from ..step.time_map import AbstractTimeMap
 from ..step.trial_step import solved_step, term_of, time_map_of
@@ -39,7 +39,12 @@ from .host_run import end_of
 from .outputs import REDUCTIONS
 from .recorders import ReductionRecorder, RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
-from .sampling import first_step_of, first_tangents, initial_with_tangents, look_at_tangents
+from .sampling import (
+    first_step_of,
+    first_tangents,
+    initial_with_tangents,
+    values_and_derivatives,
+)
 
 ROWS = 1024
 """Number of accepted steps in a segment of the run, and in a call of the backward loop."""
@@ -132,14 +137,13 @@ class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
 
 
 STEPS = "steps"
-Reductions = dict[str, ReductionRecorder]
 
 
 class Adjoint(eqx.Module):
     """What runs at different values of their parameters have in common.
 
     - `family`: the scene, with its derivative along a direction of the parameters.
-    - `reductions`: recorders of those reductions that find instants of the motion.
+    - `reductions`: those reductions that find instants of the motion.
     - `origin`, `end`: s, the scene's time at the start and at the end of the run.
     - `first_step`: s, length of the first step.
     - `max_steps`: largest number of attempts.
@@ -147,7 +151,7 @@ class Adjoint(eqx.Module):
 
     scheme: Scheme
     family: DirectedScene
-    reductions: Reductions
+    reductions: dict[str, AbstractReduction]
     origin: Numbers
     end: Numbers
     first_step: Numbers
@@ -169,7 +173,8 @@ class Adjoint(eqx.Module):
     def loop(self, values: PyTree, rows: int) -> RunLoop:
         """Return the loop of a run that records up to `rows` accepted steps."""
         systems = self.systems(values)
-        recorders = {STEPS: AcceptedSteps(rows), REDUCTIONS: self.reductions}
+        reductions = {name: ReductionRecorder(of) for name, of in self.reductions.items()}
+        recorders = {STEPS: AcceptedSteps(rows), REDUCTIONS: reductions}
         return RunLoop(
             self.scheme.method,
             systems.system(),
@@ -230,22 +235,6 @@ def _linear_step(
     return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
 
 
-def _observed(
-    systems: SystemFamily, method: Method, tried: Attempt, time: Scalar, outputs: Mapping
-) -> Values:
-    """Return the derivatives of quantities, along the tangents of the accepted step `tried`, at a
-    time inside the step, s since the start of the run."""
-    dense = look_inside(method, systems.system(), tried, time)
-    along = look_at_tangents(method, systems.system(), tried, time, dense[1])
-
-    def observed(system: System, y: PyTree, entry_speeds: PyTree) -> tuple[Values, None]:
-        y = stabilised(system, y, time)
-        instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
-        return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
-
-    return systems.with_derivatives(observed, dense, along)[2]
-
-
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
     parts = like(StepRow.of(replace(example, tangents=None), example.t), row)
     return parts.step(example), parts.t1
@@ -303,9 +292,7 @@ def values_at(
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
         tried, time = _attempt_of(run, example, pair[0]), pair[1]
-        y, entry_speeds = look_inside(method, system, tried, time)
-        instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
-        return None, {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}
+        return None, look_inside(method, system, tried, time).values(system, outputs)
 
     return jax.lax.scan(at, None, (steps, times))[1]
 
@@ -344,7 +331,8 @@ def pulled_outputs(
         def along(tangents: StepTangents, direction: PyTree) -> Values:
             step = replace(tried.step, tangents=tangents.end)
             attempt = replace(tried, step=step, tangents=tangents.inside)
-            return _observed(run.systems(values, direction), method, attempt, time, outputs)
+            systems = run.systems(values, direction)
+            return values_and_derivatives(method, systems, attempt, time, outputs)[1]
 
         # `along` is linear in both arguments. JAX transposes it for arguments like these examples.
         transposed = jax.linear_transpose(along, example_of(run, example), none)

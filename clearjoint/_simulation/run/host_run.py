@@ -27,7 +27,7 @@ from ..._native import Native
 from ..._native.functions import FlatArguments
 from ..._result_codes import RESULTS, result_number
 from ...quantities.base import Quantity
-from ..reductions.base import result_name
+from ..reductions.base import AbstractReduction, result_name
 from ..results.impact_table import Impacts
 from ..results.solution import SUCCESSFUL, Solution, Trajectory
 from ..step.dense_output import Snapshot, look_inside
@@ -36,17 +36,8 @@ from ..step.step_state import Step, without_weak_types
 from ..step.types import Numbers
 from .impact_recorder import ImpactRecorder, impact_rows_of
 from .outputs import REDUCTIONS, Requested
-from .recorders import ROWS, LatestAttempt, ReductionRecorder, RowBuffer, StepRecorder, TimedState
-from .run_loop import (
-    Progress,
-    Recorders,
-    Records,
-    RunLoop,
-    begin_run,
-    final_result,
-    final_state,
-    state_of,
-)
+from .recorders import ROWS, LatestAttempt, RowBuffer, StepRecorder, TimedState
+from .run_loop import Progress, Recorders, Records, RunLoop, begin_run, final_result
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
@@ -130,10 +121,8 @@ def segment(
         # Steps are not shortened to end at the save time, because saving must not change the
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
-        y, entry_speeds = look_inside(method, system, now.records[LATEST], time)
-        instant = Snapshot(time, y, entry_speeds).instant(system)
-        values = {n: jnp.asarray(of(instant), dtype=float) for n, of in quantities.items()}
-        samples = SavedRows(state_of(system, y, entry_speeds), values)
+        inside = look_inside(method, system, now.records[LATEST], time)
+        samples = SavedRows(inside.state(system), inside.values(system, quantities))
         return now, (samples, jnp.asarray(time <= now.step.t))
 
     now, saved = Progress(step, records), None
@@ -301,7 +290,7 @@ class Run:
     ) -> tuple[Solution, bool]:
         """Return the solution of a run that has ended, and whether a journal has slid out of its
         bearing there."""
-        reductions = self.recorders[REDUCTIONS], records[REDUCTIONS]
+        reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
         time, attempts, accepted = jax.device_get((status.t, status.attempts, status.accepted))
@@ -386,7 +375,7 @@ class _SavedBySegments:
 def _end_of(
     scheme: Scheme,
     folded_scene: ConstantFolded,
-    reductions: dict[str, ReductionRecorder],
+    reductions: dict[str, AbstractReduction],
     tallies: dict[str, PyTree],
     step: Step,
     end: Scalar,
@@ -400,16 +389,17 @@ def _end_of(
 
 def end_of(
     system: System,
-    reductions: dict[str, ReductionRecorder],
+    reductions: dict[str, AbstractReduction],
     tallies: dict[str, PyTree],
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
     """Return the final state, packed, the result code, and the results of the reductions, as
     results[name][part], of a run to the time `end`, s."""
-    instant = Snapshot(step.t, step.y, step.entry_speeds).instant(system)
-    results = {n: of.reduction.results(tallies[n], instant) for n, of in reductions.items()}
-    return pack(final_state(system, step)), final_result(step, end), results
+    final = Snapshot.of(step)
+    instant = final.instant(system)
+    results = {name: of.results(tallies[name], instant) for name, of in reductions.items()}
+    return pack(final.state(system)), final_result(step, end), results
 
 
 _end_compiled = Native(_end_of)

@@ -30,7 +30,6 @@ from ..step.settings import Settings, check_span, checked_times, settings_or
 from .adjoint import Adjoint
 from .outputs import EXAMPLE, ImpactTable, Requested, requested_by
 from .recorded_runs import RecordedRun, Recorder, integrands_of
-from .recorders import ReductionRecorder
 from .rejections import RejectedSteps
 from .run_checks import derivative_scheme, is_traced
 from .sections import Section
@@ -229,11 +228,7 @@ class Predictor:
             run = Adjoint(
                 scheme=replace(scheme, method=method, formulation=formulation),
                 family=self._family,
-                reductions={
-                    name: ReductionRecorder(of)
-                    for name, of in reductions.items()
-                    if of.finds_instants
-                },
+                reductions={n: of for n, of in reductions.items() if of.finds_instants},
                 origin=np.asarray(start, float),
                 end=np.asarray(end, float),
                 first_step=np.asarray(settings.length_of_first_step(start, end), float),

@@ -15,11 +15,11 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ...quantities.base import Instant
 from ..reductions.base import AbstractReduction
-from ..step.dense_output import DenseStep
+from ..step.dense_output import DenseStep, Snapshot
 from ..step.step_length import largest
 from ..step.step_state import Attempt, Step, choose
 from ..step.types import Numbers
-from .run_loop import AbstractRecorder, RunStart, StepOutcome, state_of
+from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 R = TypeVar("R", bound=PyTree[Scalar])
 
@@ -183,4 +183,4 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
 
 
 def _row(system: System, step: Step) -> TimedState:
-    return TimedState(step.t, state_of(system, step.y, step.entry_speeds))
+    return TimedState(step.t, Snapshot.of(step).state(system))

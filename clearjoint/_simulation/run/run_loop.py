@@ -15,7 +15,6 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
-from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar, unpack
@@ -42,7 +41,7 @@ class RunStart:
 
     @cached_property
     def now(self) -> Instant:
-        return Snapshot(self.step.t, self.step.y, self.step.entry_speeds).instant(self.loop.system)
+        return Snapshot.of(self.step).instant(self.loop.system)
 
     @cached_property
     def blank_attempt(self) -> Attempt:
@@ -77,12 +76,11 @@ class StepOutcome:
     def now(self) -> Instant:
         """The state `after` as an `Instant`, whose method `inside` is valid only if the step was
         accepted."""
-        after = self.after
 
         def inside(x: Scalar) -> Instant:
             return self.dense_step.within(self.method, x).instant(self.system)
 
-        return Snapshot(after.t, after.y, after.entry_speeds).instant(self.system, inside)
+        return Snapshot.of(self.after).instant(self.system, inside)
 
 
 class AbstractRecorder(eqx.Module, Generic[R]):
@@ -211,16 +209,6 @@ def begin_run(
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)
     return start(method, term_of(method), system, t0, t_end, first_step, y, state.entry_speeds)
-
-
-def state_of(system: System, y: Variables, entry_speeds: EntrySpeeds) -> State:
-    """Return variables and entry speeds as a `State` in scalar form."""
-    return State(system.decode(y.motion), entry_speeds, y.work, y.bristles, y.memory)
-
-
-def final_state(system: System, step: Step) -> State:
-    """Return the state after `step`, in scalar form."""
-    return state_of(system, step.y, step.entry_speeds)
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:

@@ -35,8 +35,8 @@ from ..._parametrisation.parametrised_scene import (
     ParametrisedScene,
 )
 from ..._result_codes import RESULTS
-from ...quantities.base import Instant, Quantity
-from ..step.dense_output import at_end, dense_time, look_inside, stabilised
+from ...quantities.base import Quantity
+from ..step.dense_output import Snapshot, at_end, dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
@@ -45,7 +45,7 @@ from ..step.types import Gradients, Numbers
 from .host_run import IMPACTS, LATEST
 from .impact_recorder import ImpactRecorder, most
 from .recorders import LatestAttempt, TangentPeak, TangentPeakRecorder
-from .run_loop import Progress, Recorders, Records, RunLoop, final_result, state_of
+from .run_loop import Progress, Recorders, Records, RunLoop, final_result
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
@@ -165,7 +165,7 @@ def look_at_tangents(
     method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`, where `look_inside` returns `entry_speeds`. Inside
+    run, in the accepted step of an `attempt`, where `look_inside` has `entry_speeds`. Inside
     the step they are derivatives of dense output, and at its end those of the stored state. The
     correction by which `look_inside` satisfies the constraints is not differentiated."""
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
@@ -182,6 +182,31 @@ def look_at_tangents(
         return jnp.where(is_end | began, last.entry_speeds[name][label], kept)
 
     return y, each_label(speed_along, entry_speeds)
+
+
+def values_and_derivatives(
+    method: Method,
+    systems: SystemFamily,
+    tried: Attempt,
+    time: Scalar,
+    quantities: Mapping[str, Quantity],
+) -> tuple[dict[str, Scalar], dict[str, Gradients]]:
+    """Return quantities, and their derivatives along the tangents of the accepted step `tried`, at
+    a time inside the step, s since the start of the run."""
+    inside = look_inside(method, systems.system(), tried, time)
+    dense = inside.y, inside.entry_speeds
+    along = look_at_tangents(method, systems.system(), tried, time, inside.entry_speeds)
+
+    def observed(
+        system: System, y: Variables, entry_speeds: EntrySpeeds
+    ) -> tuple[dict[str, Scalar], None]:
+        # The variables from `look_inside` are corrected already, but their derivatives from
+        # `look_at_tangents` are not. The correction is repeated here, where it is differentiated.
+        now = Snapshot(time, stabilised(system, y, time), entry_speeds)
+        return now.values(system, quantities), None
+
+    values, _, derivatives = systems.with_derivatives(observed, dense, along)
+    return values, derivatives
 
 
 def first_step_of(
@@ -221,21 +246,8 @@ def _sampled_from(
         now = loop.until(time, now, max_steps)
         latest = now.records[LATEST]
 
-        def observed(
-            system: System, y: Variables, entry_speeds: EntrySpeeds
-        ) -> tuple[dict[str, Scalar], None]:
-            # The variables from `look_inside` are corrected already, but their derivatives from
-            # `look_at_tangents` are not. The correction is repeated here, where it is
-            # differentiated.
-            y = stabilised(system, y, time)
-            instant = Instant(system, time, y.motion, entry_speeds, y.work, y.bristles, y.memory)
-            return {name: jnp.asarray(of(instant), float) for name, of in outputs.items()}, None
-
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
-            dense = look_inside(method, systems.system(), latest, time)
-            along = look_at_tangents(method, systems.system(), latest, time, dense[1])
-            values, _, derivatives = systems.with_derivatives(observed, dense, along)
-            return values, derivatives
+            return values_and_derivatives(method, systems, latest, time, outputs)
 
         # At a repeated time, quantities need not be computed: those at the first of equal times are
         # copied below. States are not copied, so they are computed at every time.
@@ -243,7 +255,7 @@ def _sampled_from(
         state = None
         if has_states:
             system = systems.system()
-            state = state_of(system, *look_inside(method, system, latest, time))
+            state = look_inside(method, system, latest, time).state(system)
         return now, (*values, state, time <= now.step.t)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0

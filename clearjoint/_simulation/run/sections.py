@@ -71,8 +71,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     @override
     def start(self, start: RunStart) -> SectionRecord:
-        step = start.step
-        row = Snapshot(step.t, step.y, step.entry_speeds) if self.channels is None else self._none()
+        row = Snapshot.of(start.step) if self.channels is None else self._none()
         return SectionRecord(self._level(start.now), RowBuffer.like(row, self.capacity))
 
     @override

@@ -17,26 +17,25 @@ from ..._dynamics.sampled_forces import sampled_forces
 from ..._dynamics.system import System
 from ..._fields.checks import require
 from ..._math.vectors import Condition, Scalar
+from ..._model.bodies import State
 from ...quantities.base import Instant, Quantity
 from .solvers import DenseOutput, UnrolledExplicit
-from .step_state import Attempt, Method, Variables, choose
+from .step_state import Attempt, Method, Step, Variables, choose
 from .time_map import AbstractTimeMap
 
 
-def look_inside(
-    method: Method, system: System, attempt: Attempt, t: Scalar
-) -> tuple[Variables, EntrySpeeds]:
-    """Return the variables, corrected by the stabilisation, and the entry speeds, m/s, at a time t,
-    s, of the accepted step of an `attempt`. Before the end of the step, entry speeds are those of
-    `entry_speeds_inside`. At the end, the stored variables and entry speeds are taken, which
-    contain the corrections for events there."""
+def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> "Snapshot":
+    """Return the snapshot at a time t, s, of the accepted step of an `attempt`, corrected by the
+    stabilisation. Before the end of the step, entry speeds are those of `entry_speeds_inside`. At
+    the end, the stored variables and entry speeds are taken, which contain the corrections for
+    events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     is_end = at_end(system, end, t)
     y = choose(is_end, step.y, dense.evaluate(dense_time(attempt, t)))
     ends = attempt.entry_speeds_start, step.entry_speeds
     inside = entry_speeds_inside(system.scene, step.contact_gaps, end - t, *ends)
-    return on_constraints(system, y, t), choose(is_end, step.entry_speeds, inside)
+    return Snapshot(t, on_constraints(system, y, t), choose(is_end, step.entry_speeds, inside))
 
 
 def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
@@ -101,6 +100,10 @@ class Snapshot(eqx.Module):
     y: Variables
     entry_speeds: EntrySpeeds
 
+    @staticmethod
+    def of(step: Step) -> "Snapshot":
+        return Snapshot(step.t, step.y, step.entry_speeds)
+
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
         """Return the snapshot as an `Instant`.
 
@@ -110,6 +113,16 @@ class Snapshot(eqx.Module):
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside)
+
+    def state(self, system: System) -> State:
+        """Return the snapshot as a `State` in scalar form."""
+        y = self.y
+        return State(system.decode(y.motion), self.entry_speeds, y.work, y.bristles, y.memory)
+
+    def values(self, system: System, quantities: Mapping[str, Quantity]) -> dict[str, Scalar]:
+        """Return the values of quantities, each in its unit, as arrays of floats."""
+        now = self.instant(system)
+        return {name: jnp.asarray(of(now), dtype=float) for name, of in quantities.items()}
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """Return a row of a table of recorded states, by name of the column: the scene's time in s
@@ -134,7 +147,7 @@ class DenseStep(eqx.Module):
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
-            Snapshot(step.t, step.y, step.entry_speeds),
+            Snapshot.of(step),
             step.contact_gaps,
             inside["stages"],
             tried.time_map,
