@@ -59,20 +59,18 @@ def traced_once(function: Callable[..., Result], recomputes: bool = False) -> Ca
 
     # Only arrays are traced; other leaves are static, so that the function can branch on them.
     @partial(jax.jit, static_argnums=1)
-    def traced(arrays: tuple[PyTree, ...], others: tuple[tuple[PyTree, ...], PyTree]) -> Result:
+    def traced(arrays: list[PyTree], others: tuple[tuple[PyTree, ...], PyTree]) -> Result:
         leaves, structure = others
 
-        def of_arrays(arrays: tuple[PyTree, ...]) -> Result:
-            mixed = [a if other is None else other for a, other in zip(arrays, leaves, strict=True)]
-            return function(*jax.tree.unflatten(structure, mixed))
+        def of_arrays(arrays: list[PyTree]) -> Result:
+            return function(*jax.tree.unflatten(structure, joined(leaves, arrays)))
 
         return jax.checkpoint(of_arrays)(arrays) if recomputes else of_arrays(arrays)
 
     def call(*arguments: PyTree) -> Result:
         leaves, structure = jax.tree.flatten(arguments)
-        arrays = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
-        others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-        return traced(arrays, (others, structure))
+        others, arrays = divided(leaves)
+        return traced(arrays, (tuple(others), structure))
 
     return call
 
@@ -147,15 +145,15 @@ class _Shared:
         structure: PyTree,
         is_called: bool,
     ):
-        others, arrays = _divided(leaves)
+        others, arrays = divided(leaves)
         # The results of the function with placeholders for arrays, once JAX has traced it.
         # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
         self._results: tuple[list[PyTree], PyTree] = [], None
 
         def shared_function(*arrays: PyTree) -> list[PyTree]:
-            result = function(*jax.tree.unflatten(structure, _joined(others, arrays)))
+            result = function(*jax.tree.unflatten(structure, joined(others, arrays)))
             leaves, form = jax.tree.flatten(result)
-            static, traced = _divided(leaves)
+            static, traced = divided(leaves)
             self._results = static, form
             return traced
 
@@ -172,7 +170,7 @@ class _Shared:
     def __call__(self, leaves: Sequence[PyTree]) -> PyTree:
         arrays = self._call(*filter(_is_array, leaves))
         others, form = self._results
-        return jax.tree.unflatten(form, _joined(others, arrays))
+        return jax.tree.unflatten(form, joined(others, arrays))
 
 
 SharedFunctions: TypeAlias = dict[Hashable, _Shared]
@@ -195,20 +193,20 @@ def one_call(shared: SharedFunctions | None = None) -> Iterator[None]:
         _shared_by_call.reset(token)
 
 
-_ARRAY = ...
+ARRAY = ...
 """Stands for an array among leaves of a PyTree."""
 
 
-def _divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
-    """The leaves of a PyTree with `_ARRAY` in the places of the arrays, and the arrays."""
-    others = [_ARRAY if _is_array(leaf) else leaf for leaf in leaves]
-    return others, [a for a, b in zip(leaves, others, strict=True) if b is _ARRAY]
+def divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
+    """The leaves of a PyTree with `ARRAY` in the places of the arrays, and the arrays."""
+    others = [ARRAY if _is_array(leaf) else leaf for leaf in leaves]
+    return others, [a for a, b in zip(leaves, others, strict=True) if b is ARRAY]
 
 
-def _joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
-    """Replace each `_ARRAY` by the next array."""
+def joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
+    """Replace each `ARRAY` by the next array."""
     remaining = iter(arrays)
-    return [next(remaining) if leaf is _ARRAY else leaf for leaf in leaves]
+    return [next(remaining) if leaf is ARRAY else leaf for leaf in leaves]
 
 
 def _is_array(leaf: PyTree) -> bool:

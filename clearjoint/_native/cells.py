@@ -106,6 +106,13 @@ class Cells:
             rows[:] = leaf.reshape(rows.shape)
         return floats
 
+    def row(self, tree: PyTree) -> Float[np.ndarray, " {self.size}"]:
+        """Return the numbers of one PyTree."""
+        return self.rows(jax.tree.map(lambda leaf: np.asarray(leaf)[None], tree))[0]
+
+    def tree(self, row: Float[np.ndarray, " {self.size}"]) -> PyTree:
+        return jax.tree.map(lambda leaf: leaf[0], self.trees(row[None]))
+
     def trees(self, rows: Float[np.ndarray, "n {self.size}"]) -> PyTree:
         """Return n PyTrees as one, whose arrays have a leading axis of length n."""
         floats = np.ascontiguousarray(rows)

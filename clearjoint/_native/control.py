@@ -322,8 +322,7 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
 
     # All lanes have the same number of iterations.
     results = loop(lower, [ops.constant("i", 0), *first], holds, iterate, uniform=True)
-    stacked = [m if m.size > LARGEST_UNROLLED else lower.read(m) for m in outputs]
-    return [*results[1:], *stacked]
+    return [*results[1:], *map(lower.in_usual_form, outputs)]
 
 
 RULES: dict[str, EquationRule] = {

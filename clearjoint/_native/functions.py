@@ -21,6 +21,8 @@ from typing_extensions import override
 from .._compilation.xla import (
     begins_a_program,
     collector_at_rest,
+    divided,
+    joined,
     program_is_made_inside,
     program_of,
 )
@@ -52,8 +54,6 @@ LARGE = 256
 Smaller arguments are joined and written together: for few numbers, a call takes longer than the
 copying itself."""
 Argument = TypeVar("Argument")
-_ARRAY = ...
-"""Stands for an array in the structure of a result; it is the same object after unpickling."""
 _COMPILES = threading.RLock()
 """Lock that a thread holds while it makes a program, so that no two threads make the same one."""
 
@@ -128,14 +128,14 @@ class NativeProgram:
         """
         memory = self.code.memory()
         small_floats, small_others = self._small
-        for target, joined, (ks, cells, sources) in (
+        for target, numbers, (ks, cells, sources) in (
             (memory.floats, floats, small_floats),
             (memory.integers, None, small_others),
         ):
             if len(cells):
-                if joined is None:
-                    joined = np.concatenate([leaves[k] for k in ks], axis=None)
-                target[cells, 0] = joined[sources]
+                if numbers is None:
+                    numbers = np.concatenate([leaves[k] for k in ks], axis=None)
+                target[cells, 0] = numbers[sources]
         for k, region in self._large.items():
             memory.write(region, leaves[k])
         return memory
@@ -602,11 +602,13 @@ class NativeFunction:
 
         # Leaves that are no arrays are not arguments of the program but parts of it.
         def of_arrays(arrays: list[PyTree]) -> list[PyTree]:
-            remaining = iter(arrays)
-            leaves = [next(remaining) if eqx.is_array(leaf) else leaf for leaf in flat.leaves]
-            outs = self._traced(*jax.tree.unflatten(flat.structure, leaves))
-            result[:] = [jax.tree.map(lambda out: _ARRAY if eqx.is_array(out) else out, outs)]
-            return [out for out in jax.tree.leaves(outs) if eqx.is_array(out)]
+            leaves = joined(divided(flat.leaves)[0], arrays)
+            outs, structure = jax.tree.flatten(
+                self._traced(*jax.tree.unflatten(flat.structure, leaves))
+            )
+            static, traced = divided(outs)
+            result[:] = [jax.tree.unflatten(structure, static)]
+            return traced
 
         stopwatch = Stopwatch()
         traced = program_of(of_arrays, flat.arrays)
@@ -618,7 +620,7 @@ class NativeFunction:
 
 
 class Result:
-    """The structure and static leaves of a function's result, with `_ARRAY` in place of its
+    """The structure and static leaves of a function's result, with `ARRAY` in place of its
     arrays."""
 
     def __init__(self, tree: PyTree):
@@ -634,7 +636,7 @@ class Result:
         return Result, (self._tree,)
 
     def __call__(self, arrays: Sequence[np.ndarray]) -> PyTree:
-        return jax.tree.unflatten(self._structure, self._with(iter(arrays)))
+        return jax.tree.unflatten(self._structure, joined(self._leaves, arrays))
 
     def in_parts(self, arrays: Sequence[np.ndarray]) -> tuple[FlatArguments, ...]:
         """Return the parts of a result that is a tuple. Their PyTrees are made only where they are
@@ -648,7 +650,7 @@ class Result:
         return tuple(map(Result, self._tree))
 
     def _flattened(self, remaining: Iterator[np.ndarray]) -> FlatArguments:
-        leaves, structure = self._with(remaining), self._structure
+        leaves, structure = joined(self._leaves, remaining), self._structure
         if self._form is None:
             example = of_leaves(None, leaves, structure)
             self._form = example.key, example.arrays is leaves, example.all_floats
@@ -661,6 +663,3 @@ class Result:
             key=key,
             all_floats=all_floats,
         )
-
-    def _with(self, remaining: Iterator[np.ndarray]) -> list[PyTree]:
-        return [next(remaining) if leaf is _ARRAY else leaf for leaf in self._leaves]

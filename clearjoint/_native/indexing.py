@@ -189,7 +189,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     # place, so that `argsort` gives the inverse.
     elements = np.arange(out.size).reshape([*batch, *block])
     elements = np.moveaxis(elements, range(len(batch), elements.ndim), numbers.offset_dims)
-    places = None if is_contiguous(elements.ravel()) else _table(lower, np.argsort(elements, None))
+    places = None if is_contiguous(elements.ravel()) else lower.table(np.argsort(elements, None))
     table, memory = lower.in_memory(indices, index_shape), lower.in_memory(array, shape)
     result = lower.new_array(tuple(out.shape), memory.kind)
     read = _block_reader(lower, memory, shape, offsets)
@@ -210,12 +210,6 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
 
     ops.repeat(math.prod(batch), visit)
     return [result]
-
-
-def _table(lower: Lowering, numbers: np.ndarray) -> InMemory:
-    table = lower.constant(numbers)
-    assert isinstance(table, InMemory)
-    return table
 
 
 def _block_reader(

@@ -4,13 +4,12 @@ Matrices are the last two axes of an array; all axes before them number the matr
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from .elementwise import convert
 from .lowering import (
-    LARGEST_UNROLLED,
     Array,
     Equation,
     EquationRule,
@@ -29,44 +28,22 @@ def _index(lower: Lowering, number: int) -> Symbol:
 
 
 def _counted(lower: Lowering, begin: Symbol, end: Symbol, visit: Callable[[Symbol], None]) -> None:
-    def body(k: Symbol, _: list[Symbol]) -> list[Symbol]:
-        visit(k)
+    def body(k: Value, _: list[Value]) -> list[Value]:
+        visit(Symbol(lower.ops, k))
         return []
 
-    _carried(lower, begin, end, [], body)
-
-
-def _carried(
-    lower: Lowering,
-    begin: Symbol,
-    end: Symbol,
-    first: Sequence[Symbol],
-    visit: Callable[[Symbol, list[Symbol]], list[Symbol]],
-) -> list[Symbol]:
-    """Add a loop over the indices from `begin` to `end` - 1, and return its last carries.
-
-    **Arguments:** `first`: the carries before the loop; `visit`: adds the body, as a function of
-    the index and the carries, and returns the next carries.
-    """
-    ops = lower.ops
-
-    def holds(carries: list[Value]) -> Value:
-        # The index is the same in all lanes, so that they read and write a cell at once.
-        ops.mark_uniform(carries[0])
-        return Symbol(ops, carries[0]).compare("lt", end).value
-
-    def body(carries: list[Value]) -> list[Value]:
-        k, *others = (Symbol(ops, value) for value in carries)
-        return [(k + 1).value, *(following.value for following in visit(k, others))]
-
-    carries = ops.loop([begin.value, *(carry.value for carry in first)], holds, body)
-    return [Symbol(ops, value) for value in carries[1:]]
+    lower.ops.counted(begin.value, end.value, [], body)
 
 
 def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term) -> Symbol:
     """Return `first` plus the terms at the indices from `begin` to `end` - 1."""
-    (total,) = _carried(lower, begin, end, [first], lambda k, carry: [carry[0] + term(k)])
-    return total
+    ops = lower.ops
+
+    def add(k: Value, totals: list[Value]) -> list[Value]:
+        return [(Symbol(ops, totals[0]) + term(Symbol(ops, k))).value]
+
+    (total,) = ops.counted(begin.value, end.value, [first.value], add)
+    return Symbol(ops, total)
 
 
 def _read(lower: Lowering, memory: InMemory, index: Symbol) -> Symbol:
@@ -78,16 +55,6 @@ def _known(lower: Lowering, table: InMemory, index: Symbol) -> Symbol:
     number = _read(lower, table, index)
     lower.ops.mark_uniform(number.value)
     return number
-
-
-def _returned(lower: Lowering, memory: InMemory) -> list[Array]:
-    return [memory if memory.size > LARGEST_UNROLLED else lower.read(memory)]
-
-
-def _table(lower: Lowering, numbers: np.ndarray) -> InMemory:
-    table = lower.new_array((numbers.size,), "i")
-    lower.constants[table.start] = numbers.ravel()
-    return table
 
 
 def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[Array]:
@@ -107,10 +74,10 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         rows = indices.reshape(count, -1, length)
         starts.append(rows[:, :, 0])
-        steps.append(_table(lower, rows[0, 0] - rows[0, 0, 0]))
+        steps.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
     # For each element of the result, the first elements of both rows.
     pairs = np.broadcast_arrays(starts[0][:, :, None], starts[1][:, None, :])
-    firsts = [_table(lower, numbers) for numbers in pairs]
+    firsts = [lower.table(numbers) for numbers in pairs]
     result = lower.new_array(tuple(out.shape), kind_of(out))
     zero = Symbol(lower.ops, lower.ops.constant(result.kind, 0))
 
@@ -130,7 +97,7 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         lower.ops.store(total.value, result.start, n.value)
 
     _counted(lower, _index(lower, 0), _index(lower, result.size), visit)
-    return _returned(lower, result)
+    return [lower.in_usual_form(result)]
 
 
 def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]:
@@ -167,7 +134,7 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
         _counted(lower, i + 1, _index(lower, n), above)
 
     _counted(lower, zero, _index(lower, math.prod(shape[:-1])), row)
-    return _returned(lower, factor)
+    return [lower.in_usual_form(factor)]
 
 
 def _triangular_solve(
@@ -219,7 +186,7 @@ def _triangular_solve(
         _counted(lower, zero, count, unknown)
 
     _counted(lower, zero, _index(lower, math.prod(shapes[0][:-2]) * columns), solve)
-    return _returned(lower, x)
+    return [lower.in_usual_form(x)]
 
 
 RULES: dict[str, EquationRule] = {

@@ -255,8 +255,7 @@ class Lowering:
     def argument(self, region: Region) -> Array:
         """Return the argument of the program that is in a region. If it stays in memory, it may be
         overwritten."""
-        memory = InMemory(region.start, region.shape, kind_of(region), owned=True)
-        return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
+        return self.in_usual_form(InMemory(region.start, region.shape, kind_of(region), owned=True))
 
     def constant(self, array: ArrayLike) -> Array:
         """Return known numbers as an array of the program."""
@@ -277,6 +276,12 @@ class Lowering:
         if self.is_packed(shape):
             return Packed(self.ops.pack(list(values)))
         return np.array(values, dtype=np.int64).reshape(shape)
+
+    def table(self, numbers: np.ndarray) -> InMemory:
+        """Return known integers in memory, where loops read them, as one row."""
+        table = InMemory(self.ops.allocate(numbers.size), (numbers.size,), "i")
+        self.constants[table.start] = numbers.ravel()
+        return table
 
     def is_known(self, memory: InMemory) -> bool:
         """Return whether the numbers of an array in memory are known, and so the same in all
@@ -310,6 +315,10 @@ class Lowering:
             return array
         values = self.values(array)
         return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
+
+    def in_usual_form(self, memory: InMemory) -> Array:
+        """Return an array in memory, or the values of one that is short enough to be unrolled."""
+        return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
         """Load an array from memory, element by element, and return it as an array of values. Only
@@ -406,8 +415,7 @@ class Lowering:
                 return self._by_loop(lambda value: value, ops.kinds[values[0]], shape, values)
             array = self.in_memory(array, (len(values),))
         # A loop reads the indices of the elements from a table in memory.
-        table = self.new_array(flat.shape, "i")
-        self.constants[table.start] = flat
+        table = self.table(flat)
         kind, start = array.kind, array.start
         return self._by_loop(lambda index: ops.load(kind, start, index), kind, shape, [table])
 

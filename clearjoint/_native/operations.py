@@ -620,8 +620,18 @@ class Operations:
         self.block.append(Loop(carries, first, head, condition, inner, following))
         return carries
 
-    def repeat(self, count: int, visit: Callable[[Value], None]) -> None:
-        """Add a loop over the indices 0 to `count` - 1, whose body `visit` adds for an index."""
+    def counted(
+        self,
+        begin: Value,
+        end: Value,
+        first: list[Value],
+        visit: Callable[[Value, list[Value]], list[Value]],
+    ) -> list[Value]:
+        """Add a loop over the indices from `begin` to `end` - 1, and return its last carries.
+
+        **Arguments:** `first`: the carries before the loop; `visit`: adds the body, as a function
+        of the index and the carries, and returns the next carries.
+        """
 
         def holds(carries: list[Value]) -> Value:
             # All lanes have the same index, so they can read and write a cell at once.
@@ -629,11 +639,19 @@ class Operations:
             return self.emit("ilt", "b", carries[0], end)
 
         def body(carries: list[Value]) -> list[Value]:
-            visit(carries[0])
-            return [self.emit("add", "i", carries[0], self.constant("i", 1))]
+            following = visit(carries[0], carries[1:])
+            return [self.emit("add", "i", carries[0], self.constant("i", 1)), *following]
 
-        zero, end = self.constant("i", 0), self.constant("i", count)
-        self.loop([zero], holds, body)
+        return self.loop([begin, *first], holds, body)[1:]
+
+    def repeat(self, count: int, visit: Callable[[Value], None]) -> None:
+        """Add a loop over the indices 0 to `count` - 1, whose body `visit` adds for an index."""
+
+        def body(k: Value, _: list[Value]) -> list[Value]:
+            visit(k)
+            return []
+
+        self.counted(self.constant("i", 0), self.constant("i", count), [], body)
 
 
 def _operator(

@@ -110,8 +110,7 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
 
 
 def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.ndarray) -> None:
-    table = lower.constant(places)
-    assert isinstance(table, InMemory)
+    table = lower.table(places)
 
     def visit(k: Value) -> None:
         place = lower.ops.load(table.kind, table.start, k)
@@ -171,7 +170,7 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     # Large arrays are combined by loops.
     if isinstance(array, InMemory):
         if out.shape == ():
-            return [_cumulate_memory(lower, array, combine)[-1]]
+            return [_cumulate_memory(lower, array, combine)]
         if axes != tuple(range(axes[0], axes[-1] + 1)):
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} along axes {axes}")
         before, after = math.prod(aval.shape[: axes[0]]), math.prod(out.shape[axes[0] :])
@@ -236,31 +235,23 @@ def _by_halves(combine: Combine, row: list[Value]) -> Value:
 
 def _cumulate_memory(
     lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
-) -> list[Value]:
+) -> Value:
     """Add a loop that combines all elements of an array in memory, from the first to the last, and
-    return its index and the total. The result after each element is written to `out`, if there is
-    one."""
+    return the total. The result after each element is written to `out`, if there is one."""
     ops = lower.ops
     first = ops.load(array.kind, array.start)
     if out is not None:
         ops.store(first, out.start)
-    end = ops.constant("i", array.size)
 
-    def holds(carries: list[Value]) -> Value:
-        # The index is the same in all lanes (runs that the program computes at once), so that all
-        # lanes read and write the same cell with one instruction.
-        ops.mark_uniform(carries[0])
-        return ops.emit("ilt", "b", carries[0], end)
-
-    # The loop begins with the second element; its carries are the index and the total.
-    def body(carries: list[Value]) -> list[Value]:
-        k, total = carries
-        total = combine(total, ops.load(array.kind, array.start, k))
+    def add(k: Value, totals: list[Value]) -> list[Value]:
+        total = combine(totals[0], ops.load(array.kind, array.start, k))
         if out is not None:
             ops.store(total, out.start, k)
-        return [ops.emit("add", "i", k, ops.constant("i", 1)), total]
+        return [total]
 
-    return ops.loop([ops.constant("i", 1), first], holds, body)
+    # The loop begins with the second element.
+    second, end = ops.constant("i", 1), ops.constant("i", array.size)
+    return ops.counted(second, end, [first], add)[0]
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:

@@ -54,7 +54,8 @@ class BoxProblem:
         condition, relative to the largest magnitude of q among rows that are not fixed, or to
         `least`, m/s, if that is larger. A residual above `TOLERANCE` means that the iteration did
         not converge."""
-        scale = jnp.maximum(self._scale(start), least)
+        is_free = [lower < upper for lower, upper in self._bounds]
+        scale = jnp.maximum(largest_of(is_free, start), least)
 
         def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
             _, residual, count = now
@@ -71,10 +72,6 @@ class BoxProblem:
         begin: tuple[Impulses, Scalar, Scalar] = nothing, residual, jnp.zeros((), int)
         x, residual, _ = jax.lax.while_loop(goes, go, begin)
         return x, residual
-
-    def _scale(self, start: Sequence[Scalar]) -> Scalar:
-        rows = zip(start, self._bounds, strict=True)
-        return largest([jnp.where(lower < upper, q, 0.0) for q, (lower, upper) in rows])
 
     def _row(self, i: int) -> list[Scalar]:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]
@@ -172,6 +169,11 @@ def largest(numbers: Sequence[Scalar]) -> Scalar:
     for number in numbers:
         magnitude = jnp.maximum(magnitude, jnp.abs(number))
     return magnitude
+
+
+def largest_of(chosen: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
+    """Return the largest magnitude of those of some numbers that are chosen."""
+    return largest([jnp.where(is_one, x, 0.0) for is_one, x in zip(chosen, numbers, strict=True)])
 
 
 def _solved(matrix: Rows, right: Sequence[Scalar]) -> Impulses:

@@ -34,7 +34,7 @@ from ..._math.vectors import ZERO, Condition, Scalar, Vector, add, multiply
 from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
 from ..._model.joints.joint_friction import JointFriction
 from ..._model.scene import Scene
-from .bounded_lcp import BoxProblem, Impulses, largest
+from .bounded_lcp import BoxProblem, Impulses, largest, largest_of
 
 ALTERNATIONS = 3000
 TOLERANCE = 1e-9
@@ -279,7 +279,7 @@ class ContactProblem:
         # The residual is relative to the largest velocity that the impulses at closed contacts have
         # to change.
         live = [*closed, *(closed[k] for k in owner)]
-        scale = jnp.maximum(_largest_of(live, [*aims, *slips]), NEGLIGIBLE)
+        scale = jnp.maximum(largest_of(live, [*aims, *slips]), NEGLIGIBLE)
         least = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)
 
         def go(now: Alternation) -> Alternation:
@@ -296,7 +296,7 @@ class ContactProblem:
             # the difference causes are the residual of the alternation.
             change = [a - b for a, b in zip(tangential, tried, strict=True)]
             changes = self.velocities_after([0.0] * count, change, normals, tangents)
-            opening = _largest_of(closed, changes) / scale
+            opening = largest_of(closed, changes) / scale
             residual = largest([normal_residual, slip_residual, opening])
             factor, turns = _extrapolation(now, change), now.turns + 1
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
@@ -325,10 +325,6 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
     # would be infinite.
     usable = (last.turns > 0) & (square > 0.0)
     return jnp.where(usable, jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR), 1.0)
-
-
-def _largest_of(live: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    return largest([jnp.where(is_live, x, 0.0) for is_live, x in zip(live, numbers, strict=True)])
 
 
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._compilation import traced_once
@@ -172,7 +173,8 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     """Base class of reductions of integrals of a quantity, which in each step is approximated by
     the parabola through both ends and the middle."""
 
-    def _started(self, now: Instant) -> IntegralTally:
+    @override
+    def start(self, now: Instant) -> PyTree:
         value = self._value(now)
         zero = jnp.zeros_like(value)
         return IntegralTally(now.time, value, zero, zero, zero)
@@ -224,10 +226,6 @@ class Integral(AbstractIntegralReduction):
     @override
     def combined(self, values: jax.Array, instants: tuple[float, ...]) -> dict[str, Scalar]:
         return {"": values[1, 0] - values[0, 0]}
-
-    @override
-    def start(self, now: Instant) -> IntegralTally:
-        return self._started(now)
 
     @override
     def update(self, tally: IntegralTally, now: Instant) -> IntegralTally:
@@ -286,7 +284,7 @@ class Statistics(AbstractIntegralReduction):
 
     @override
     def start(self, now: Instant) -> StatisticsTally:
-        integrals = self._started(now)
+        integrals: IntegralTally = super().start(now)
         infinite = jnp.full_like(integrals.value, jnp.inf)
         return integrals, (infinite, -infinite)
 

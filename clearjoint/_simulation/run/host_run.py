@@ -89,7 +89,7 @@ def begin(
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
     """Return a run before its first step, from a packed `state`; times are in s."""
-    method, system = scheme.method, scheme.system_of_packed(folded_scene)
+    method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
     return now.step, now.records, _status(now.step)
@@ -114,7 +114,7 @@ def segment(
     is ``None``, a pair of the `SavedRows` at the N times, and whether the run has reached each
     time, (N,). Rows at a time that the run has not reached are meaningless.
     """
-    method, system = scheme.method, scheme.system_of_packed(folded_scene)
+    method, system = scheme.method, scheme.system(unpack(folded_scene))
     loop = RunLoop(method, system, t_end, recorders)
 
     def save_next(now: Progress, time: Scalar) -> tuple[Progress, tuple[SavedRows, jax.Array]]:
@@ -382,7 +382,7 @@ def _end_of(
 ) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
     """Return the final state, packed, the result code, whether a journal has slid out of its
     bearing, and the results of the reductions, as results[name][part]."""
-    system = scheme.system_of_packed(folded_scene)
+    system = scheme.system(unpack(folded_scene))
     final, result, results = end_of(system, reductions, tallies, step, end)
     return final, result, any_slid_out(unpack(folded_scene), unpack(final.bodies)), results
 

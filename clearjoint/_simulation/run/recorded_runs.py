@@ -455,7 +455,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     recordings: dict[int, _Recording] = {}
     begin_rows = _begun_lane.native.bound(run, values[0])
     numbers, cells = own.rows(_stacked(values)), begin_rows.results
-    first = jax.tree.map(lambda leaf: leaf[0], cells.trees(begin_rows(numbers[:1])))
+    first = cells.tree(begin_rows(numbers[:1])[0])
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
     # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
     places = cells.columns().records[STEPS]
@@ -479,8 +479,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         # The run goes on with an empty buffer, unless it has too many steps to be kept.
         if integers[runs_at]:
             return lane.bytes_kept() <= KEPT_BYTES
-        state = cells.trees(column[None, loop.state_cells])
-        last = jax.tree.map(lambda leaf: leaf[0], state)
+        last = cells.tree(column[loop.state_cells])
         rows = np.concatenate(lane.rows)
         # All rows are kept, so that no segment is computed again from a `start`.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
@@ -548,9 +547,7 @@ def _gradients_in_lanes(
         lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed(len(rows)))
         steps, count = lane.next_steps(0, room)
         after = Pulled(np.asarray(count), seeds.end, seeds.total)
-        return own_cells.rows(_with_first_axis((run.at, steps)))[0], state_cells.rows(
-            _with_first_axis(after)
-        )[0]
+        return own_cells.row((run.at, steps)), state_cells.row(after)
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         lane, left = lanes[number], int(column[count_at : count_at + 1].view(np.int64)[0])
@@ -558,22 +555,17 @@ def _gradients_in_lanes(
         if moves and left > LANE_ROWS // 2:
             return True
         if left == 0 and lane.first == 0:
-            state = state_cells.trees(column[None, loop.state_cells])
-            slopes[number] = lane.run.gradient_from(jax.tree.map(lambda leaf: leaf[0], state))
+            slopes[number] = lane.run.gradient_from(state_cells.tree(column[loop.state_cells]))
             del lanes[number]
             return False
         steps, count = lane.next_steps(left, room)
-        column[steps_at] = steps_cells.rows(_with_first_axis(steps))[0]
+        column[steps_at] = steps_cells.row(steps)
         column[count_at : count_at + 1].view(np.int64)[0] = count
         return True
 
     lanes: dict[int, _PulledLane] = {}
     _through(loop, shared, range(len(runs)), begin, serve)
     return slopes
-
-
-def _with_first_axis(tree: PyTree) -> PyTree:
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[None], tree)
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:

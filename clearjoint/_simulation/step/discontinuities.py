@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.extend.core import Jaxpr, Literal
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
@@ -33,6 +33,7 @@ from ..._model.joints.base import (
 )
 from ..._model.scene import Scene
 from ..._native.functions import FlatArguments
+from ..._native.lowering import inner_jaxprs
 from ..._native.machine_code import RecentPrograms
 from .saltation import any_changes
 from .step_state import Method, Step
@@ -103,16 +104,15 @@ def _recently_compared(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     flat = FlatArguments.of((fold_constants(with_arrays(part)),))
     compares = None if flat.traced else _COMPARES.recent(flat.key)
     if compares is None:
-        compares = _compares_time(unpack(part))
+        unpacked = unpack(part)
+        if isinstance(unpacked, AbstractFunctionOfTime):
+            program, chosen = program_of(unpacked, 0.0).jaxpr.jaxpr, [True]
+        else:
+            program, chosen = _program_of_element(unpacked), [True, False]
+        compares = _depends_on_primitive(program, chosen, KINKED)
         if not flat.traced:
             _COMPARES.add(flat.key, compares)
     return compares
-
-
-def _compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
-    if isinstance(part, AbstractFunctionOfTime):
-        return _depends_on_primitive(program_of(part, 0.0).jaxpr.jaxpr, [True], KINKED)
-    return _depends_on_primitive(_program_of_element(part), [True, False], KINKED)
 
 
 def _program_of_element(element: AbstractElement) -> Jaxpr:
@@ -155,8 +155,7 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
         if equation.primitive.name in primitives or not real:
             return True
         # Programs in the parameters of the equation, such as the body of a loop.
-        for inner in filter(_is_program, jax.tree.leaves(equation.params, is_leaf=_is_program)):
-            inner = inner.jaxpr if isinstance(inner, ClosedJaxpr) else inner
+        for inner in inner_jaxprs(equation):
             # Arguments correspond one to one for calls. For conditionals the assignment differs by
             # primitive, and in a loop a carried value may depend on the chosen arguments from the
             # second iteration on; all inner arguments then count as dependent.
@@ -166,10 +165,6 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
                 return True
         causes.update(equation.outvars)
     return False
-
-
-def _is_program(part: object) -> bool:
-    return isinstance(part, Jaxpr | ClosedJaxpr)
 
 
 STEEPEST = 4.0

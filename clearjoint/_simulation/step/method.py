@@ -4,6 +4,7 @@
 from collections.abc import Callable
 from typing import TypeVar
 
+import diffrax
 import equinox as eqx
 import jax
 import numpy as np
@@ -12,13 +13,13 @@ from jaxtyping import PyTree
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.system import System
 from ..._fields.caching import cached_by_numbers
-from ..._math.vectors import ConstantFolded, Scalar, unpack
+from ..._math.vectors import Scalar
 from ..._model.scene import Scene
 from ..._native.functions import keep_flattened
 from ..._parametrisation.parametrised_scene import AbstractSceneFamily
 from .landing import Landing
 from .settings import Settings
-from .solvers import default_controller, ready_solver
+from .solvers import largest_component, ready_solver
 from .step_state import Method
 
 
@@ -44,10 +45,10 @@ class Scheme(eqx.Module):
         # Impacts amplify errors of variables that are nearly zero, such as the misalignment of a
         # journal. The relative tolerance must hold for these too, so `atol` is far below `rtol`.
         atol = rtol * 1e-5 if atol is None else atol
-        controller = settings.controller
+        usual = diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
         method = Method(
             ready_solver(settings.solver, rtol, atol),
-            default_controller(rtol, atol) if controller is None else controller,
+            usual if settings.controller is None else settings.controller,
             None if tolerance is None else Landing(tolerance),
         )
 
@@ -69,11 +70,6 @@ class Scheme(eqx.Module):
     def system(self, scene: Scene) -> System:
         """Return the system of equations that a run integrates, for a `scene` in scalar form."""
         return System.prepared(scene, self.formulation)
-
-    def system_of_packed(self, folded_scene: ConstantFolded) -> System:
-        """Return the system of equations that a run integrates, for a folded scene in
-        packed form."""
-        return self.system(unpack(folded_scene))
 
 
 @cached_by_numbers

@@ -271,12 +271,6 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
     return reduce(jnp.maximum, [jnp.max(leaf) for leaf in largest.values()])
 
 
-def default_controller(rtol: float, atol: float) -> diffrax.PIDController:
-    """Return diffrax's PID step-size controller with the norm `largest_component`, so that the
-    error estimate of each variable satisfies the tolerances, of which `atol` is in its SI unit."""
-    return diffrax.PIDController(rtol=rtol, atol=atol, norm=largest_component)
-
-
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
     """Check that a solver integrates ordinary differential equations, given as one term, or raise a
     `ValueError` that names its class, as for a solver of stochastic equations."""

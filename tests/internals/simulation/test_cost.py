@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from clearjoint._math.vectors import fold_constants
+from clearjoint._math.vectors import fold_constants, unpack
 from clearjoint._simulation.run.run_checks import check_start
 from clearjoint._simulation.run.run_loop import begin_run
 from clearjoint._simulation.step.method import Scheme
@@ -33,16 +33,14 @@ def program_text(number):
     scheme, scene = Scheme.of(case.settings, bool(redundant)), fold_constants(case.scene)
     begin, end, first_step = (jnp.asarray(time) for time in (0.0, 1e9, 1e-6))
     step = begin_run(
-        scheme.method, scheme.system_of_packed(scene), case.state, begin, end, first_step
+        scheme.method, scheme.system(unpack(scene)), case.state, begin, end, first_step
     )
 
     def rates(scheme, scene, step):
-        return rates_of(scheme.system_of_packed(scene), step.y, step.entry_speeds, step.t)
+        return rates_of(scheme.system(unpack(scene)), step.y, step.entry_speeds, step.t)
 
     def attempted(scheme, scene, step):
-        return attempt(
-            scheme.method, scheme.system_of_packed(scene), step, jnp.asarray(jnp.inf)
-        ).step
+        return attempt(scheme.method, scheme.system(unpack(scene)), step, jnp.asarray(jnp.inf)).step
 
     # The numbers of the scene are constants here, which a run passes as arguments.
     jaxprs = [

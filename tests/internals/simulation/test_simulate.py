@@ -2,7 +2,6 @@
 
 import signal
 
-import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -11,10 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint._simulation.run.host_run import begin, recorders_of, segment, segment_compiled
 from clearjoint._simulation.run.outputs import requested_by
-from clearjoint._simulation.step.landing import Landing
 from clearjoint._simulation.step.method import Scheme
-from clearjoint._simulation.step.solvers import default_controller, ready_solver
-from clearjoint._simulation.step.step_state import Method
 from clearjoint.extend import Formulation
 from tests.simulation import test_simulate
 from tests.simulation.test_simulate import END, hung
@@ -28,10 +24,7 @@ plain = test_simulate.plain
 def test_the_stepping_loop_is_one_native_function(pendulum, saving):
     """Every while loop of the program but the outer ones that save is a call of native code."""
     scene, state = pendulum
-    landing = Landing(jnp.asarray(1e-12))
-    controller = default_controller(jnp.asarray(1e-6), jnp.asarray(1e-9))
-    method = Method(ready_solver(diffrax.Tsit5(), 1e-6, 1e-9), controller, landing)
-    scheme = Scheme(method, Formulation())
+    scheme = Scheme(Scheme.of(cj.Settings(atol=1e-9)).method, Formulation())
     times = [jnp.asarray(t) for t in (0.0, END, 1e-7)]
     recorders = recorders_of(requested_by(None, cj.Saving(saving)))
     step, records, _ = eqx.filter_jit(begin)(scheme, scene, state, *times, recorders)
