@@ -81,9 +81,8 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Size, times of change and inode of each source file of the package, by path. At least one of
-    these numbers changes if the file is written or replaced. To compare them is much faster than to
-    read the files."""
+    """Size, times of change and inode of each source file, of which at least one changes if the
+    file is written or replaced. They are compared much faster than the files."""
     paths = (
         os.path.join(folder, name)
         for folder, _, names in os.walk(_FOLDER)

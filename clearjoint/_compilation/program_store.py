@@ -39,14 +39,11 @@ def keep_programs(keep: bool = True) -> None:
 
 
 def keeps_programs() -> bool:
-    """Return whether whole native programs are saved (see `keep_programs`), so that a later process
-    need not trace them."""
     return _is_on
 
 
 def cache_in_use() -> Path | None:
-    """Return the folder of JAX's compilation cache; ``None`` if the cache is switched off, or if
-    its path is a URL, such as one of cloud storage."""
+    """Return the folder of JAX's compilation cache; ``None`` if it is off, or a URL."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -91,11 +88,7 @@ def prepare_folder(folder: Path) -> str | None:
 
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder, or
-    exchange it.
-
-    Anyone else who may do so could have code executed by this process. On systems without POSIX
-    permissions, such as Windows, the result is always ``True``.
-    """
+    exchange it; always true without POSIX permissions, as on Windows."""
     return _exposed(folder) is None
 
 
@@ -117,7 +110,6 @@ def _exposed(folder: Path) -> Path | None:
 
 
 def _is_ours(status: os.stat_result) -> bool:
-    """Whether only the user of this process and the administrator may write."""
     return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
@@ -174,12 +166,9 @@ class ProgramStore:
         return content
 
     def write(self, key: str, content: bytes) -> None:
-        """Write content under a key, so that other processes read either all of it or nothing.
-
-        Nothing is written to a folder to which other users may write.
-
-        **Raises:** `OSError` if the content cannot be written.
-        """
+        """Write content under a key, so that other processes read either all of it or nothing;
+        nothing to a folder to which other users may write. Raise an `OSError` if it cannot be
+        written."""
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(self._folder):
             return
@@ -200,7 +189,6 @@ class ProgramStore:
         return self._folder / f"{key}{_SUFFIX}"
 
     def _remove_oldest(self) -> None:
-        """Remove files until the total size is small enough, those not used for longest first."""
         files = []
         # Another process may remove files at the same time.
         for path in self._folder.iterdir():

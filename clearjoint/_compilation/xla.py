@@ -112,8 +112,7 @@ _program: ContextVar[_Program | None] = ContextVar("program", default=None)
 
 @contextmanager
 def _one_program() -> Iterator[_Program]:
-    """Context in which JAX traces a program. Contexts inside it yield the same object, since they
-    trace parts of the program."""
+    """Context in which JAX traces a program; contexts inside of it yield the same object."""
     program = _program.get() or _Program()
     token = _program.set(program)
     try:
@@ -198,7 +197,6 @@ ARRAY = ...
 
 
 def divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
-    """The leaves of a PyTree with `ARRAY` in the places of the arrays, and the arrays."""
     others = [ARRAY if _is_array(leaf) else leaf for leaf in leaves]
     return others, [a for a, b in zip(leaves, others, strict=True) if b is ARRAY]
 
@@ -254,7 +252,6 @@ because no arguments are passed."""
 
 
 def are_many(calls: int) -> bool:
-    """Return whether a function with this number of calls is shared."""
     return calls >= FEWEST
 
 
@@ -302,7 +299,6 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
-    """Switch off Python's garbage collector within the context."""
     if not gc.isenabled():
         yield
         return
@@ -314,7 +310,6 @@ def collector_at_rest() -> Iterator[None]:
 
 
 def is_tracing() -> bool:
-    """Return whether JAX is tracing a function in this thread."""
     return get_opaque_trace_state() != _state_without_trace()
 
 
@@ -327,22 +322,15 @@ def _state_without_trace() -> object:
 
 def seconds_of_compiling() -> float:
     """Return for how long a program has been traced and compiled, the longest of all threads; zero
-    if none is.
-
-    The time lasts from the start of tracing until the call of the program returns. Progress bars
-    show it.
-    """
+    if none is. Progress bars show it."""
     times = [began for began in list(_began.values()) if began is not None]
     return time.monotonic() - min(times) if times else 0.0
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Wrap a function that JAX traces, so that the time of `seconds_of_compiling` begins at its
-    call.
-
-    JAX calls the function only to trace it. The compiled program must be called within
-    `program_is_made_inside`, at the end of which the time ends.
-    """
+    call. The compiled program must be called within `program_is_made_inside`, at whose end the time
+    ends."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -405,14 +393,12 @@ class Compiled(Generic[Arguments, Result]):
         return eqx.filter_jit(self._traced, compiler_options=self._options)  # pyright: ignore
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result, compiling a program first if none fits the arguments."""
         with collector_at_rest(), program_is_made_inside():
             # While JAX traces another program, this function becomes a part of that program.
             compiled = self._inner if is_tracing() else self._outermost
             return compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs that this process has compiled for this function."""
         made = [vars(self).get(name) for name in ("_inner", "_outermost")]
         return sum(compiled._cached._cache_size() for compiled in made if compiled is not None)
 
@@ -446,7 +432,6 @@ class HostFirst(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        """Return the function's result, with NumPy arrays if NumPy has computed it."""
         # NumPy is not tried again for a structure of arguments for which it has failed once. A call
         # with tracers does not count as a failure: NumPy may be able to compute with the numbers
         # of a later call.
@@ -463,12 +448,10 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled(*arguments, **options)
 
     def programs(self) -> int:
-        """Return the number of programs that XLA has compiled for this function in this process."""
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """A list with the result of `call`, or an empty list if NumPy cannot compute it. `is_new`:
-        it is not yet known whether the function needs JAX."""
+        """A list with the result, empty if NumPy cannot compute it."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:

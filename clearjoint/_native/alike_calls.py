@@ -31,8 +31,6 @@ def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
 
 
 class _Joining:
-    """Joins the calls of one program, block by block."""
-
     def __init__(self, program: Operations, fixed: set[int]):
         self._program, self._fixed = program, fixed
         # Cells to which the function that is being read writes, or a function that it calls.

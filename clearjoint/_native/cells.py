@@ -62,7 +62,6 @@ class Memory:
         self.address = self.floats.ctypes.data
 
     def write(self, region: Region, array: ArrayLike) -> None:
-        """Write an array for all lanes."""
         numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
 
     def read(self, region: Region) -> np.ndarray:
@@ -107,7 +106,6 @@ class Cells:
         return floats
 
     def row(self, tree: PyTree) -> Float[np.ndarray, " {self.size}"]:
-        """Return the numbers of one PyTree."""
         return self.rows(jax.tree.map(lambda leaf: np.asarray(leaf)[None], tree))[0]
 
     def tree(self, row: Float[np.ndarray, " {self.size}"]) -> PyTree:

@@ -93,13 +93,10 @@ class Native(Generic[Arguments, Result]):
         return of_xla(self._compiled(*trees))  # pyright: ignore[reportCallIssue]
 
     def programs(self) -> int:
-        """Return the number of programs of this function that were compiled or loaded from disk."""
         return self._compiled.programs() + self.native.count()
 
 
 def is_native() -> bool:
-    """Return whether programs are compiled to native code: on CPUs, unless `CLEARJOINT_NATIVE` is
-    0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 

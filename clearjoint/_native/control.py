@@ -72,7 +72,6 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
 
 
 def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Array]) -> list[Array]:
-    """Return arrays that equal `yes` in lanes in which the condition holds, else `no`."""
     if _moved(yes, no):
         raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
     ops, selected = lower.ops, []
@@ -257,8 +256,7 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Copy the results that are in memory to the cells of the arrays `places`, where later
-    operations read them."""
+    """Copy results in memory to the cells of `places`, where later operations read them."""
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
     taken = [old for old in places if isinstance(old, InMemory)]
@@ -271,8 +269,6 @@ def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array])
 
 
 def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
-    """Add a loop (`jax.lax.scan`) that counts an index, and reads and writes rows of arrays in
-    memory at this index."""
     # JAX's arguments are constants, first carries and inputs; its results are carries and outputs.
     parameters, ops = equation.params, lower.ops
     if "num_consts" in parameters:

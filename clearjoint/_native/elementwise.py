@@ -42,8 +42,6 @@ IDENTITIES = ("copy", "copy_p", "stop_gradient", "optimization_barrier")
 
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
-    """Apply the rule of the primitive `name` to values, with its parameter named in
-    `PARAMETERS`."""
     arguments: list[object] = [Symbol(ops, value) for value in values]
     if parameter is not None:
         arguments.append(parameter)
@@ -67,8 +65,7 @@ def _compare(name: str) -> Rule:
 
 
 def _compare_totally(name: str) -> Rule:
-    """Return the rule of a comparison for sorting, in which NaN follows all numbers and equals
-    NaN."""
+    """Return the rule of a comparison for sorting, where NaN is largest and equals NaN."""
 
     def rule(a: Symbol, b: Symbol) -> Symbol:
         if a.letter != "f":
@@ -102,8 +99,7 @@ def _extreme(name: str) -> Rule:
 
 
 def _is_number(a: Symbol) -> bool:
-    """Return whether a float, or each element of a vector, is known before the program runs, and
-    not NaN."""
+    """Return whether a float, or each element of a vector, is known and not NaN."""
     number = a.ops.repeated_number(a.value)
     return isinstance(number, float) and not math.isnan(number)
 
@@ -186,8 +182,7 @@ def _remainder(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Return one of the cases, by a bool or an integer; an index out of range counts as the
-    nearest."""
+    """Select by a bool or an integer; an index out of range counts as the nearest."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]

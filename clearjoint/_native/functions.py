@@ -143,7 +143,6 @@ class NativeProgram:
     def __call__(
         self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None
     ) -> list[np.ndarray]:
-        """Return the results of the jaxpr, for arguments as in `memory`."""
         # The results may be views of the memory, so each call has its own.
         memory = self.memory(leaves, floats)
         self.code.run(memory)
@@ -183,7 +182,6 @@ class _Reading:
 
 
 def _indices(cells: Iterable[slice]) -> np.ndarray:
-    """Return the indices of all cells in ranges of cells, one range after the other."""
     return np.r_[(slice(0, 0), *cells)]
 
 
@@ -223,7 +221,6 @@ class BoundFunction:
         self._out = _indices(region.cells for region in outputs)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Call the function for n rows of arguments, and return n rows of results."""
         results, numbers = np.empty((len(rows), len(self._out))), self._memory.floats[:, 0]
         for row, result in zip(rows[:, self._source], results, strict=True):
             numbers[self._target] = row
@@ -329,7 +326,6 @@ class FlatArguments:
 
     @staticmethod
     def joined(parts: "tuple[FlatArguments, ...]") -> "FlatArguments":
-        """Return several flattened arguments as those of one call."""
         leaves, arrays, keys = [], [], []
         traced, all_floats = False, True
         for part in parts:
@@ -361,7 +357,6 @@ class FlatArguments:
 
     @cached_property
     def structure(self) -> PyTree:
-        """The structure of the arguments. Only programs that are compiled need it."""
         return jax.tree.structure(self.arguments)
 
     @property
@@ -406,7 +401,6 @@ class FlatArguments:
 
     @property
     def _layout(self) -> "_Layout":
-        """The layout of a single argument."""
         key = self.key
         assert isinstance(key, _Key)
         if key.layout is None:
@@ -488,7 +482,6 @@ def of_leaves(
     leaves: list[PyTree],
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
 ) -> FlatArguments:
-    """Return the flattened form of a single argument with known leaves and structure."""
     # Nearly all leaves are arrays of float64, of which the shape is the key. This loop takes most
     # of the time after that of flattening.
     keys: list[Hashable] = [
@@ -516,12 +509,9 @@ def _key_of_leaf(leaf: PyTree) -> Hashable:
 
 
 class NativeFunction:
-    """A function of PyTrees that is compiled to machine code when it is first called.
-
-    As with `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a
-    further program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError` as
-    `NativeProgram` does.
-    """
+    """A function of PyTrees that is compiled to machine code when it is first called. As with
+    `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a further
+    program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError`."""
 
     def __init__(self, function: Callable[..., PyTree]):
         self._function, self._traced = function, begins_a_program(function)
@@ -529,7 +519,6 @@ class NativeFunction:
         self._count = 0
 
     def count(self) -> int:
-        """Return how many programs have been compiled or loaded from disk."""
         return self._count
 
     def __call__(self, *arguments: PyTree) -> PyTree:
@@ -540,8 +529,6 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple, each flattened, as arguments of a further
-        call."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 
@@ -568,8 +555,7 @@ class NativeFunction:
         return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
 
     def program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
-        """Return the program for flattened arguments, loaded or made, and the structure of its
-        result."""
+        """Return the program, loaded or made, and the structure of its result."""
         program = self._programs.recent(flat.key)
         if program is None:
             # Calls may come from several threads, but each program is compiled once.
@@ -587,11 +573,9 @@ class NativeFunction:
         self._count += 1
 
     def is_made(self, flat: FlatArguments) -> bool:
-        """Return whether this process has made or loaded the program for flattened arguments."""
         return flat.key in self._programs
 
     def load(self, flat: FlatArguments) -> None:
-        """Load the program for flattened arguments, if it is saved on disk."""
         program = load(self._function, flat.arguments)
         if program is not None:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
@@ -639,9 +623,8 @@ class Result:
         return jax.tree.unflatten(self._structure, joined(self._leaves, arrays))
 
     def in_parts(self, arrays: Sequence[np.ndarray]) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple. Their PyTrees are made only where they are
-        asked for: for thirty joints, a third of the time of a call was making and flattening
-        them."""
+        """Return the parts of a result that is a tuple. Their PyTrees are made only where needed:
+        for thirty joints, making and flattening them was a third of the time of a call."""
         remaining = iter(arrays)
         return tuple(part._flattened(remaining) for part in self._parts)
 

@@ -55,8 +55,6 @@ def _moved_inside(
 
 
 def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int]) -> Symbol:
-    """Return the row-major index of an element from its indices along some axes, zero along
-    others."""
     total = Symbol(lower.ops, lower.ops.constant("i", 0))
     for index, stride in zip(indices, strides, strict=True):
         total += index * stride
@@ -66,8 +64,7 @@ def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[in
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return a block of the array `memory`, which must be wholly inside, as an array of the given
-    shape."""
+    """Return a block of `memory`, wholly inside, as an array of the given shape."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -114,8 +111,6 @@ def _dynamic_slice(
 def _dynamic_update_slice(
     lower: Lowering, equation: Equation, array: Array, update: Array, *starts: Array
 ) -> list[Array]:
-    """Return an array in which the block that begins at `starts` is replaced by `update`: without
-    operations if the array is small and the indices known, otherwise in memory."""
     shape, sizes = (tuple(aval_of(equation.invars[k]).shape) for k in (0, 1))
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
     # `number` is None if only the run determines the index.
@@ -215,7 +210,6 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
 def _block_reader(
     lower: Lowering, array: Array, shape: tuple[int, ...], offsets: np.ndarray
 ) -> Callable[[Value], list[Value]]:
-    """Return a function that reads the elements of a block from the index of its first one."""
     memory = array if isinstance(array, InMemory) else None
     small = None if memory is not None else lower.values(array)
 
@@ -315,7 +309,6 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function of an element and an update whose result replaces the element."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

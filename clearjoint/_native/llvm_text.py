@@ -268,7 +268,6 @@ class _Writer:
                         break
 
     def _remove_unwritten(self, block: Block) -> None:
-        """Remove entries not needed, and fused products, which are written with their sums."""
         block[:] = [
             entry
             for entry in block
@@ -382,16 +381,14 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> tuple[Value, ...]:
-        """Return the values that an operation uses, with the factors in place of a fused
-        product."""
+        """Return the values that an operation uses: of a fused product its factors."""
         if self._products.keys().isdisjoint(entry.arguments):
             return entry.arguments
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
         return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result. If the operation has none, what is returned has
-        no meaning."""
+        """Write an operation and return its result, meaningless if it has none."""
         name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)
@@ -465,7 +462,6 @@ class _Writer:
         return self._intrinsic("fma", form, words)
 
     def _intrinsic(self, name: str, form: Form, words: Iterable[Word]) -> Word:
-        """Call the function "llvm.`name`", whose arguments and result have the type `form`."""
         return self._call(f"llvm.{name}.{_mangled(form)}", form, [(form, word) for word in words])
 
     def _call(
@@ -508,7 +504,6 @@ class _Writer:
         return self._add(f"shufflevector {form} {first}, {form} undef, {mask}")
 
     def _holds_in_any(self, condition: Value) -> Word:
-        """Return whether a condition holds in any lane or for any tangent, as a scalar."""
         form, word = self._type_of(condition), self._value(condition)
         if _parts(form)[1] == 0:
             return word
@@ -530,7 +525,6 @@ class _Writer:
         return index is None or self._program.is_uniform(index)
 
     def _form_in_memory(self, kind: str) -> Form:
-        """Return the type of a kind of values in memory, where integers and bools have 64 bits."""
         return self._type(_CELL[kind[0]] + kind[1:])
 
     def _load(self, entry: Operation) -> Word:
@@ -576,8 +570,7 @@ class _Writer:
 
     def _write_branch(self, entry: Branch) -> None:
         """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
-        else to `no`. Operations "select" give the other lanes their results (see
-        `.operations.Branch`)."""
+        else to `no` (see `.operations.Branch`)."""
         yes, no, end = self._label(), self._label(), self._label()
         condition = self._holds_in_any(entry.condition)
         self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")

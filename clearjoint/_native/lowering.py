@@ -86,7 +86,6 @@ class InMemory:
         return math.prod(self.shape)
 
     def overlaps(self, other: "InMemory") -> bool:
-        """Return whether the array has a cell in common with another one."""
         return self.start < other.start + other.size and other.start < self.start + self.size
 
 
@@ -111,14 +110,12 @@ def borrowed(array: Array) -> Array:
 
 
 def aval_of(atom: Atom) -> ShapedArray:
-    """Return the shape and dtype of a variable or a number in a jaxpr."""
     if not isinstance(atom.aval, ShapedArray):
         raise UnsupportedPrimitiveError(f"values of type {type(atom.aval).__name__}")
     return atom.aval
 
 
 def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
-    """Return the kind of the elements of an array, such as "f" (see `.operations`)."""
     kind = _KINDS.get(array.dtype)
     if kind is None:
         raise UnsupportedPrimitiveError(f"arrays of {array.dtype}")
@@ -138,7 +135,6 @@ def is_contiguous(indices: np.ndarray) -> bool:
 
 
 def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
-    """Iterate over the jaxprs among the parameters of an equation."""
     # Rules know the parameters of primitives that work element by element, which are most.
     if equation.primitive.name in RULES:
         return
@@ -249,7 +245,6 @@ class Lowering:
     # Forms of arrays.
 
     def region(self, aval: ShapedArray) -> Region:
-        """Reserve the cells of an array."""
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
@@ -258,7 +253,6 @@ class Lowering:
         return self.in_usual_form(InMemory(region.start, region.shape, kind_of(region), owned=True))
 
     def constant(self, array: ArrayLike) -> Array:
-        """Return known numbers as an array of the program."""
         array = np.asarray(array)
         kind = kind_of(array)
         if array.size > LARGEST_UNROLLED:
@@ -269,8 +263,7 @@ class Lowering:
         return self.array(values, array.shape)
 
     def array(self, values: Sequence[Value], shape: tuple[int, ...]) -> Array:
-        """Return the array with the given elements, in row-major order, in the form for its
-        shape."""
+        """Return the array with the given elements, in row-major order."""
         if shape == ():
             return values[0]
         if self.is_packed(shape):
@@ -284,16 +277,13 @@ class Lowering:
         return table
 
     def is_known(self, memory: InMemory) -> bool:
-        """Return whether the numbers of an array in memory are known, and so the same in all
-        lanes."""
+        """Return whether the numbers of an array are known, and so the same in all lanes."""
         return memory.start in self.constants
 
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
-        """Reserve cells for an array whose elements are not defined yet."""
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
-        """Return whether an array of this shape is kept as a vector of tangents."""
         return self.ops.packed > 0 and shape == (self.ops.packed_length,)
 
     def values(self, array: Array) -> list[Value]:
@@ -307,8 +297,7 @@ class Lowering:
         return array.ravel().tolist()
 
     def vector(self, array: Array) -> Value:
-        """Return an array with one element for each tangent, or a scalar repeated for each tangent,
-        as a vector."""
+        """Return an array with an element for each tangent, or a scalar repeated, as a vector."""
         if isinstance(array, Packed):
             return array.value
         if isinstance(array, int) and self.ops.kinds[array].endswith("p"):
@@ -321,8 +310,7 @@ class Lowering:
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
-        """Load an array from memory, element by element, and return it as an array of values. Only
-        arrays that are short enough to be unrolled may be read in this way."""
+        """Load an array from memory, element by element."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
@@ -342,7 +330,6 @@ class Lowering:
         ops.repeat(array.size, visit)
 
     def in_memory(self, array: Array, shape: tuple[int, ...]) -> InMemory:
-        """Return an array in memory; write it to new cells if necessary."""
         if isinstance(array, InMemory):
             return array
         values = self.values(array)
@@ -352,7 +339,6 @@ class Lowering:
         return memory
 
     def stored(self, array: Array, aval: ShapedArray) -> Region:
-        """Return the region of memory that has an array; write it there if necessary."""
         if isinstance(array, InMemory):
             return Region.of(aval, array.start)
         region = self.region(aval)
@@ -360,7 +346,6 @@ class Lowering:
         return region
 
     def copied(self, memory: InMemory) -> InMemory:
-        """Copy an array in memory to new cells."""
         copy = self.new_array(memory.shape, memory.kind)
         self.write(memory, copy.start)
         return copy
@@ -461,8 +446,7 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop for each result of a jaxpr that was made by `elementwise`, or by JAX's
-        derivatives of one."""
+        """Add a loop for each result of a jaxpr of `elementwise`, or of its derivatives by JAX."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The derivatives of a linear function do not need its values, which have another shape.
@@ -483,7 +467,6 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
-        """Add the equations of a jaxpr for one element of each argument, or a vector of them."""
         arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:
@@ -610,11 +593,8 @@ class Lowering:
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
         """Add a call of the function for a jaxpr, and at the first call the function itself.
-
-        Functions keep programs short: the time that LLVM needs for a block grows faster than the
-        block's length, and each Runge-Kutta stage of an integrator's step computes the time
-        derivative of the state by the same large jaxpr.
-        """
+        Functions keep programs short: the time that LLVM needs for a block grows faster than its
+        length, and each Runge-Kutta stage computes the rates by the same large jaxpr."""
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]
@@ -779,7 +759,6 @@ class Lowering:
         return self.array([rule(*row) for row in zip(*rows, strict=True)], shape)
 
     def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
-        """Return an array of the shape of `aval` in `shape`, with axes of length one repeated."""
         if isinstance(array, int) or tuple(aval.shape) == shape:
             return array
         return self.take(array, np.broadcast_to(element_indices(aval), shape))

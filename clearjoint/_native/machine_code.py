@@ -90,7 +90,6 @@ class RecentPrograms(OrderedDict[Hashable, Program]):
     """
 
     def recent(self, key: Hashable) -> Program | None:
-        """Return the program with a key, which counts as its use, or ``None`` without one."""
         program = self.get(key)
         if program is not None:
             # Another thread may have removed it.
@@ -99,7 +98,6 @@ class RecentPrograms(OrderedDict[Hashable, Program]):
         return program
 
     def add(self, key: Hashable, program: Program) -> None:
-        """Add a program, and remove the least recently used one if there are too many."""
         self[key] = program
         while len(self) > MOST_PROGRAMS:
             # Another thread may have emptied it.
@@ -153,7 +151,6 @@ class Code:
 
     @property
     def text(self) -> str:
-        """The program in LLVM's language."""
         return zlib.decompress(self._text).decode()
 
     @override
@@ -168,15 +165,13 @@ class Code:
         self._read_optimised()
 
     def memory(self) -> Memory:
-        """Return new memory for the program, with its constants and with zeros in all other
-        cells."""
+        """Return new memory for the program, with its constants and zeros."""
         memory = Memory(self._cells, self._lanes)
         for start, array in self._constants.items():
             memory.write(Region.of(array, start), array)
         return memory
 
     def run(self, memory: Memory) -> int:
-        """Execute the program, and return the number of `result`, or 0 without one."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         began = time.perf_counter()
         number = function(memory.address)
@@ -190,7 +185,6 @@ class Code:
         return number
 
     def optimise(self) -> None:
-        """Compile the program at the level `OPTIMISED`, if that was not done before."""
         if isfinite(self._seconds_left):
             stopwatch = Stopwatch()
             self._use_optimised(_saved_object_file(self.text, self._digest, OPTIMISED))
@@ -198,7 +192,6 @@ class Code:
             self.seconds = {**self.seconds, **stopwatch.seconds}
 
     def _read_optimised(self) -> bool:
-        """Use the optimised code on disk, and return whether there is any."""
         code = _read(self._digest, OPTIMISED) if isfinite(self._seconds_left) else None
         if code is not None:
             self._use_optimised(code)
@@ -321,8 +314,6 @@ def load_or_make(
 
 
 def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
-    """Load the program that `load_or_make` has saved for the same function and arguments; ``None``
-    if there is none, or if it cannot be read."""
     return _read_program(_place(function, arguments))
 
 

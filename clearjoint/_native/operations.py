@@ -98,7 +98,6 @@ class Loop:
 
     @property
     def arguments(self) -> tuple[Value, ...]:
-        """The values that the loop itself uses, without those that its blocks use."""
         return (self.condition, *self.first, *self.following)
 
     @property
@@ -206,7 +205,6 @@ class Operations:
         return value
 
     def constant(self, kind: str, number: Number) -> Value:
-        """Return the value that is a known number, the same in all lanes."""
         if kind == "f":
             number = float(number)
             # By its bits, since 0.0 == -0.0 and NaN != NaN.
@@ -229,8 +227,7 @@ class Operations:
         return self.width == 1 or value in self.constants or value in self._uniform
 
     def mark_uniform(self, value: Value) -> None:
-        """Declare that a value is the same in all lanes, if this does not follow from the
-        operations that compute it, as for the counter of a loop."""
+        """Declare that a value is the same in all lanes, such as the counter of a loop."""
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
@@ -260,11 +257,8 @@ class Operations:
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
         """Return the result of an operation without adding it, or ``None`` if no rule applies.
-
-        The result is a known number, an operand, or that of a simpler operation, which is added.
         Every rule holds for all numbers, also for NaN, infinities and negative zeros. There is none
-        for x + 0.0, for instance, which is not x if x is -0.0.
-        """
+        for x + 0.0, for instance, which is not x if x is -0.0."""
         known = [self.constants.get(value) for value in arguments]
         if name in _FOLDED and None not in known:
             number = _FOLDED[name](*known)
@@ -322,15 +316,13 @@ class Operations:
         return None
 
     def repeated_number(self, value: Value) -> Number | None:
-        """Return the known number of a value, or of all elements of a vector; ``None`` if not
-        known."""
+        """Return the known number of a value, or of all elements of a vector."""
         # A vector with equal elements is made from one value by the operation "splat".
         element = self._operand_of("splat", value)
         return self.constants.get(value if element is None else element)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each element of a vector, is known to be `number`. Zeros of
-        different signs are different numbers here."""
+        """Return whether a float, or each element of a vector, is `number`, zeros by their sign."""
         repeated = self.repeated_number(value)
         return (
             isinstance(repeated, float)
@@ -339,15 +331,13 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation `name` that computed a value; ``None`` if another
-        operation did."""
+        """Return the argument of the operation `name`, if it has computed a value."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
     # Vectors of tangents.
 
     def pack(self, values: list[Value]) -> Value:
-        """Return the vector whose elements are the given values, one for each tangent."""
         kind = self.kinds[values[0]]
         name, arguments = self._definitions.get(values[0], ("", ()))
         if name == "element":
@@ -360,7 +350,6 @@ class Operations:
         return self.emit("build", f"{kind}p", *values)
 
     def element(self, vector: Value, k: int) -> Value:
-        """Return the k-th element of a vector of tangents."""
         name, arguments = self._definitions.get(vector, ("", ()))
         if name == "splat":
             return arguments[0]
@@ -396,16 +385,14 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of the cell `start` + `index`, or `start` without an index. A vector is read
-        from this cell and the following ones."""
+        """Add the read of a cell or, of a vector, of this cell and the following ones."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Add the write of a value to the cell `start` + `index`, or `start` without an index.
-        Within `masked`, only lanes in which its condition holds write."""
+        """Add the write of a value, within `masked` only where its condition holds."""
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
@@ -428,8 +415,7 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the cell and the arguments with which an operation addresses `start` + `index`. A
-        known index is added to the cell."""
+        """Return cell and arguments that address `start` + `index`; a known index is added."""
         number = None if index is None else self.constants.get(index)
         if number is None:
             return start, () if index is None else (index,)
@@ -516,8 +502,7 @@ class Operations:
             self.of_vectors[function] = number
 
     def is_without_memory(self, function: int) -> bool:
-        """Return whether a pure function, and those that it calls, neither read nor write memory,
-        so that calls may be joined or moved."""
+        """Return whether a pure function uses no memory, so that calls may be joined or moved."""
         return function in self._without_memory
 
     def _uses_memory(self, block: Block) -> bool:
@@ -562,11 +547,9 @@ class Operations:
         return values
 
     def is_inside(self, value: Value) -> bool:
-        """Return whether a value is computed in the innermost function that is being built."""
         return self._depths.get(value, 0) == len(self._outside)
 
     def call(self, function: int) -> None:
-        """Add a call of the function with the given number."""
         self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
@@ -578,11 +561,9 @@ class Operations:
         return cell
 
     def allocate_for(self, kind: str) -> int:
-        """Reserve the cells of a value of a kind and return the first one."""
         return self.allocate(self.cells_of(kind))
 
     def cells_of(self, kind: str) -> int:
-        """Return the number of cells that a value of a kind occupies."""
         return {"p": self.packed, "v": self.calls_at_once}.get(kind[1:], 1)
 
     def branch(
@@ -608,8 +589,7 @@ class Operations:
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
         """Add a loop and return its carries after the last iteration. `holds` adds the condition
-        for a further iteration, and `body` the loop's body, as functions of the carries; `body`
-        returns the next ones."""
+        for a further iteration, and `body` the loop's body, which returns the next carries."""
         # The condition is computed in its own block, which is executed once more than the body.
         carries = [self.new(self.kinds[value]) for value in first]
         head, inner = [], []
@@ -677,7 +657,6 @@ class Symbol:
         self.letter = self.kind[0]
 
     def like(self, number: Number) -> "Symbol":
-        """Return a known number as a value of the same kind as this one."""
         constant = self.ops.constant(self.letter, number)
         if self.kind.endswith("p"):
             constant = self.ops.emit("splat", self.kind, constant)
@@ -708,7 +687,6 @@ class Symbol:
         return self.emit(("f" if self.letter == "f" else "i") + name, other, letter="b")
 
     def select(self, yes: "Symbol", no: "Symbol") -> "Symbol":
-        """Return `yes` where this bool is true, else `no`."""
         value = self.ops.emit("select", yes.kind, self.value, yes.value, no.value)
         return Symbol(self.ops, value)
 

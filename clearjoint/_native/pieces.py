@@ -160,12 +160,10 @@ class Division:
 
 
 def count_operations(block: Block) -> int:
-    """Count the operations of a block and of the blocks inside of it."""
     return sum(1 + sum(map(count_operations, entry.blocks)) for entry in block)
 
 
 def cells_of(program: Operations, value: Value, start: int) -> range:
-    """Return the cells that a value occupies from a first one on."""
     return range(start, start + program.cells_of(program.kinds[value]))
 
 

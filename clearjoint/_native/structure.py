@@ -59,7 +59,6 @@ def _reshape(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
 
 
 def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
-    """Return the part of an array at known indices."""
     parameters = equation.params
     steps = parameters["strides"] or (1,) * len(parameters["start_indices"])
     rows = zip(parameters["start_indices"], parameters["limit_indices"], steps, strict=True)
@@ -85,7 +84,6 @@ def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list
 
 
 def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
-    """Return one array of the elements of several, placed as `join` places their indices."""
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
     rows = zip(avals, starts, strict=False)
@@ -255,8 +253,6 @@ def _cumulate_memory(
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the intermediate results of combining elements along an axis, such as cumulative
-    sums."""
     aval = aval_of(equation.invars[0])
     combine = lower.operation(name, aval)
     axis, reverse = equation.params["axis"], equation.params["reverse"]
@@ -279,8 +275,8 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
-    elements, the first index. If there are NaNs, the index is that of the first NaN."""
+    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis: of equal
+    ones the first, and of NaNs."""
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
@@ -301,7 +297,6 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
-    """Return the products of two arrays, summed along some axes (`jax.lax.dot_general`)."""
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if not all(aval_of(atom).size for atom in equation.invars):
         raise UnsupportedPrimitiveError("dot_general of no elements")
